@@ -116,5 +116,5 @@ def test_the_demo_shows_its_first_exposures(browser, demo: str) -> None:
     page = Page(browser, demo)
     page.until("state.index >= 3", "the first exposures")
     page.tab.locator("#cover").wait_for(state="hidden")
-    page.until("window.ispom.viewer.cursor.seen !== null", "Rerun to show an exposure")
+    page.until("window.ispom.viewer.stage?.shown", "Rerun to show an exposure")
     assert not [notice for notice in page.state["notices"] if notice["kind"] == "error"]

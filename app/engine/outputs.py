@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError
 from ispom.io.whole import write_whole
@@ -22,6 +27,19 @@ def write_file(path: Path, content: str | bytes, signature: str) -> None:
     """
     require_own(path, signature)
     write_whole(path, content)
+
+
+def json_text(value: Any, indent: int) -> str:
+    """The content of a JSON file. JSON has no number that is not finite: null stands for it."""
+    finite = json.loads(json.dumps(value, default=float), parse_constant=lambda _: None)
+    return json.dumps(finite, indent=indent, allow_nan=False) + "\n"
+
+
+def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """The content of a CSV file."""
+    out = StringIO(newline="")
+    csv.writer(out, lineterminator="\n").writerows([head, *rows])
+    return out.getvalue()
 
 
 def require_own(path: Path, signature: str) -> None:

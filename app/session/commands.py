@@ -1,15 +1,21 @@
-"""Commands that every session knows. Those of a feature are in `features/NAME/commands.py`, beside their handlers."""
+"""Commands that every session knows. Those of a feature are in `features/NAME/commands.py`."""
 
 from __future__ import annotations
 
 import re
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import msgspec
 
 from ispom.methods import Config
+from ispom.sequences.address import without_secrets
 
 from ..engine.options import SourceOptions
+from . import moves
+from .state import NoticeAdded, changed
+
+if TYPE_CHECKING:
+    from .controller import Controller
 
 
 def _snake_case(name: str) -> str:
@@ -31,6 +37,15 @@ class Command(Message, frozen=True):
     newest_only: ClassVar[bool] = False
     """Whether one that another of its kind follows is dropped: a slider sends many."""
 
+    def execute(self, session: Controller) -> None:
+        """Carries it out, in the worker's thread. InputError if it is not possible."""
+        raise NotImplementedError(type(self).__name__)
+
+    def closing(self, session: Controller) -> str:
+        """What closes the run, as the beginning of a sentence; empty if this does not. Where something would be lost, a
+        person is asked first."""
+        return ""
+
 
 class PageCommand(Command, frozen=True):
     """A command that a page may send."""
@@ -43,11 +58,17 @@ class Play(PageCommand, frozen=True):
 
     on: bool | None = None
 
+    def execute(self, session: Controller) -> None:
+        session.player.move(*moves.play(session.state, session.run, self.on))
+
 
 class StepBy(PageCommand, frozen=True):
     """Pause, and move by this many frames."""
 
     count: int
+
+    def execute(self, session: Controller) -> None:
+        session.player.move(*moves.step(session.state, session.run, self.count))
 
 
 class StepTo(PageCommand, frozen=True):
@@ -57,9 +78,15 @@ class StepTo(PageCommand, frozen=True):
     kind: Literal["stereo", "key_frame"]
     forwards: bool = True
 
+    def execute(self, session: Controller) -> None:
+        session.player.move(*moves.step_to(session.state, session.run, self.kind, forwards=self.forwards))
+
 
 class GoToEnd(PageCommand, frozen=True):
     """Pause, and show the newest computed frame."""
+
+    def execute(self, session: Controller) -> None:
+        session.player.move(*moves.to_end(session.run))
 
 
 class LoopEdge(PageCommand, frozen=True):
@@ -67,9 +94,15 @@ class LoopEdge(PageCommand, frozen=True):
 
     edge: Literal["start", "end"]
 
+    def execute(self, session: Controller) -> None:
+        session.store.emit(*moves.loop_edge(session.state, self.edge))
+
 
 class NoLoop(PageCommand, frozen=True):
     """Playing goes on to the end again."""
+
+    def execute(self, session: Controller) -> None:
+        session.store.set(loop=None)
 
 
 class Seek(PageCommand, frozen=True):
@@ -78,11 +111,17 @@ class Seek(PageCommand, frozen=True):
     index: int
     newest_only: ClassVar[bool] = True
 
+    def execute(self, session: Controller) -> None:
+        session.player.move(*moves.seek(session.run, self.index))
+
 
 class Speed(PageCommand, frozen=True):
     """Playing speed as a multiple of the recorded time; None for as fast as possible."""
 
     factor: Annotated[float, msgspec.Meta(ge=0.01, le=100.0)] | None
+
+    def execute(self, session: Controller) -> None:
+        session.player.move(changed(speed=self.factor))
 
 
 class Restart(Command, frozen=True):
@@ -91,6 +130,12 @@ class Restart(Command, frozen=True):
     methods: tuple[str, ...]
     config: Config
 
+    def execute(self, session: Controller) -> None:
+        session.restart(self.methods, self.config)
+
+    def closing(self, session: Controller) -> str:
+        return "Starting again from the first frame"
+
 
 class Open(Command, frozen=True):
     """Open another source, and play it: `sim:NAME`, an address, or a path."""
@@ -98,6 +143,13 @@ class Open(Command, frozen=True):
     source: str
     options: SourceOptions | None = None
     """None: as the command line said."""
+
+    def execute(self, session: Controller) -> None:
+        if session.open(self.source, self.options):
+            session.play_on()
+
+    def closing(self, session: Controller) -> str:
+        return f"Opening {without_secrets(self.source)}"
 
 
 class Confirm(PageCommand, frozen=True):
@@ -112,6 +164,9 @@ class Notify(Command, frozen=True):
 
     text: str
     in_lessons: ClassVar[bool] = True
+
+    def execute(self, session: Controller) -> None:
+        session.store.emit(NoticeAdded(self.text))
 
 
 class Shutdown(Command, frozen=True):

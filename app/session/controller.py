@@ -16,10 +16,9 @@ from .commands import Command, Confirm, Open, Restart
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .player import Player
-from .registry import closing_of, handler_of
 from .service import Service
+from .sources.folders import RecentSources
 from .sources.opening import SourceOpener
-from .sources.recent import RecentSources
 from .state import NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, State, changed
 from .store import Store
 from .viewers import Viewers
@@ -110,8 +109,7 @@ class Controller:
             return
         for service in self._services.values():
             service.check(command)
-        closing = closing_of(command)
-        what = closing(self, command) if closing is not None else ""
+        what = command.closing(self)
         lost = self._loss(live=not isinstance(command, Restart)) if what else []
         if lost:
             self._questions += 1
@@ -121,11 +119,7 @@ class Controller:
             )
             self.store.set(question=Question(self._questions, text, "Close and go on"))
         else:
-            self.carry_out(command)
-
-    def carry_out(self, command: Command) -> None:
-        """Without a question. InputError if it is not possible."""
-        handler_of(command)(self, command)
+            command.execute(self)
 
     def open(self, source: str, options: SourceOptions | None) -> bool:
         """Opens another source, and returns whether it did; if that fails, the one before is left unchanged."""
@@ -266,7 +260,7 @@ class Controller:
         self.store.set(question=None)
         self._pending = None
         if answer.yes:
-            self.carry_out(command)
+            command.execute(self)
 
     def _loss(self, *, live: bool) -> list[str]:
         """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is

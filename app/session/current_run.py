@@ -16,8 +16,7 @@ from ..engine.history.checkpoints import Checkpoint, Checkpoints
 from ..engine.history.history import Held, History, Past
 from ..engine.history.record import ExposureRecord
 from ..engine.history.series import Series
-from ..engine.model.run_model import RunModel
-from ..engine.model.tally import Tally
+from ..engine.model.run_model import RunModel, Tally
 from ..engine.playback import Playback
 from ..engine.run_events.log import EventLog
 from ..engine.run_folder.made_map import made_map

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..engine.conditions.evaluate import values
-from ..engine.conditions.matches import matches
+from ..engine.conditions.evaluate import matches, shown, values
 from ..engine.conditions.parser import Expression
-from ..engine.conditions.until import shown
 
 if TYPE_CHECKING:
     from .current_run import CurrentRun

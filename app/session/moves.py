@@ -8,7 +8,7 @@ from typing import Literal
 
 from ispom.errors import InputError
 
-from ..engine.conditions.matches import first_match
+from ..engine.conditions.evaluate import first_match
 from ..engine.conditions.parser import Expression, parse
 from .current_run import CurrentRun
 from .goals import Goal, Holds

@@ -11,22 +11,20 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..engine.events import Opened
-from ..engine.external_trajectories.given import Given
+from ..engine.external_trajectories.placed import Given
 from ..engine.history.history import MEMORY_BYTES, History
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel
 from ..engine.options import SourceOptions
 from ..engine.playback import Builder
-from . import core  # noqa: F401 (its handlers)
 from .commands import Command, Open
 from .compiling import Compiling
 from .controller import Controller, S, T
 from .current_run import CurrentRun
 from .player import Player
 from .registry import load_features, services
-from .sources.folders import Folders
+from .sources.folders import Folders, RecentSources
 from .sources.opening import SourceOpener
-from .sources.recent import RecentSources
 from .state import NoticeAdded, State
 from .store import Store
 from .viewers import EventSink, Viewers

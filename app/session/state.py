@@ -16,7 +16,7 @@ from ispom.types import Guess
 from ..engine.events import Finished, Opened
 from ..engine.history.history import Held
 from ..engine.history.record import ExposureRecord, MethodStatus
-from ..engine.model.tally import Tally
+from ..engine.model.run_model import Tally
 from ..engine.options import SourceOptions
 from .goals import Goal
 

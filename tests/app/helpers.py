@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.branches.state import Branches
-from ispom_app.features.breakpoints.state import Breakpoints
+from ispom_app.features.breakpoints.commands import Breakpoints
 from ispom_app.features.external_paths.state import ExternalPaths
-from ispom_app.features.flicker.state import Flickering
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.state import Lessons
-from ispom_app.features.plots.state import Plots
+from ispom_app.features.plots.commands import Plots
 from ispom_app.features.recording.state import Recordings
-from ispom_app.features.sweep.state import SweepState
-from ispom_app.features.tracks.state import Inspection
+from ispom_app.features.sweep.sweep import SweepState
+from ispom_app.features.tracks.commands import Inspection
 from ispom_app.session.session import Session
 from ispom_app.session.state import FeatureState, State
 
@@ -62,7 +61,6 @@ def with_values(state: State, **values: Any) -> State:
         "external": (ExternalPaths, "all"),
         "external_errors": (ExternalPaths, "errors"),
         "plots": (Plots, "names"),
-        "flicker": (Flickering, "between"),
         "sweep": (SweepState, "sweep"),
         "lesson": (Lessons, "now"),
         "marked": (Breakpoints, "marked"),

@@ -12,7 +12,7 @@ from ispom_app.engine.run_folder.run_folder import METRICS, NOTES, RunFolder
 from ispom_app.engine.run_folder.step_log import StepLog
 from ispom_app.features.bookmarks.notes import notes_of, put
 from ispom_app.features.calibration.saved import save
-from ispom_app.features.mapping.output import write_recording
+from ispom_app.features.mapping.command import write_recording
 from ispom_app.views.rerun.piped_file import PipedFile
 
 from ispom.errors import InputError

@@ -10,7 +10,7 @@ import pytest
 from ispom_app import __main__ as entry
 from ispom_app.engine import warmup
 from ispom_app.features.benchmark import child as bench_child
-from ispom_app.features.experiments import workers
+from ispom_app.features.experiments import cluster
 from ispom_app.features.sweep import process as sweep
 
 from ispom.child import PYTHON, Child
@@ -34,7 +34,7 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(
     "command",
-    [warmup.COMMAND, workers.COMMAND, sweep.COMMAND, [*rendering._COMMAND, "1.0"], [*PYTHON, "-c", "import json"]],
+    [warmup.COMMAND, cluster.COMMAND, sweep.COMMAND, [*rendering._COMMAND, "1.0"], [*PYTHON, "-c", "import json"]],
     ids=["warm-up", "worker", "sweep", "rendering", "code"],
 )
 def test_no_child_imports_from_the_working_directory(stranger: Path, command: list[str]) -> None:

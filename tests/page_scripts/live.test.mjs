@@ -20,13 +20,12 @@ globalThis.WebSocket = class {
   }
 };
 
-// As the server heads its messages: what comes next, serial number, frame (-1 for curves), whether it is whole.
-function message(next, serial, index, complete = true) {
-  const head = new DataView(new ArrayBuffer(18));
-  head.setUint32(0, next);
-  head.setUint32(4, serial);
-  head.setInt32(8, index);
-  head.setUint8(12, Number(complete));
+// As the server heads its messages: serial number, frame, whether it is whole.
+function message(serial, index, complete = true) {
+  const head = new DataView(new ArrayBuffer(14));
+  head.setUint32(0, serial);
+  head.setUint32(4, index);
+  head.setUint8(8, Number(complete));
   return head.buffer;
 }
 
@@ -56,7 +55,7 @@ beforeEach(async () => {
 
 test("a frame is shown when the viewer has taken its message in, and not before", async () => {
   const { stage, give, heard, calls } = fed;
-  await give(message(1, 5, 30));
+  await give(message(5, 30));
   assert.deepEqual(calls, ["open run1", "2 bytes to run1"]);
   assert.equal(stage.shown, null);
   heard(4);
@@ -68,27 +67,20 @@ test("a frame is shown when the viewer has taken its message in, and not before"
 test("another frame is asked for only after the one before was taken in, and only the newest", async () => {
   const { stage, socket, give, heard } = fed;
   stage.want(30);
-  await give(message(1, 5, 30));
+  await give(message(5, 30));
   stage.want(31);
   stage.want(32);
-  assert.deepEqual(socket.sent, ["more", "show 30 0"]);
+  assert.deepEqual(socket.sent, ["show 30 0"]);
   heard(5);
-  assert.deepEqual(socket.sent.slice(2), ["show 32 5"]);
-});
-
-test("curves that were taken in ask for more of them", async () => {
-  const { socket, give, heard } = fed;
-  await give(message(1, 5, -1));
-  heard(5);
-  assert.deepEqual(socket.sent, ["more", "more"]);
+  assert.deepEqual(socket.sent.slice(1), ["show 32 5"]);
 });
 
 test("another run closes the channel of the one before, after the page took leave of it", async () => {
   const { stage, give, calls, heard } = fed;
-  await give(message(1, 5, 30));
+  await give(message(5, 30));
   await give(JSON.stringify({ run: "run2", recording: "r2" }));
   assert.deepEqual(calls.slice(2), ["parting", "close run1", "open run2"]);
-  await give(message(1, 6, 0));
+  await give(message(6, 0));
   stage.heard([]); // the viewer holds neither: the old one is gone, the new one has not begun
   assert.equal(stage.shown.recording, "Recording:ispom:r1");
   heard(6, "Recording:ispom:r2");
@@ -97,9 +89,9 @@ test("another run closes the channel of the one before, after the page took leav
 
 test("a connection that ends is made again, from where it was", async () => {
   const { socket, give } = fed;
-  await give(message(7, 5, 30));
+  await give(message(5, 30));
   socket.onclose();
   await advance(1000);
   const [, again] = sockets;
-  assert.deepEqual(Object.fromEntries(again.url.searchParams), { run: "run1", next: "7", serial: "5" });
+  assert.deepEqual(Object.fromEntries(again.url.searchParams), { run: "run1", serial: "5" });
 });

@@ -1,7 +1,7 @@
 // Messages are read back here by the general rules of protobuf, independently of the script.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { closeRecordings, setTimeCursor, stateOf, TIMELINE, updateBlueprint } from "../../app/views/web/static/viewer_control.js";
+import { closeRecordings, redraw, stateOf, updateBlueprint } from "../../app/views/web/static/viewer_control.js";
 
 const varint = (value) => (value < 128 ? [value] : [(value % 128) | 128, ...varint(Math.floor(value / 128))]);
 const number = (tag, value) => [...varint(tag * 8), ...varint(value)];
@@ -9,23 +9,22 @@ const nested = (tag, ...parts) => [...varint(tag * 8 + 2), ...varint(parts.flat(
 const text = (tag, value) => nested(tag, [...new TextEncoder().encode(value)]);
 
 test("requests are as viewer_control.proto has them", () => {
-  const cursor = nested(6, text(1, "Recording:ispom:é"), nested(2, text(1, TIMELINE)), nested(3, number(1, 300)), number(5, 1));
-  assert.deepEqual([...setTimeCursor("Recording:ispom:é", TIMELINE, 300)], cursor);
+  const cursor = nested(6, text(1, "Recording:ispom:é"), nested(2, text(1, "stage")), nested(3, number(1, 0)), number(5, 1));
+  assert.deepEqual([...redraw("Recording:ispom:é")], cursor);
   assert.deepEqual([...closeRecordings(["a", "b"])], nested(1, nested(3, text(1, "a"), text(1, "b"))));
   const layout = { "/viewport": { x: 1 } };
   assert.deepEqual([...updateBlueprint("a", layout)], nested(14, text(2, JSON.stringify(layout)), nested(3, text(1, "a")), number(5, 2)));
 });
 
-test("the viewer's state names what is on the screen, its time and the newest message", () => {
+test("the viewer's state names what is on the screen, and the newest message", () => {
   const range = (timeline, newest) => nested(2, nested(1, text(1, timeline)), nested(3, number(1, 0), number(2, newest)));
-  const cursor = nested(3, nested(1, text(1, TIMELINE)), nested(3, number(1, 214)));
-  const shown = nested(3, text(1, "one"), range(TIMELINE, 5000), range("stage", 70_000), cursor, number(5, 1));
+  const shown = nested(3, text(1, "one"), range("exposure", 5000), range("stage", 70_000), number(5, 1));
   const state = stateOf(Uint8Array.from([...text(2, "one"), ...shown, ...nested(3, text(1, "two")), ...number(99, 2 ** 40)]));
   assert.deepEqual(state, {
     active: "one",
     recordings: [
-      { id: "one", timeline: TIMELINE, time: 214, paused: true, newest: 5000, serial: 70_000 },
-      { id: "two", timeline: null, time: null, paused: false, newest: null, serial: 0 },
+      { id: "one", serial: 70_000 },
+      { id: "two", serial: 0 },
     ],
   });
 });

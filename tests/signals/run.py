@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
-from ispom_app.features.experiments.workers import SCRATCH
+from ispom_app.features.experiments.cluster import SCRATCH
 
 from .commands import COMMANDS, Command, Inputs
 

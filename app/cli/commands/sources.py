@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...features.sources.options import Sources as Options
+from ...features.sources.description import Sources as Options
 from ..call import Call
 
 PLACE = 80

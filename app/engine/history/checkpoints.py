@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.run_model import RunModel
-from ..model.tally import Tally
+from ..model.run_model import RunModel, Tally
 from ..playback import Snapshot
 
 INTERVAL = 8

@@ -94,11 +94,6 @@ class Feed:
         """Whether the last event is known."""
         return self._end is not None or self._closed
 
-    def waits(self, seconds: float) -> bool:
-        """Whether there is something to take, now or within this time."""
-        with self._news:
-            return self._news.wait_for(self._ready, seconds)
-
     def take(self) -> Event | None:
         """The next event, waiting for it; None when no more will come."""
         with self._news:

@@ -8,17 +8,50 @@ model.as_known_at(k, steps_at)                  # as it was after frame k, revis
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.types import Frame, Step, Trajectory
+from ispom.types import Frame, Status, Step, Trajectory
 
 from .points import PointMap
 from .poses import POSES_PER_BLOCK, PoseBlock, PoseHistory, Times
+
+
+@dataclass(frozen=True)
+class MethodTally:
+    """Of the frames that a method used."""
+
+    exposures: int = 0
+    lost: int = 0
+    key_frames: int = 0
+    provisional: bool = False
+    """Whether the latest pose waits for the first fit of an integration."""
+
+    def after(self, step: Step) -> MethodTally:
+        return replace(
+            self,
+            exposures=self.exposures + 1,
+            lost=self.lost + (step.status == Status.LOST),
+            key_frames=self.key_frames + step.key_frame,
+            provisional=step.provisional,
+        )
+
+
+@dataclass(frozen=True)
+class Tally:
+    """By method."""
+
+    methods: Mapping[str, MethodTally] = field(default_factory=dict)
+
+    def after(self, steps: Iterable[Step]) -> Tally:
+        found = dict(self.methods)
+        for step in steps:
+            found[step.method] = found.get(step.method, MethodTally()).after(step)
+        return Tally(found)
 
 
 @dataclass(frozen=True, eq=False)

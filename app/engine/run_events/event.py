@@ -1,17 +1,21 @@
-"""What an event is, and what a kind of event is. No viewer and no thread in here."""
+"""What an event is, and the kinds of events, found by listing the folder `kinds`. No viewer and no thread in here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Literal
 
 from ispom.methods import method as registered
 from ispom.types import Check, Decision, Status, Step
 
 from ...presentation.decisions import sentence
+from ..events import Bookmark
 from ..history.quantity import Value
+from ..run_events import kinds
 from ..verdict import Severity, Verdict, alarming, verdict
 
 Scope = Literal["method", "frame", "person"]
@@ -90,7 +94,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class EventKind:
-    """A kind of event. One file in `kinds` that has it as `KIND` is all that it takes."""
+    """A kind of event. One file in `kinds` that has it among its `KINDS` is all that it takes."""
 
     name: str
     """Stable: in tables and addresses."""
@@ -108,3 +112,38 @@ class EventKind:
     """Whether it goes on for a while, from a first frame to a last one; else it happens at one frame."""
     quiet_frames: int = 0
     """One that holds again so few frames after it ended is still the same event."""
+
+
+@cache
+def event_kinds() -> Mapping[str, EventKind]:
+    """All kinds by name, the most severe first."""
+    modules = [import_module(f"{kinds.__name__}.{found.name}") for found in iter_modules(kinds.__path__)]
+    found = [kind for module in modules for kind in module.KINDS]
+    order = list(Severity)
+    found.sort(key=lambda kind: (-order.index(kind.severity), kind.name))
+    by_name = {kind.name: kind for kind in found}
+    if len(by_name) < len(found):
+        raise ValueError(f"two kinds of events have one name: {', '.join(kind.name for kind in found)}")
+    return by_name
+
+
+def with_bookmarks(events: Iterable[RunEvent], bookmarks: Iterable[Bookmark]) -> list[RunEvent]:
+    """All in the order of their frames; at one frame the most severe first."""
+    places = {name: place for place, name in enumerate(event_kinds())}
+    found = [*events, *map(_of_bookmark, bookmarks)]
+    return sorted(found, key=lambda event: (event.frame, places[event.kind], event.method))
+
+
+def _of_bookmark(mark: Bookmark) -> RunEvent:
+    text, severity = f"Bookmark: {mark.note}" if mark.note else "Bookmark", event_kinds()["bookmark"].severity
+    return RunEvent("bookmark", "", mark.exposure, mark.time_ns, severity, text, mark.exposure + 1)
+
+
+def nearest(events: Iterable[RunEvent], frame: int, *, forwards: bool, alarming: bool = False) -> list[RunEvent]:
+    """Those at the nearest frame with any, after a frame or before it; with `alarming`, warnings and losses only."""
+    found = [e for e in events if (e.frame > frame if forwards else e.frame < frame)]
+    found = [e for e in found if e.severity.alarming] if alarming else found
+    if not found:
+        return []
+    at = min(e.frame for e in found) if forwards else max(e.frame for e in found)
+    return [e for e in found if e.frame == at]

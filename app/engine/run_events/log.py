@@ -10,8 +10,7 @@ from ispom.types import Status, Step
 
 from ..history.quantities import Row
 from ..history.record import ExposureRecord
-from .event import EventKind, Moment, RunEvent, Scope
-from .registry import event_kinds
+from .event import EventKind, Moment, RunEvent, Scope, event_kinds
 
 MOST = 300
 """Events of one kind and method that are kept; more are only counted."""

@@ -14,6 +14,7 @@ from ispom.io.rows import read_text
 from ...presentation import colours
 from ..events import Stepped
 from ..history.quantities import NO_ROW, Row, row_after
+from ..outputs import csv_of
 from ..verdict import Severity
 from .event import RunEvent
 from .log import EventLog
@@ -39,13 +40,7 @@ class EventRecorder:
 
 def events_text(events: Iterable[RunEvent]) -> str:
     """events.csv; `until` is empty where the event still held at the end."""
-    out = StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(COLUMNS)
-    for e in events:
-        until = "" if e.until is None else e.until
-        rows.writerow((e.frame, e.time_ns, e.method, e.kind, e.severity, until, e.sentence))
-    return out.getvalue()
+    return csv_of(COLUMNS, ((e.frame, e.time_ns, e.method, e.kind, e.severity, e.until, e.sentence) for e in events))
 
 
 def read_events(path: Path) -> list[RunEvent]:

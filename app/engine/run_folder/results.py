@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,6 +15,7 @@ from ispom.methods import method as registered
 from ispom.types import Frame, Rig, Trajectory
 
 from ...presentation.texts import ALIGNED, computing_time, length, length_unit, lengths
+from ..outputs import json_text
 from .run_folder import segment_file, trajectory_file
 from .statistics import RunStatistics
 
@@ -66,7 +65,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         if truth is not None and stereo is not None and stereo in results.trajectories:
             entry |= metrics.between_stereo(trajectory, results.trajectories[stereo], truth)
         report["methods"][method] = entry
-    return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
+    return json_text(report, 2)
 
 
 def trajectory_files(method: str, trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[tuple[str, str]]:
@@ -119,12 +118,3 @@ def summary(report: Mapping[str, Any]) -> str:
             parts.append(f"median {computing_time(entry['ms_per_exposure']['median'] / 1000)} per frame")
         lines.append(f"{method:<{width}} {', '.join(parts)}")
     return "\n".join(lines)
-
-
-def _finite(value: Any) -> Any:
-    """Null for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,11 +1,12 @@
-"""A small picture of a run: what its camera saw half way."""
+"""Images as JPEG, and the small picture of a run: what its camera saw half way."""
 
 from __future__ import annotations
 
 import cv2
+import numpy as np
 
 from ispom.errors import InputError
-from ispom.types import Sequence, StereoPair
+from ispom.types import Image, Sequence, StereoPair
 
 WIDTH_PX, QUALITY = 160, 80
 
@@ -19,7 +20,13 @@ def thumbnail(sequence: Sequence, count: int) -> bytes | None:
     except InputError:
         return None
     image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
-    height = max(round(image.shape[0] * WIDTH_PX / image.shape[1]), 1)
-    small = cv2.resize(image, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
-    bgr = small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2BGR)
-    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
+    return jpeg(image, QUALITY, WIDTH_PX)
+
+
+def jpeg(image: Image, quality: int, most_px: int | None = None) -> bytes:
+    """An image, grey or RGB, at most so wide."""
+    if most_px is not None and image.shape[1] > most_px:
+        size = (most_px, max(1, round(image.shape[0] * most_px / image.shape[1])))
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import platform
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -15,7 +13,7 @@ from rich.console import Console
 
 from ispom.errors import InputError
 
-from ...engine.outputs import require_own, write_file
+from ...engine.outputs import json_text, require_own, write_file
 from ...engine.signals import terminable
 from . import child
 from .options import Bench
@@ -40,7 +38,7 @@ def bench(options: Bench) -> int:
     with terminable():
         _rows_and_blocks(console, chosen, options, report)
     if options.json is not None:
-        write_file(options.json, json.dumps(plain(report), indent=2, allow_nan=False) + "\n", JSON_HEAD)
+        write_file(options.json, json_text(report, 2), JSON_HEAD)
     return 0
 
 
@@ -102,12 +100,3 @@ def _about(options: Bench) -> dict[str, Any]:
         "blocks": [],
         "skipped": [],
     }
-
-
-def plain(value: Any) -> Any:
-    """The value for JSON, which has no word for a number that is not finite: null instead."""
-    if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -5,7 +5,6 @@ from __future__ import annotations
 from ...session.actions import Action, offer
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
 from .service import BookmarkService
 
 
@@ -14,29 +13,23 @@ class PutBookmark(Command, frozen=True):
 
     note: str | None = None
 
+    def execute(self, session: Controller) -> None:
+        session.service(BookmarkService).put(self.note)
+
 
 class ToggleBookmark(PageCommand, frozen=True):
     """Mark the frame that is shown; if it has a mark without a note, remove that."""
+
+    def execute(self, session: Controller) -> None:
+        session.service(BookmarkService).toggle()
 
 
 class RemoveBookmark(Command, frozen=True):
     frame: int
 
+    def execute(self, session: Controller) -> None:
+        session.service(BookmarkService).remove(self.frame)
+
 
 hint = "Marks the frame shown; again: removes a mark without a note."
 offer(Action(150, "bookmark", "m", "Bookmark", hint, ToggleBookmark()))
-
-
-@handles(PutBookmark)
-def put_bookmark(session: Controller, command: PutBookmark) -> None:
-    session.service(BookmarkService).put(command.note)
-
-
-@handles(ToggleBookmark)
-def toggle_bookmark(session: Controller, command: ToggleBookmark) -> None:
-    session.service(BookmarkService).toggle()
-
-
-@handles(RemoveBookmark)
-def remove_bookmark(session: Controller, command: RemoveBookmark) -> None:
-    session.service(BookmarkService).remove(command.frame)

@@ -12,7 +12,7 @@ from ...session.state import State
 from ...views.viser.panels import Panel
 from .commands import PutBookmark, RemoveBookmark
 from .notes import NOTE_LENGTH
-from .state import Bookmarks
+from .service import Bookmarks
 
 if TYPE_CHECKING:
     from ...session.session import Session

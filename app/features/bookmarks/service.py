@@ -1,7 +1,8 @@
-"""The bookmarks of the run on the screen. Used in the worker's thread."""
+"""The bookmarks of the run on the screen: their state, and what changes it in the worker's thread."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -11,8 +12,14 @@ from ...engine.events import Bookmark
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
+from ...session.state import FeatureState
 from .notes import MOST, change_bookmark, notes_path, read_notes, tidy
-from .state import Bookmarks
+
+
+@dataclass(frozen=True)
+class Bookmarks(FeatureState):
+    marks: tuple[Bookmark, ...] = ()
+    """In the order of their frames."""
 
 
 class BookmarkService(Service):

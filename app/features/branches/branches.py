@@ -11,8 +11,7 @@ from ispom.geometry import Similarity
 from ispom.methods import Config, with_asked
 
 from ...engine.history.history import Held
-from ...engine.model.run_model import RunModel
-from ...engine.model.tally import Tally
+from ...engine.model.run_model import RunModel, Tally
 from ...presentation.colours import Rgb
 
 FIRST = "first run"

@@ -6,7 +6,6 @@ from ispom.methods import Config
 
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
 from .service import BranchService
 
 
@@ -19,16 +18,26 @@ class Fork(Command, frozen=True):
     name: str = ""
     """Of the branch; empty for a made-up one."""
 
+    def execute(self, session: Controller) -> None:
+        session.service(BranchService).fork(self.methods, self.config, self.name)
+        session.store.set(playing=True)
+
 
 class ShowBranch(PageCommand, frozen=True):
     """Show another branch, at the same frame."""
 
     number: int
 
+    def execute(self, session: Controller) -> None:
+        session.service(BranchService).show(self.number)
+
 
 class RenameBranch(Command, frozen=True):
     number: int
     name: str
+
+    def execute(self, session: Controller) -> None:
+        session.service(BranchService).rename(self.number, self.name)
 
 
 class HideBranch(Command, frozen=True):
@@ -37,45 +46,14 @@ class HideBranch(Command, frozen=True):
     number: int
     hidden: bool
 
+    def execute(self, session: Controller) -> None:
+        session.service(BranchService).hide(self.number, self.hidden)
+
 
 class DeleteBranch(Command, frozen=True):
     """Discard a branch that is not shown. Those forked from it stay."""
 
     number: int
 
-
-class CompareBranch(PageCommand, frozen=True):
-    """Look for the first differences between the branch that is shown and another one."""
-
-    number: int
-
-
-@handles(Fork)
-def fork(session: Controller, command: Fork) -> None:
-    session.service(BranchService).fork(command.methods, command.config, command.name)
-    session.store.set(playing=True)
-
-
-@handles(ShowBranch)
-def show_branch(session: Controller, command: ShowBranch) -> None:
-    session.service(BranchService).show(command.number)
-
-
-@handles(RenameBranch)
-def rename_branch(session: Controller, command: RenameBranch) -> None:
-    session.service(BranchService).rename(command.number, command.name)
-
-
-@handles(HideBranch)
-def hide_branch(session: Controller, command: HideBranch) -> None:
-    session.service(BranchService).hide(command.number, command.hidden)
-
-
-@handles(DeleteBranch)
-def delete_branch(session: Controller, command: DeleteBranch) -> None:
-    session.service(BranchService).delete(command.number)
-
-
-@handles(CompareBranch)
-def compare_branch(session: Controller, command: CompareBranch) -> None:
-    session.service(BranchService).compare(command.number)
+    def execute(self, session: Controller) -> None:
+        session.service(BranchService).delete(self.number)

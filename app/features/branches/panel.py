@@ -1,8 +1,8 @@
-"""Branches: the run and its forks beside each other, what differs, and how they compare."""
+"""Branches: the run and its forks, what differs in their settings, and how each method does in them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import viser
@@ -14,14 +14,10 @@ from ...engine.external_trajectories.placed import Beside
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from ..external_paths.state import ExternalPaths
-from .accuracy import over_common_frames
-from .branches import NAME_LENGTH, Branch, Measured
-from .commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
-from .differences import DifferencesPanel
-from .error_curves import ErrorCurvesPanel
+from .branches import NAME_LENGTH, Branch
+from .commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from .service import BranchService
 from .state import Branches
 
@@ -31,19 +27,15 @@ if TYPE_CHECKING:
 render = renderer(__package__)
 
 NO_BRANCH: tuple[str, ...] = ("-",)
-SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
-COMMANDS = {SHOW: ShowBranch, COMPARE: CompareBranch, DELETE: DeleteBranch}
-HINT = (
-    "Show: this branch in all views. Compare: the first differences between the branch that is shown and this one. "
-    "Delete: forgets it."
-)
+SHOW, DELETE = "Show", "Delete"
+COMMANDS = {SHOW: ShowBranch, DELETE: DeleteBranch}
+HINT = "Show: this branch in all views. Delete: forgets it. The mode Compare shows where two differ."
 
 
 class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._branches, self._shown = session, (), -1
-        self._common = _Common()
-        self._text = gui.add_html(_text(session.state, self._common, self._has_truth))
+        self._text = gui.add_html(_text(session.state, self._has_truth))
         self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
         self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
@@ -77,7 +69,7 @@ class BranchesPanel:
             self._name.value, self._drawn.value = branch.name, not branch.hidden
 
     def show(self, state: State) -> None:
-        if (text := _text(state, self._common, self._has_truth)) != self._text.content:
+        if (text := _text(state, self._has_truth)) != self._text.content:
             self._text.content = text
         labels, chosen, moved = _labels(state), self._chosen, state[Branches].shown != self._shown
         self._branches, self._shown = state[Branches].all, state[Branches].shown
@@ -96,22 +88,6 @@ class BranchesPanel:
         return run is not None and run.opened.truth is not None
 
 
-class _Common:
-    """The errors over the common frames of the branches that are drawn, computed once for the same errors."""
-
-    def __init__(self) -> None:
-        self._of: tuple[tuple[int, Measured], ...] = ()
-        self._found: Mapping[tuple[int, str], TrajectoryError] = {}
-
-    def of(self, state: State) -> Mapping[tuple[int, str], TrajectoryError]:
-        """By number and method; none where a branch has nothing to be compared with."""
-        drawn = [b for b in state[Branches].all if b.number == state[Branches].shown or not b.hidden]
-        of = tuple((b.number, b.measured) for b in drawn)
-        if of != self._of:
-            self._of, self._found = of, over_common_frames(drawn)
-        return self._found
-
-
 def _counterpart(state: State) -> Branch | None:
     """What the branch that is shown is most likely to be compared with: its parent, or else the newest other one."""
     shown = next((b for b in state[Branches].all if b.number == state[Branches].shown), None)
@@ -128,14 +104,13 @@ def _label(branch: Branch) -> str:
     return f"{branch.number}: {branch.name}"
 
 
-def _text(state: State, common: _Common, has_truth: Callable[[Branch], bool]) -> str:
+def _text(state: State, has_truth: Callable[[Branch], bool]) -> str:
     """The branches and how each method does in them, as HTML. All lengths of the tables share one unit."""
-    over_common = common.of(state)
     errors = [error for b in state[Branches].all for error in b.measured.errors.values()]
-    unit = length_unit(e.ate_m for e in (*errors, *over_common.values(), *state[ExternalPaths].errors.values()))
-    branches = [_entry(branch, state, over_common, unit, has_truth(branch)) for branch in state[Branches].all]
+    unit = length_unit(e.ate_m for e in (*errors, *state[ExternalPaths].errors.values()))
+    branches = [_entry(branch, state, unit, has_truth(branch)) for branch in state[Branches].all]
     others = [_other(beside, state, unit) for beside in state[ExternalPaths].all]
-    return render("branches.html", branches=branches, others=others, common=bool(over_common))
+    return render("branches.html", branches=branches, others=others)
 
 
 def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
@@ -149,26 +124,13 @@ def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
     return known | {"ate": ate, "missing": placed.missing(state.computed), "alignment": placed.alignment}
 
 
-def _entry(
-    branch: Branch,
-    state: State,
-    over_common: Mapping[tuple[int, str], TrajectoryError],
-    unit: Unit,
-    has_truth: bool,
-) -> dict[str, Any]:
+def _entry(branch: Branch, state: State, unit: Unit, has_truth: bool) -> dict[str, Any]:
     names = {b.number: b.name for b in state[Branches].all}
     origin = f"{branch.computed} of {state.total} frames"
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from frame {branch.at} on: {changes}. {origin}"
-    rows = []
-    for name in in_order(branch.tally.methods):
-        common = over_common.get((branch.number, name))
-        cells = _row(name, branch, unit, has_truth)
-        if common is not None:
-            poses = len(common.estimate)
-            cells |= {"common": length(common.ate_m, unit), "common_hint": f"over the {poses} common frames"}
-        rows.append(cells)
+    rows = [_row(name, branch, unit, has_truth) for name in in_order(branch.tally.methods)]
     known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
     return known | {"shown": branch.number == state[Branches].shown, "origin": origin, "methods": rows}
 
@@ -185,8 +147,6 @@ def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, 
         "label": colours.label(method),
         "ate": ate,
         "ate_hint": hint,
-        "common": "",
-        "common_hint": "",
         "lost": tally.lost,
         "ms": "" if seconds is None else MILLISECOND.of(seconds),
     }
@@ -196,8 +156,4 @@ def _ate(error: TrajectoryError, unit: Unit) -> str:
     return f"{length(error.ate_m, unit)} {ALIGNED[error.alignment]}"
 
 
-PANELS = (
-    Panel("Compare", 400, BranchesPanel),
-    Panel("Compare", 410, ErrorCurvesPanel),
-    Panel("Compare", 420, DifferencesPanel),
-)
+PANELS = (Panel("Compare", 400, BranchesPanel),)

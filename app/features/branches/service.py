@@ -11,8 +11,6 @@ from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ...session.state import Resumed
-from ..flicker.flicker import Side, sides
-from ..flicker.state import Flickering
 from ..recording.service import RecordingService
 from .accuracy import Accuracy
 from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
@@ -46,11 +44,6 @@ class BranchService(Service):
     @property
     def _branches(self) -> Branches:
         return self.state[Branches]
-
-    @property
-    def sides(self) -> tuple[Side, ...]:
-        """What can flicker: the methods of each branch."""
-        return sides(self._branches.all, lambda number: self._found(number).opened.methods)
 
     def fork(self, methods: tuple[str, ...], config: Config, name: str) -> None:
         """From the state after the frame that is shown, which is shown then. InputError if that is not possible."""
@@ -123,9 +116,6 @@ class BranchService(Service):
             compared = None
         left = tuple(b for b in self._branches.all if b.number != number)
         self.store.put(replace(self._branches, all=left, comparison=compared))
-        flicker = self.state[Flickering].between
-        if flicker is not None and number in (flicker.a.branch, flicker.b.branch):
-            self.store.put(Flickering())
 
     def compare(self, number: int) -> None:
         """The branch that is shown with another one, from now on. InputError where there is nothing to compare."""

@@ -1,16 +1,36 @@
-"""The trajectories of branches that are not shown, on the stage beside those of the one that is."""
+"""The branches that are drawn together with the shown one, as trajectories on the stage."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ispom.geometry import Similarity
 
+from ...session.state import State
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
 from .branches import Beside
+from .service import BranchService
+from .state import Branches
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+
+def branches_beside(session: Session, state: State) -> dict[int, Beside]:
+    """By number, those that are not hidden, as of the shown frame or their last before it."""
+    found = {}
+    for branch in state[Branches].all:
+        run = session.service(BranchService).run_of(branch.number)
+        last = run.history.last if run is not None else None
+        if run is not None and last is not None and branch.number != state[Branches].shown and not branch.hidden:
+            model = run.known_at(min(state.index, last.index))
+            found[branch.number] = Beside(model, last.placements, branch.colour)
+    return found
+
 
 WIDTH_PX = 0.75
 """Half width of the lines on the screen."""

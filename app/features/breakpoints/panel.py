@@ -9,14 +9,12 @@ import viser
 
 from ispom.errors import InputError
 
-from ...engine.conditions.matches import matches
+from ...engine.conditions.evaluate import matches, shown
 from ...engine.conditions.parser import Expression, parse
-from ...engine.conditions.until import shown
 from ...engine.history.quantity import Quantity
 from ...engine.history.series import Series
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import FindMatch, RunUntil
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from types import MappingProxyType
@@ -16,6 +15,8 @@ from ispom.calibration.diagnostics.maps import ImageMap
 from ispom.calibration.result import Calibration, CameraResult, Views
 from ispom.calibration.targets import Target
 from ispom.geometry import Pose
+
+from ...engine.outputs import json_text
 
 JSON_HEAD = '"written_by": "ispom calibrate"'
 
@@ -50,7 +51,7 @@ def numbers_text(found: Calibration) -> str:
             {"camera": r.camera, "image": r.image, "point": r.point, "reason": r.reason} for r in found.rejected
         ],
     }  # fmt: skip
-    return json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
+    return json_text(content, 1)
 
 
 def redo_text(target: Target, views: tuple[Views, ...], reason: str) -> str:
@@ -111,14 +112,3 @@ def _difference(pose: Pose) -> dict[str, float]:
         "translation_m": float(np.linalg.norm(pose.translation)),
         "rotation_deg": float(np.degrees(np.linalg.norm(pose.rotvec))),
     }
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no infinity: null stands for what is not determined."""
-    if isinstance(value, dict):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from typing import Any
 
@@ -14,6 +12,7 @@ from ispom.errors import printable
 from ispom.evaluation.comparison import local_scale
 from ispom.io.trajectories import TrajectoryFile
 
+from ...engine.outputs import csv_of
 from ...presentation.texts import length_unit
 from .evaluated import Evaluated, frame_of
 
@@ -93,10 +92,6 @@ def _about(file: TrajectoryFile) -> dict[str, Any]:
 
 def csv_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
     """One line per estimate; the protocol is the same in all of them."""
-    out = io.StringIO()
     stated = {key: protocol[key] for key in ("reference", "frames", "association", "alignment", "RPE")}
     rows = [{"estimate": item.name, **item.measures, **stated} for item in items]
-    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return out.getvalue()
+    return csv_of(list(rows[0]), (list(row.values()) for row in rows))

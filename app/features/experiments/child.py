@@ -1,4 +1,4 @@
-"""An experiment in a process of its own, for whoever started it: `app/sweep/process.py`, which reads what it tells.
+"""An experiment in a process of its own, for whoever started it (`app/features/sweep/process.py` reads what it tells).
 
 Its first line of standard input is the task in JSON: `plan`, the content of a plan's file; `out`, a new folder;
 `workers`. It answers with lines of JSON: `{"at": [RUN, EXPOSURES, OF]}` while a run goes on, `{"row": RUN, ...}` when

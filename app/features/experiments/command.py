@@ -6,10 +6,10 @@ import os
 import sys
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Protocol
 
+import msgspec
 import yaml
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -68,7 +68,7 @@ def completed(
     claim_folder(options.out, COMMAND)
     runs = list(plan.runs())
     before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
-    write_whole(options.out / PLAN, yaml.safe_dump(_plain(asdict(plan)), sort_keys=False, allow_unicode=True))
+    write_whole(options.out / PLAN, yaml.safe_dump(msgspec.to_builtins(plan), sort_keys=False, allow_unicode=True))
     left, rows = [run for run in runs if run not in before], list(before.values())
     outcomes: Sequence[Outcome] = ()
     with terminable() as signals:
@@ -103,13 +103,6 @@ def _scheduled(
     if not runs or (options.scheduler is None and workers == 0):
         return execute_in_order(plan, runs, options.out, options.recordings, builder, watcher.of_run)
     return cluster.rows(plan, runs, options.out, options.recordings, workers, options.memory_gb, options.scheduler)
-
-
-def _plain(value: object) -> object:
-    """Lists where YAML knows no tuples."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 class Watcher(Protocol):

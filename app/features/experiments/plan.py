@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
+import msgspec
+
 from ispom.methods import Config
 
 from ...presentation.colours import METHOD, OTHERS, css
@@ -26,8 +28,7 @@ class Line:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class Statement:
+class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the plan claims of a line: that a quantity is within bounds in a share of its runs."""
 
     text: str

@@ -29,19 +29,6 @@ class LineEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     note: str = ""
 
 
-class StatementEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    text: str
-    quantity: str
-    line: str
-    source: str | None = None
-    over_line: str | None = None
-    over_source: str | None = None
-    at_most: float | None = None
-    at_least: float | None = None
-    or_fails: bool = False
-    share: float = 1.0
-
-
 class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The file: `lines` by name, or `methods` with `settings`, whose values are combined."""
 
@@ -53,7 +40,7 @@ class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     methods: list[str] = []
     settings: dict[str, list[Value]] = {}
     quantities: tuple[str, ...] = Plan.quantities
-    statements: list[StatementEntry] = []
+    statements: tuple[Statement, ...] = ()
     stereo_every: int = 1
     video_scale: float = 1.0
     max_exposures: int | None = None
@@ -93,8 +80,7 @@ def _plan(name: str, where: str, content: Any) -> Plan:
     except msgspec.ValidationError as error:
         raise InputError(f"{where}: {error}: correct it") from None
     lines = _lines(where, entry)
-    statements = tuple(Statement(**msgspec.structs.asdict(s)) for s in entry.statements)
-    for said in statements:
+    for said in entry.statements:
         for line in filter(None, (said.line, said.over_line)):
             if line not in {item.name for item in lines}:
                 raise InputError(
@@ -110,7 +96,7 @@ def _plan(name: str, where: str, content: Any) -> Plan:
         lines,
         entry.note,
         entry.quantities,
-        statements,
+        entry.statements,
         entry.stereo_every,
         entry.video_scale,
         entry.max_exposures,

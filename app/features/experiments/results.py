@@ -3,19 +3,19 @@ same to the byte wherever and however often an experiment is run."""
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
-from io import BytesIO, StringIO
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pyarrow
 import pyarrow.parquet
 
 from ispom.io.whole import write_whole
 
+from ...engine.outputs import csv_of
 from .plan import Plan, Run
 from .row import Row, milliseconds
 from .statistics import Outcome, Paired, Spread
@@ -59,12 +59,13 @@ def write_summary(
 ) -> None:
     """summary.json: the plan, medians and spreads, comparisons, and what became of the statements."""
     found = {
-        "plan": asdict(plan),
-        "spreads": [asdict(item) for item in spreads],
-        "paired": [asdict(item) for item in paired],
-        "statements": [{**asdict(item), "holds": item.holds} for item in outcomes],
+        "plan": plan,
+        "spreads": spreads,
+        "paired": paired,
+        "statements": [{**vars(item), "holds": item.holds} for item in outcomes],
     }
-    write_whole(out / SUMMARY, json.dumps(found, indent=1, allow_nan=False) + "\n")
+    text = json.dumps(msgspec.to_builtins(found), indent=1, allow_nan=False)
+    write_whole(out / SUMMARY, text + "\n")
 
 
 def by_plan(plan: Plan, rows: Sequence[Row]) -> list[Row]:
@@ -80,11 +81,7 @@ def _about(row: Row) -> tuple[Any, ...]:
 
 
 def _csv(flat: Sequence[dict[str, Any]]) -> str:
-    content = StringIO()
-    writer = csv.DictWriter(content, list(flat[0]) if flat else list(_OF_RUN), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return content.getvalue()
+    return csv_of(list(flat[0]) if flat else _OF_RUN, (list(row.values()) for row in flat))
 
 
 def _plain(value: Any) -> Any:

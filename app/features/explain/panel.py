@@ -11,18 +11,16 @@ import viser
 from ispom.methods import Config
 
 from ...engine.history.record import ExposureRecord
-from ...engine.run_events.event import RunEvent
-from ...engine.run_events.registry import event_kinds, with_bookmarks
+from ...engine.run_events.event import RunEvent, event_kinds, with_bookmarks
 from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
-from ..bookmarks.state import Bookmarks
+from ...views.viser.panels import Panel, renderer
+from ..bookmarks.service import Bookmarks
 from ..branches.branches import changes
 from ..events.commands import StepToEvent
 from ..lessons.state import Lessons
-from ..plots.state import Plots
+from ..plots.commands import Plots
 from .card import Card, cards
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ...engine import warmup
-from ...engine.conditions.until import Until, require_run, until
+from ...engine.conditions.evaluate import Until, require_run, until
 from ...engine.events import Finished
 from ...engine.playback import Builder, Playback, Stage
 from ...engine.run_events.table import event_lines

@@ -14,7 +14,7 @@ from ispom.methods import with_asked
 from ...engine.options import config_of, settings_of
 from ...engine.playback import Builder, Stage
 from ...engine.run_folder.run_file import read_run_file
-from ...session.review.origin import source_of, source_options
+from ...session.review.stored import source_of, source_options
 from .command import run as run_headless
 from .job import Origin
 from .options import Fork, Run

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...engine.conditions.until import Until
+from ...engine.conditions.evaluate import Until
 from ...engine.playback import Playback, Stage
 from ...engine.run_events.table import EventRecorder
 from ...engine.run_folder.placements import PlacementLog

@@ -1,12 +1,23 @@
-"""Looking at an integration step by step."""
+"""Which integration is looked at step by step, and choosing it."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from ...session.commands import Command
 from ...session.controller import Controller
-from ...session.registry import handles
+from ...session.state import FeatureState, State
 from . import integration
-from .state import IntegrationSteps
+from .integration import Integration
+
+
+@dataclass(frozen=True)
+class IntegrationSteps(FeatureState):
+    shown: Integration | None = None
+
+    def page(self, state: State) -> dict[str, Any]:
+        return {"integration": None if self.shown is None else [self.shown.method, self.shown.stage]}
 
 
 class ShowIntegration(Command, frozen=True):
@@ -14,19 +25,15 @@ class ShowIntegration(Command, frozen=True):
 
     method: str
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(IntegrationSteps(integration.shown(session.state, session.run, self.method)))
+
 
 class StepIntegration(Command, frozen=True):
     """So many stages on."""
 
     by: int
 
-
-@handles(ShowIntegration)
-def show_integration(session: Controller, command: ShowIntegration) -> None:
-    session.store.put(IntegrationSteps(integration.shown(session.state, session.run, command.method)))
-
-
-@handles(StepIntegration)
-def step_integration(session: Controller, command: StepIntegration) -> None:
-    now = session.state[IntegrationSteps].shown
-    session.store.put(IntegrationSteps(integration.moved(session.state, session.run, now, command.by)))
+    def execute(self, session: Controller) -> None:
+        now = session.state[IntegrationSteps].shown
+        session.store.put(IntegrationSteps(integration.moved(session.state, session.run, now, self.by)))

@@ -2,25 +2,131 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import viser
 
 from ispom.methods import method as registered
-from ispom.types import Step
+from ispom.solvers.trajectory.stages import Kind, Stage, stages
+from ispom.types import SegmentFit, SplineFit, Step
 
 from ...presentation import colours
+from ...presentation.texts import Unit, angle, length, length_unit
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
-from .commands import ShowIntegration, StepIntegration
+from ...views.viser.panels import Panel, renderer
+from .commands import IntegrationSteps, ShowIntegration, StepIntegration
 from .integration import Integration, latest_fit
-from .numbers import table
-from .state import IntegrationSteps
 
 if TYPE_CHECKING:
     from ...session.session import Session
+
+
+SEGMENT: dict[Kind, tuple[str, str]] = {
+    "given": (
+        "Two trajectories",
+        "The monocular trajectory between two stereo frames. The two worlds are unrelated, so that it is drawn from "
+        "the stereo pose at t_j on, and its own unit as a metre.",
+    ),
+    "bracketed": (
+        "Interpolated at t_j",
+        "The video poses just before and after each stereo frame bracket its time; between them the video pose at "
+        "that time is interpolated.",
+    ),
+    "scaled": ("Scaled", "Distances from the first stereo pose times the ratio of the two segments' lengths."),
+    "turned": ("Rotated", "Positions turned about the first stereo pose until the segment's end meets the second one."),
+    "oriented": ("Oriented", "What the last orientation misses is spread over the segment, linearly in time."),
+}
+SPLINE = (
+    ("Exposures", "Where the frames of the window were before the adjustment: video frames and stereo pairs."),
+    ("Spline begun with", "A cumulative cubic B-spline through the located poses, by least squares, and its knots."),
+    ("Adjusted", "The spline adjusted to what both cameras saw, each at its own time; grey: as it began."),
+)
+
+SEGMENT_HEAD = (
+    ("after the step", "what the step has done to the monocular trajectory"),
+    ("end off by", "distance of the segment's end from the second stereo pose [mm, m]"),
+    ("direction", "angle between the directions from the first stereo pose to both ends [degrees]"),
+    ("orientation", "angle between both orientations at the segment's end [degrees]"),
+)
+SPLINE_HEAD = (
+    ("median residual [sigma]", "of the reprojections, in standard deviations of the tracks' noise"),
+    ("before", "with the spline as it began"),
+    ("after", "with the adjusted spline"),
+)
+
+
+def table(step: Step, stage: int) -> dict[str, Any]:
+    """Of the fit: title and explanation of the stage, the rows of its table, and facts."""
+    if step.segments:
+        return _segment(step.segments[-1], stage)
+    return _spline(step.spline, stage) if step.spline is not None else {}
+
+
+def _segment(fit: SegmentFit, stage: int) -> dict[str, Any]:
+    found = stages(fit)
+    if not found:
+        return {}
+    at = min(stage, len(found) - 1)
+    title, help_text = SEGMENT[found[at].kind]
+    facts = [("segment", f"{fit.span_ns[0] * 1e-9:.3f} to {fit.span_ns[1] * 1e-9:.3f} s")]
+    facts.append(("monocular poses", f"{len(fit.video)}, those that bracket the ends included"))
+    if fit.scale is None or fit.turn_rad is None:
+        facts.append(("scale", "none: the segment is too short for a ratio of lengths"))
+    else:
+        facts.append(("scale", f"{fit.scale:.4g} m per unit"))
+        facts.append(("rotation about the first pose", _degrees(fit.turn_rad)))
+    facts.append(("orientation missed at the end", _degrees(fit.residual_rad)))
+    unit = length_unit(stage.gap_m for stage in found)
+    return {
+        "title": f"{at + 1} of {len(found)}: {title}",
+        "help": help_text,
+        "head": SEGMENT_HEAD,
+        "rows": [(SEGMENT[s.kind][0], i == at, _off(s, unit)) for i, s in enumerate(found)],
+        "facts": facts,
+    }
+
+
+def _off(stage: Stage, unit: Unit) -> tuple[str, str, str]:
+    return length(stage.gap_m, unit), _degrees(stage.direction_rad), _degrees(stage.orientation_rad)
+
+
+def _spline(fit: SplineFit, stage: int) -> dict[str, Any]:
+    if not len(fit.times_ns):
+        return {}
+    at = min(stage, len(SPLINE) - 1)
+    title, help_text = SPLINE[at]
+    span_s, spacing_ms = (fit.times_ns[-1] - fit.times_ns[0]) * 1e-9, float(np.diff(fit.knots_ns[:2])[0]) * 1e-6
+    moved = np.linalg.norm(fit.after - fit.before, axis=1)
+    rows = [
+        ("video frames", False, _errors(fit, fit.video)),
+        ("stereo pairs", False, _errors(fit, ~fit.video)),
+        ("cost", False, (f"{fit.cost_before:.4g}", f"{fit.cost_after:.4g}")),
+    ]
+    facts = [
+        ("window", f"{int(fit.video.sum())} video frames and {int((~fit.video).sum())} pairs in {span_s:.2f} s"),
+        ("knots", f"{len(fit.knots_ns)}, every {spacing_ms:.0f} ms"),
+        ("adjustment", f"{fit.iterations} iterations; poses moved by up to {length(float(moved.max()))}"),
+    ]
+    return {
+        "title": f"{at + 1} of {len(SPLINE)}: {title}",
+        "help": help_text,
+        "head": SPLINE_HEAD,
+        "rows": rows,
+        "facts": facts,
+    }
+
+
+def _errors(fit: SplineFit, which: np.ndarray) -> tuple[str, str]:
+    found = (errors[which & np.isfinite(errors)] for errors in (fit.errors_before, fit.errors_after))
+    before, after = (f"{np.median(errors):.2f}" if len(errors) else "-" for errors in found)
+    return before, after
+
+
+def _degrees(angle_rad: float) -> str:
+    return angle(float(np.degrees(angle_rad)))
+
 
 render = renderer(__package__)
 

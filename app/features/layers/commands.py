@@ -9,7 +9,6 @@ from ispom.methods import names
 from ...engine.inspection.colouring import Colouring
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
 from ...views.rerun.layers import LAYERS, OPTIONAL
 from .state import Layers
 
@@ -19,11 +18,17 @@ class Hide(PageCommand, frozen=True):
 
     names: frozenset[str]
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(replace(session.state[Layers], hidden=known(self.names)))
+
 
 class Choose(PageCommand, frozen=True):
     """Draw these optional layers."""
 
     names: frozenset[str]
+
+    def execute(self, session: Controller) -> None:
+        session.store.put(replace(session.state[Layers], chosen=self.names & OPTIONAL))
 
 
 class ColourBy(Command, frozen=True):
@@ -31,22 +36,10 @@ class ColourBy(Command, frozen=True):
 
     colouring: Colouring
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(replace(session.state[Layers], colour_by=self.colouring))
+
 
 def known(found: frozenset[str]) -> frozenset[str]:
     """Those of the names that are methods or layers which are drawn unless they are hidden."""
     return found & {*LAYERS, *names()} - OPTIONAL
-
-
-@handles(Hide)
-def hide(session: Controller, command: Hide) -> None:
-    session.store.put(replace(session.state[Layers], hidden=known(command.names)))
-
-
-@handles(Choose)
-def choose(session: Controller, command: Choose) -> None:
-    session.store.put(replace(session.state[Layers], chosen=command.names & OPTIONAL))
-
-
-@handles(ColourBy)
-def colour_by(session: Controller, command: ColourBy) -> None:
-    session.store.put(replace(session.state[Layers], colour_by=command.colouring))

@@ -12,8 +12,7 @@ from ispom.types import TrackStatus
 from ...presentation import colours
 from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import Choose, Hide
 from .state import Layers
 

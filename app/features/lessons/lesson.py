@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,8 +92,7 @@ class Choose:
     options: tuple[Option, ...]
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     value: str
     """Of the step's values, the one that is asked for."""
     unit: str = ""

@@ -50,13 +50,6 @@ class FrontEntry(_Entry, frozen=True):
     settings: dict[str, dict[str, Any]] = {}
 
 
-class NumberEntry(_Entry, frozen=True):
-    value: str
-    unit: str = ""
-    within: float = 0.0
-    within_percent: float = 0.0
-
-
 class PointEntry(_Entry, frozen=True):
     right: str
     camera: str = "video"
@@ -77,7 +70,7 @@ class StepEntry(RunEntry, frozen=True):
     hidden: list[str] = []
     tools: bool = False
     choose: dict[str, str] | None = None
-    number: NumberEntry | None = None
+    number: Number | None = None
     point: PointEntry | None = None
     draw: DrawEntry | None = None
     runs: dict[str, RunEntry] = {}
@@ -206,10 +199,10 @@ def _ask(where: str, entry: StepEntry, known: Mapping[str, Quantity], runs: set[
     if len(asked) != 1:
         raise InputError(f"{where} asks {len(asked)} questions: give one of choose, number, point, draw")
     match asked[0]:
-        case NumberEntry() as number:
+        case Number() as number:
             if number.value not in entry.values:
                 raise InputError(f"{where}: {number.value!r}, which is asked for, is none of the step's values")
-            return Number(number.value, number.unit, number.within, number.within_percent)
+            return number
         case PointEntry() as point:
             return Point(point.camera, _parsed(where, parse, point.right, TRACK))
         case DrawEntry() as draw:

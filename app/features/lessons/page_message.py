@@ -16,9 +16,8 @@ from ...session.state import State
 from ...views.viser.drawing import in_view, picture
 from ...views.web.answers import Answers
 from ..tracks.track_picture import image_of
-from .judge import places
 from .lesson import Ask, Choose, Draw, Number, Point
-from .reveal import Revealed, sampled
+from .reveal import Revealed, places, sampled
 from .state import Learning, Lessons
 
 

@@ -17,9 +17,8 @@ from ..branches.service import BranchService
 from ..branches.state import Branches
 from ..layers.commands import ColourBy
 from ..layers.state import Layers
-from ..plots.state import Plots
-from ..tracks.commands import LookAt, Pick, Select
-from ..tracks.state import Inspection
+from ..plots.commands import Plots
+from ..tracks.commands import Inspection, LookAt, Pick, Select
 from .lesson import OWN, Asked, Lesson, Point
 from .library import Library
 from .ran import Ran
@@ -134,7 +133,7 @@ class LessonService(Service):
         self.store.put(replace(self.state[Layers], hidden=frozenset()))
 
     def _obey(self, command: do.Command) -> None:
-        self.session.carry_out(command)
+        command.execute(self.session)
 
     def _enter(self, lesson: Lesson, place: int) -> None:
         if not 0 <= place < len(lesson.steps):

@@ -10,8 +10,8 @@ from ispom.types import Tracks
 
 from ...session.state import FeatureState, State
 from ..branches.state import Branches
-from ..plots.state import Plots
-from ..sweep.state import SweepState
+from ..plots.commands import Plots
+from ..sweep.sweep import SweepState
 from .lesson import Lesson, Step
 from .reveal import Revealed
 

@@ -18,7 +18,7 @@ from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import trajectory_file
 from ...engine.run_folder.step_reader import stored_steps
-from ...session.review.origin import source_of, source_options
+from ...session.review.stored import source_of, source_options
 
 PREFERRED = ("integrated", "stereo", "integrated.paper", "stereo.paper")
 

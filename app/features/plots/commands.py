@@ -1,12 +1,60 @@
-"""Choosing what is plotted."""
+"""What is plotted over the frames, and choosing it."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from ispom.errors import InputError
+
+from ...engine.history.quantities import STEP_QUANTITIES
 from ...session.commands import PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
-from .plotting import chosen, toggled
-from .state import Plots
+from ...session.current_run import CurrentRun
+from ...session.state import FeatureState
+
+ERROR = "error"
+"""The position errors after alignment, of all methods."""
+DEFAULT_PLOTS = (ERROR, "inliers")
+"""What is plotted for every method until a person chooses otherwise."""
+MOST_PLOTS = 12
+
+
+def toggled(plots: tuple[str, ...], run: CurrentRun | None, name: str) -> tuple[str, ...]:
+    """The plots after a person chose a quantity: it is added at the end, or removed if it is plotted already.
+
+    `name` is METHOD.KEY, or a KEY of Steps for all methods. Raises InputError for what has no numbers in the run.
+    """
+    if name in plots:
+        return tuple(each for each in plots if each != name)
+    if not is_plottable(run, name):
+        raise InputError(f"{name[:60]!r} is no quantity of this run: choose a check under Explain, or one of the list")
+    return (*plots, name)[-MOST_PLOTS:]
+
+
+def chosen(run: CurrentRun | None, names: tuple[str, ...] | None) -> tuple[str, ...]:
+    """These plots, without names that the run has no numbers of; the usual ones for None."""
+    if names is None:
+        return DEFAULT_PLOTS
+    return tuple(dict.fromkeys(name for name in names if is_plottable(run, name)))[:MOST_PLOTS]
+
+
+def is_plottable(run: CurrentRun | None, name: str) -> bool:
+    """Whether the run has numbers of METHOD.KEY, or any method of it has KEY."""
+    if run is None:
+        return False
+    quantities = run.series.quantities
+    shared = name == ERROR or name in {quantity.key for quantity in STEP_QUANTITIES if quantity.kind != "text"}
+    found = quantities.get(name)
+    return shared or (found is not None and bool(found.method) and found.kind != "text")
+
+
+@dataclass(frozen=True)
+class Plots(FeatureState):
+    names: tuple[str, ...] = DEFAULT_PLOTS
+    """METHOD.KEY, or KEY for all methods."""
+
+    def reduce(self, event: object) -> Plots:
+        return self  # also over another source
 
 
 class Plot(PageCommand, frozen=True):
@@ -15,18 +63,14 @@ class Plot(PageCommand, frozen=True):
     name: str
     """METHOD.KEY, or the KEY of Steps for all methods."""
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(Plots(toggled(session.state[Plots].names, session.run, self.name)))
+
 
 class SetPlots(PageCommand, frozen=True):
     """Plot just these quantities; None for the usual ones."""
 
     names: tuple[str, ...] | None
 
-
-@handles(Plot)
-def plot(session: Controller, command: Plot) -> None:
-    session.store.put(Plots(toggled(session.state[Plots].names, session.run, command.name)))
-
-
-@handles(SetPlots)
-def set_plots(session: Controller, command: SetPlots) -> None:
-    session.store.put(Plots(chosen(session.run, command.names)))
+    def execute(self, session: Controller) -> None:
+        session.store.put(Plots(chosen(session.run, self.names)))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import in_order
 
 from ...engine.history.quantities import STEP_QUANTITIES
@@ -19,10 +20,9 @@ from ...presentation import colours
 from ...presentation.texts import ALIGNED
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ..branches.branches import Measured
 from ..branches.state import Branches
-from .plotting import ERROR
-from .state import Plots
+from ..external_paths.state import ExternalPaths
+from .commands import ERROR, Plots
 
 SLICE = 4000
 """Most values of one curve in one message."""
@@ -67,7 +67,7 @@ class PlotNews:
         self._plots: tuple[Plot, ...] | None = None
         self._sent: dict[str, int] = {}
         """By curve: the number of frames whose values the page has."""
-        self._measured: Measured | None = None
+        self._errors: list[tuple[Curve, TrajectoryError]] = []
         """What the curves of errors that the page has are from."""
         self.behind = False
         """Whether more values are known than the last message could hold."""
@@ -83,21 +83,21 @@ class PlotNews:
             return None
         news: dict[str, Any] = {}
         if run is not self._run:
-            self._run, self._plots, self._sent, self._measured = run, None, {}, None
+            self._run, self._plots, self._sent, self._errors = run, None, {}, []
             news["choices"] = [[name, title] for name, title in choices(run.series.quantities)]
-        measured = next((b.measured for b in state[Branches].all if b.number == state[Branches].shown), None)
+        errors = list(error_curves(state))
         found = (
-            error_plot(measured) if name == ERROR else plot_of(name, run.series.quantities)
-            for name in state[Plots].names
+            error_plot(errors) if name == ERROR else plot_of(name, run.series.quantities) for name in state[Plots].names
         )
         plots = tuple(plot for plot in found if plot is not None)
         if plots != self._plots:
             self._plots = plots
             news["plots"] = [asdict(plot) for plot in plots]
-        if measured is not self._measured or "plots" in news:
-            self._measured = measured
-            if measured is not None and any(plot.name == ERROR for plot in plots):
-                news["errors"] = list(_errors(measured, run.playback.sequence.times_ns))
+        if [e for _, e in errors] != [e for _, e in self._errors] or "plots" in news:
+            self._errors = errors
+            if any(plot.name == ERROR for plot in plots):
+                times_ns = run.playback.sequence.times_ns
+                news["errors"] = [(curve.id, *_over_frames(error, times_ns)) for curve, error in errors]
         grows = {curve.id for plot in plots if plot.name != ERROR for curve in plot.curves}
         values = list(self._values(run.series, grows))
         return news | ({"values": values} if values else {}) or None
@@ -133,29 +133,40 @@ def plot_of(name: str, quantities: Mapping[str, Quantity]) -> Plot | None:
     return Plot(name, title(shared[0]), shared[0].help, shared[0].unit, tuple(curves))
 
 
-def error_plot(measured: Measured | None) -> Plot | None:
-    """The position errors of a branch's methods after alignment; None without ground truth."""
-    if measured is None or not measured.errors:
+def error_curves(state: State) -> Iterator[tuple[Curve, TrajectoryError]]:
+    """The position errors after alignment: of the branch that is shown, of others that are drawn, and of other
+    programs."""
+    branches = state[Branches]
+    for branch in sorted(branches.all, key=lambda each: each.number != branches.shown):
+        is_shown = branch.number == branches.shown
+        for method in in_order(branch.measured.errors) if is_shown or not branch.hidden else ():
+            error = branch.measured.errors[method]
+            label, colour = colours.label(method), colours.of(method)
+            if not is_shown:
+                label, colour = f"{branch.name}: {label}", branch.colour
+            curve = f"{method}.{ERROR}" if is_shown else f"{method}.{ERROR}/{branch.number}"
+            yield Curve(curve, f"{label} ({ALIGNED[error.alignment]})", colours.css(colour)), error
+    for beside in state[ExternalPaths].all:
+        if (found := state[ExternalPaths].errors.get(beside.name)) is not None:
+            label = f"{beside.name} ({ALIGNED[found.alignment]})"
+            yield Curve(f"beside.{beside.name}.{ERROR}", label, colours.css(beside.colour)), found
+
+
+def error_plot(curves: list[tuple[Curve, TrajectoryError]]) -> Plot | None:
+    """None without ground truth."""
+    if not curves:
         return None
-    curves = [
-        Curve(
-            f"{m}.{ERROR}", f"{colours.label(m)} ({ALIGNED[measured.errors[m].alignment]})", colours.css(colours.of(m))
-        )
-        for m in in_order(measured.errors)
-    ]
-    alignments = dict.fromkeys(ALIGNED[measured.errors[m].alignment] for m in in_order(measured.errors))
+    alignments = dict.fromkeys(ALIGNED[error.alignment] for _, error in curves)
     help = f"distance from the ground truth, aligned by {' or '.join(alignments)}; its root mean square is the ATE"
-    return Plot(ERROR, "Position error", help, "m", tuple(curves))
+    return Plot(ERROR, "Position error", help, "m", tuple(curve for curve, _ in curves))
 
 
-def _errors(measured: Measured, times_ns: NDArray[np.int64]) -> Iterator[tuple[str, list[int], list[float | None]]]:
-    """Of each method: frames, and the largest error of the poses at each of them."""
-    for method, error in measured.errors.items():
-        frames = np.searchsorted(times_ns, error.estimate.times_ns)
-        each = -(-len(frames) // MOST_POINTS)
-        starts = np.arange(0, len(frames), each)
-        values = np.fmax.reduceat(error.position_errors_m, starts)
-        yield f"{method}.{ERROR}", frames[starts].tolist(), [_rounded(value) for value in values.tolist()]
+def _over_frames(error: TrajectoryError, times_ns: NDArray[np.int64]) -> tuple[list[int], list[float | None]]:
+    """Frames, and the largest error of the poses at each of them."""
+    frames = np.searchsorted(times_ns, error.estimate.times_ns)
+    starts = np.arange(0, len(frames), -(-len(frames) // MOST_POINTS))
+    values = np.fmax.reduceat(error.position_errors_m, starts)
+    return frames[starts].tolist(), [_rounded(value) for value in values.tolist()]
 
 
 def choices(quantities: Mapping[str, Quantity]) -> Iterator[tuple[str, str]]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
-from ...session.sources.names import run_name
-from .known import Known
+from ...session.sources.folders import run_name
+from .listing import Known
 from .service import RecordingService
 
 
@@ -15,19 +14,40 @@ class OpenNamed(PageCommand, frozen=True):
 
     name: str
 
+    def execute(self, session: Controller) -> None:
+        source = self._source(session)
+        session.service(RecordingService).show()  # another process may have finished it
+        if session.open(source, None):
+            session.play_on()
+
+    def closing(self, session: Controller) -> str:
+        return f"Opening {run_name(self._source(session))}"
+
+    def _source(self, session: Controller) -> str:
+        return Known(session.recordings).source(self.name, session.state)
+
 
 class Record(PageCommand, frozen=True):
     """Record the run, from its first frame on, under this name (a name, never a path); empty for a made-up one."""
 
     name: str = ""
 
+    def execute(self, session: Controller) -> None:
+        session.service(RecordingService).record(self.name)
+
 
 class StopRecording(Command, frozen=True):
     """Write what is left, and close the file."""
 
+    def execute(self, session: Controller) -> None:
+        session.service(RecordingService).leave(session.run)
+
 
 class RepairRecordings(Command, frozen=True):
     """Finish the recordings that a stopped app left unfinished: they get their index, and their name."""
+
+    def execute(self, session: Controller) -> None:
+        session.service(RecordingService).repair()
 
 
 class PutNote(PageCommand, frozen=True):
@@ -37,35 +57,6 @@ class PutNote(PageCommand, frozen=True):
     """As the list has it."""
     note: str
 
-
-def _source(session: Controller, command: OpenNamed) -> str:
-    return Known(session.recordings).source(command.name, session.state)
-
-
-@handles(OpenNamed, closing=lambda session, command: f"Opening {run_name(_source(session, command))}")
-def open_named(session: Controller, command: OpenNamed) -> None:
-    source = _source(session, command)
-    session.service(RecordingService).show()  # another process may have finished it
-    if session.open(source, None):
-        session.play_on()
-
-
-@handles(Record)
-def record(session: Controller, command: Record) -> None:
-    session.service(RecordingService).record(command.name)
-
-
-@handles(StopRecording)
-def stop_recording(session: Controller, command: StopRecording) -> None:
-    session.service(RecordingService).leave(session.run)
-
-
-@handles(RepairRecordings)
-def repair_recordings(session: Controller, command: RepairRecordings) -> None:
-    session.service(RecordingService).repair()
-
-
-@handles(PutNote)
-def put_note(session: Controller, command: PutNote) -> None:
-    session.service(RecordingService).show()  # another process may have finished a run
-    session.service(RecordingService).put_note(command.name, command.note)
+    def execute(self, session: Controller) -> None:
+        session.service(RecordingService).show()  # another process may have finished a run
+        session.service(RecordingService).put_note(self.name, self.note)

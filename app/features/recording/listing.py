@@ -1,7 +1,8 @@
-"""The recordings folder: what is in it, and what a new recording may be called."""
+"""The recordings folder: what is in it and lies beside a recording, and what a new one may be called."""
 
 from __future__ import annotations
 
+import logging
 import re
 import stat
 from contextlib import suppress
@@ -12,13 +13,36 @@ from typing import Any
 
 from ispom.errors import InputError, is_text
 from ispom.io.mapping import read_mapping
-from ispom.io.whole import part_of
+from ispom.io.whole import part_of, replace_whole
 
+from ...engine.events import Bookmark, Opened
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL
-from ..bookmarks.notes import notes_of, tidy
-from .companions import picture_of
+from ...engine.run_folder.thumbnail import thumbnail
+from ...session.sources.folders import run_name
+from ...session.state import State
+from ..bookmarks.notes import notes_of, put, tidy
 from .state import Kept
+
+log = logging.getLogger(__name__)
+
+
+def picture_of(recording: Path) -> Path:
+    return recording.with_suffix(".jpg")
+
+
+def write_companions(recording: Path, opened: Opened, count: int, bookmarks: tuple[Bookmark, ...]) -> None:
+    """Of a recording of a run's first `count` frames. Where the disk does not take them, it goes without."""
+    times_ns = opened.sequence.times_ns[:count]
+    duration_s = round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0
+    about = {"source": opened.sequence.name, "exposures": count, "duration_s": duration_s}
+    try:
+        put(notes_of(recording), about=about, bookmarks=bookmarks)
+        if picture := thumbnail(opened.sequence, count):
+            replace_whole(picture_of(recording), picture)
+    except (InputError, OSError) as fault:
+        log.warning("%s has no picture or notes: %s", recording, fault)
+
 
 MOST_READ = 500
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")
@@ -115,3 +139,25 @@ def _notes(path: Path) -> dict[str, Any]:
     except InputError:
         return {}
     return found | {"note": tidy(str(found.get("note", "")))}
+
+
+class Known:
+    """`recordings` is their folder."""
+
+    def __init__(self, recordings: Path) -> None:
+        self._recordings = recordings
+
+    def source(self, name: str, state: State) -> str:
+        """The source of a name, as the list of recordings has it or `run_name` gives it.
+
+        InputError if nothing is known by it.
+        """
+        runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
+        listed = [kept.name for kept in list_recordings(self._recordings)]  # another process may have finished a run
+        recorded = [str(self._recordings / kept) for kept in listed]
+        if name in listed:
+            return str(self._recordings / name)
+        for source in (state.source, *state.recent, *runs, *recorded):
+            if run_name(source) == name:
+                return source
+        raise InputError(f"there is no run called {name[:60]!r} here: open its source, or correct the address")

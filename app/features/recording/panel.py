@@ -9,8 +9,7 @@ import viser
 
 from ...presentation.texts import size
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import Record, RepairRecordings, StopRecording
 from .state import Recordings
 

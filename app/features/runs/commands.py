@@ -6,7 +6,6 @@ from ispom.sequences.address import without_secrets
 
 from ...session.commands import PageCommand
 from ...session.controller import Controller
-from ...session.registry import handles
 from .service import RunsService
 
 
@@ -14,6 +13,13 @@ class OpenSource(PageCommand, frozen=True):
     """Open another source as the command line said, and play it: `sim:NAME`, an address, or a path."""
 
     source: str
+
+    def execute(self, session: Controller) -> None:
+        if session.open(self.source.strip(), None):
+            session.play_on()
+
+    def closing(self, session: Controller) -> str:
+        return f"Opening {without_secrets(self.source)}"
 
 
 class CompareRuns(PageCommand, frozen=True):
@@ -23,19 +29,10 @@ class CompareRuns(PageCommand, frozen=True):
     """As the runs table has it: `live:` and the number of a branch, or a name in the recordings folder."""
     b: str
 
+    def execute(self, session: Controller) -> None:
+        session.service(RunsService).compare(self.a, self.b)
 
-@handles(OpenSource, closing=lambda session, command: f"Opening {without_secrets(command.source)}")
-def open_source(session: Controller, command: OpenSource) -> None:
-    if session.open(command.source.strip(), None):
-        session.play_on()
-
-
-def _closing(session: Controller, command: CompareRuns) -> str:
-    runs = session.service(RunsService)
-    inside = [runs.branch_of(key) is not None for key in (command.a, command.b)]
-    return "" if any(inside) else f"Comparing {command.a} and {command.b}"
-
-
-@handles(CompareRuns, closing=_closing)
-def compare_runs(session: Controller, command: CompareRuns) -> None:
-    session.service(RunsService).compare(command.a, command.b)
+    def closing(self, session: Controller) -> str:
+        runs = session.service(RunsService)
+        inside = [runs.branch_of(key) is not None for key in (self.a, self.b)]
+        return "" if any(inside) else f"Comparing {self.a} and {self.b}"

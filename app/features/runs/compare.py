@@ -57,6 +57,7 @@ def comparison_message(
         "done": comparison.done - comparison.start,
         "finished": comparison.finished,
         "apart": comparison.apart,
+        "thinned": comparison.thinned,
         "curves": curves,
         "total": state.total,
     }

@@ -6,12 +6,16 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.types import Frame, Image, Tracks
+from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks, TrackStatus
 
+from ...engine.history.record import ExposureRecord, with_parts
+from ...engine.run_folder.thumbnail import jpeg
+from ...presentation import colours
 from ...session.current_run import CurrentRun
-from ...views.viser.track_picture import image_of, picture, tracks_of
 
 QUALITY = 80
+WIDTH_PX = 640
+"""Of the picture; a smaller image is drawn larger, so that tracks do not hide it."""
 
 
 def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes | None:
@@ -20,18 +24,13 @@ def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes
     if not 0 <= index < len(run.history):
         return None
     try:
-        name, image = image_of(run.playback.sequence[index])
-        camera: Frame = "left" if name == "left" else "video"
+        camera, image = image_of(run.playback.sequence[index])
     except InputError:
         camera, image = _recorded(run, index)
     if image is None or not image.size:
         return None
     drawn = picture(image, _tracks(run, index, method, camera, image) if method else None)
-    height = max(round(drawn.shape[0] * width / drawn.shape[1]), 1)
-    if width < drawn.shape[1]:
-        drawn = cv2.resize(drawn, (width, height), interpolation=cv2.INTER_AREA)
-    encoded = cv2.imencode(".jpg", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    return encoded[1].tobytes()
+    return jpeg(drawn, QUALITY, width)
 
 
 def _tracks(run: CurrentRun, index: int, method: str, camera: Frame, image: Image) -> Tracks | None:
@@ -48,3 +47,34 @@ def _recorded(run: CurrentRun, index: int) -> tuple[Frame, Image | None]:
     """From the recording of a run whose source is gone."""
     camera: Frame = "left" if run.history[index].kind == "stereo" else "video"
     return camera, run.recorded.image(camera, index) if run.recorded is not None else None
+
+
+def image_of(exposure: Exposure) -> tuple[Frame, Image]:
+    """The camera whose tracks are drawn, and its image."""
+    return ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
+
+
+def tracks_of(record: ExposureRecord, method: str, camera: Frame) -> Tracks | None:
+    """Those that a method used at a frame, its own or those of a method that it builds on."""
+    steps = tuple[Step, ...](step for step in record.steps if step.method == method)
+    return next((s.tracks[camera] for s in with_parts(steps) if camera in s.tracks), None)
+
+
+def picture(image: Image, tracks: Tracks | None) -> Image:
+    """(H, WIDTH_PX, 3) RGB, each track in the colour of its status; dropped ones are crosses."""
+    scale = WIDTH_PX / image.shape[1]
+    size = (WIDTH_PX, max(round(image.shape[0] * scale), 1))
+    drawn = cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    drawn = cv2.cvtColor(drawn, cv2.COLOR_GRAY2RGB) if drawn.ndim == 2 else np.ascontiguousarray(drawn)
+    if tracks is None or not len(tracks):
+        return drawn  # type: ignore[return-value]
+    seen = np.isfinite(tracks.uv).all(1)
+    # Whole images are scaled, so that pixels' corners and not their centres correspond.
+    places = np.rint((tracks.uv[seen] + 0.5) * scale - 0.5).astype(int)
+    for (u, v), status in zip(places.tolist(), tracks.status[seen].tolist(), strict=True):
+        colour = colours.TRACK[TrackStatus(status)]
+        if status < TrackStatus.LOST:
+            cv2.circle(drawn, (u, v), 3, colour, -1, cv2.LINE_AA)
+        else:
+            cv2.drawMarker(drawn, (u, v), colour, cv2.MARKER_TILTED_CROSS, 8, 1, cv2.LINE_AA)
+    return drawn  # type: ignore[return-value]

@@ -12,7 +12,7 @@ from ispom.types import Status
 
 from ...engine.history.series import Series
 from ...session.current_run import CurrentRun
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ...session.state import State
 from ..branches.branches import Branch
 from ..branches.state import Branches

@@ -16,7 +16,7 @@ from ...engine.differences.compare import divergences
 from ...engine.run_folder.run_file import read_run_file
 from ...session.session import Session
 from ...session.state import State
-from ...views.web.files import SECURITY
+from ...views.web.files import NOT_KEPT, SECURITY, found, number_of, send_json
 from ..branches.service import BranchService
 from ..branches.state import Branches
 from ..diff.command import differing, run_rows
@@ -29,7 +29,6 @@ from .frame_picture import frame_picture
 from .live import live_rows, merged
 from .table import table_message
 
-NOT_KEPT = {"Cache-Control": "no-store"}
 WIDTHS = range(40, 641)
 """Of a picture of a frame [px]."""
 ROUNDING = 1e-9
@@ -61,7 +60,7 @@ class RunsRoutes:
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
         message = table_message(merged(live.values(), recorded))
-        return _json(message | {"recent": state.recent, "lessons": self._lessons(state)})
+        return send_json(message | {"recent": state.recent, "lessons": self._lessons(state)})
 
     def _lessons(self, state: State) -> list[dict[str, Any]]:
         return [
@@ -80,7 +79,7 @@ class RunsRoutes:
         if not self._may_drive(request):
             raise web.HTTPForbidden(text="Onlookers change nothing.")
         asked = request.query.get("in", "")
-        return _json(await _found(lambda: self._entries(asked)))
+        return send_json(await found(lambda: self._entries(asked)))
 
     def _entries(self, asked: str) -> dict[str, Any]:
         folders = self._session.folders
@@ -96,11 +95,11 @@ class RunsRoutes:
         """The image of a frame of a branch; without `at`, of the newest one."""
         if _covers(self._session.state):
             raise web.HTTPForbidden(text="A question of the lesson is open.")
-        branch, width = _number(request, "branch", 0), _number(request, "width", WIDTHS.stop - 1)
+        branch, width = number_of(request, "branch", 0), number_of(request, "width", WIDTHS.stop - 1)
         run = self._session.service(BranchService).run_of(branch)
         if run is None or width not in WIDTHS:
             raise web.HTTPNotFound
-        at = _number(request, "at", len(run.history) - 1)
+        at = number_of(request, "at", len(run.history) - 1)
         method = request.query.get("method", "")
         content = await asyncio.to_thread(frame_picture, run, at, method if method in run.opened.methods else "", width)
         if content is None:
@@ -115,12 +114,12 @@ class RunsRoutes:
             raise web.HTTPNotFound
         run_of = session.service(BranchService).run_of
         rows = live_rows(state, run_of, session.recordings_dir)
-        return _json(await asyncio.to_thread(comparison_message, state, compared, rows, run_of))
+        return send_json(await asyncio.to_thread(comparison_message, state, compared, rows, run_of))
 
     async def _differences(self, request: web.Request) -> web.StreamResponse:
         """Of two runs of the recordings folder, which need not be of one source: as `ispom diff` finds them."""
         pair = request.query.get("a", ""), request.query.get("b", "")
-        return _json(await _found(lambda: self._diff(*pair)))
+        return send_json(await found(lambda: self._diff(*pair)))
 
     def _diff(self, a: str, b: str) -> dict[str, Any]:
         folder = self._session.recordings_dir
@@ -142,23 +141,3 @@ class RunsRoutes:
 
 def _covers(state: State) -> bool:
     return state[Lessons].covers
-
-
-def _number(request: web.Request, name: str, usual: int) -> int:
-    text = request.query.get(name, "")
-    if not text:
-        return usual
-    if not (text.isascii() and text.isdigit() and len(text) <= 9):
-        raise web.HTTPBadRequest(text=f"{name} is a number.")
-    return int(text)
-
-
-async def _found(look: Callable[[], Any]) -> Any:
-    try:
-        return await asyncio.to_thread(look)
-    except InputError as fault:
-        raise web.HTTPNotFound(text=str(fault)) from fault
-
-
-def _json(value: object) -> web.Response:
-    return web.json_response(value, headers=SECURITY | NOT_KEPT)

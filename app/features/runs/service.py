@@ -14,7 +14,7 @@ from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ..branches.service import BranchService
 from ..branches.state import Branches
-from ..recording.known import Known
+from ..recording.listing import Known
 from ..recording.service import RecordingService
 from ..recording.state import Recordings
 

@@ -8,7 +8,6 @@ from ispom.evaluation.sensitivity.perturbation import Perturbation
 
 from ...session.commands import Command
 from ...session.controller import Controller
-from ...session.registry import handles
 from .service import EffectService
 
 
@@ -18,17 +17,13 @@ class Predict(Command, frozen=True):
     wrong: Perturbation
     newest_only: ClassVar[bool] = True
 
+    def execute(self, session: Controller) -> None:
+        session.service(EffectService).predict(self.wrong)
+
 
 class RunPerturbed(Command, frozen=True):
     """Run it again from the first frame, as a branch, with the error that was predicted last."""
 
-
-@handles(Predict)
-def predict(session: Controller, command: Predict) -> None:
-    session.service(EffectService).predict(command.wrong)
-
-
-@handles(RunPerturbed)
-def run_perturbed(session: Controller, command: RunPerturbed) -> None:
-    session.service(EffectService).rerun()
-    session.store.set(playing=True)
+    def execute(self, session: Controller) -> None:
+        session.service(EffectService).rerun()
+        session.store.set(playing=True)

@@ -13,11 +13,10 @@ from ...presentation import colours
 from ...presentation.texts import Unit
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import Predict, RunPerturbed
 from .rerun import CLOSE, Compared
-from .state import CalibrationEffect
+from .service import CalibrationEffect
 from .words import cell, said, unit_of
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.signals import terminable
 from ...presentation.texts import length, length_unit
-from ...session.review.origin import source_of, source_options
+from ...session.review.stored import source_of, source_options
 from ..headless.console import progress, wait_for_compiler
 from .options import Perturb
 from .predictor import Prediction, Predictor

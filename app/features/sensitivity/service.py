@@ -1,9 +1,10 @@
-"""What a wrong calibration would do to the run that is shown, and the branch that runs with it; for the worker."""
+"""What a wrong calibration would do to the run that is shown, and the branch that runs with it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError
 from ispom.evaluation.ate import placed
@@ -13,18 +14,46 @@ from ispom.io.trajectories import TrajectoryFile
 from ispom.settings import check
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.given import Given
-from ...engine.external_trajectories.placed import Beside, beside_run
+from ...engine.external_trajectories.placed import Beside, Given, beside_run
 from ...engine.playback import Playback, truth_from_start
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
+from ...session.state import FeatureState, State
 from ..branches.service import BranchService
 from .predictor import Prediction, Predictor
 from .ran import Ran, ran_here, ran_in
-from .rerun import at_own_stamps, compared
-from .state import CalibrationEffect, Effect
+from .rerun import Compared, at_own_stamps, compared
 from .words import said
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """What is shown of a wrong calibration."""
+
+    wrong: Perturbation
+    computed: int
+    """Frames of the run that the prediction is made of."""
+    predictions: tuple[Prediction, ...]
+    rerun: bool = False
+    """Whether a branch runs, or ran, with it."""
+    outcomes: tuple[Compared, ...] = ()
+    """What came out there; empty until it has ended."""
+
+
+@dataclass(frozen=True)
+class CalibrationEffect(FeatureState):
+    effect: Effect | None = None
+
+    def page(self, state: State) -> dict[str, Any]:
+        """What is wrong with the calibration, and how far that moves each method: predicted, and in the rerun [m]."""
+        effect = self.effect
+        if effect is None:
+            return {"effect": None}
+        predicted = {each.method: each.shift_m for each in effect.predictions}
+        found = {each.prediction.method: each.shift_m for each in effect.outcomes}
+        return {"effect": {"wrong": effect.wrong.said, "predicted": predicted, "rerun": found}}
+
 
 PREDICTED = "predicted-"
 """The beginning of the names of predictions beside a rerun."""

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from ispom.errors import printable
 from ispom.methods import possible_methods
 from ispom.types import Camera, Kind, Sequence, Trajectory
+
+from ...engine.options import Options
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sources(Options):
+    """Describes a source without running anything: cameras, calibration, rates, gaps, ground truth."""
+
+    source: tyro.conf.Positional[str]
+    """sim:NAME, a path (a data set's folder, images, a video file ...), or a live camera (camera:0, http://...)."""
+
 
 GAP = 1.5
 """A time between frames is a gap from this many median times on."""

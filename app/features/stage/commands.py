@@ -7,8 +7,7 @@ from dataclasses import replace
 from ...engine.inspection.selection import Selection
 from ...session.commands import PageCommand, Seek
 from ...session.controller import Controller
-from ...session.registry import handler_of, handles
-from ..tracks.state import Inspection
+from ..tracks.commands import Inspection
 from .picking import meaning
 
 
@@ -23,14 +22,11 @@ class PickOnStage(PageCommand, frozen=True):
     instance: int | None = None
     """Which of the entity's instances was clicked."""
 
-
-@handles(PickOnStage)
-def pick_on_stage(session: Controller, command: PickOnStage) -> None:
-    if session.run is None:
-        return
-    found = meaning(session.run, command.path, command.index, command.position, command.instance)
-    if isinstance(found, Selection):
-        session.store.put(replace(session.state[Inspection], selected=str(found)))
-    elif found is not None:
-        seek = Seek(found)
-        handler_of(seek)(session, seek)
+    def execute(self, session: Controller) -> None:
+        if session.run is None:
+            return
+        found = meaning(session.run, self.path, self.index, self.position, self.instance)
+        if isinstance(found, Selection):
+            session.store.put(replace(session.state[Inspection], selected=str(found)))
+        elif found is not None:
+            Seek(found).execute(session)

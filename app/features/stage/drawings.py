@@ -12,22 +12,18 @@ from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.rerun.layers import MEASURES
-from ..branches.beside import branches_beside
-from ..branches.service import BranchService
-from ..branches.stage import trajectories
+from ..branches.stage import branches_beside, trajectories
 from ..branches.state import Branches
 from ..external_paths.stage import paths_of_others, shows_recording
-from ..flicker.stage import side
-from ..flicker.state import Flickering
+from ..integration.commands import IntegrationSteps
+from ..integration.drawing import entries
 from ..integration.integration import Integration, latest_fit
-from ..integration.stage import entries
-from ..integration.state import IntegrationSteps
 from ..layers.stage import depth_of, pair_shown
 from ..layers.state import Layers
 from ..lessons.state import covered
+from ..tracks.commands import Inspection
+from ..tracks.panel import looked_at
 from ..tracks.stage import in_images, in_world
-from ..tracks.state import Inspection
-from ..tracks.tab import looked_at
 
 
 @dataclass(frozen=True)
@@ -64,9 +60,9 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             takes_long=True,
         ),
     ]
-    flicker, step = state[Flickering].between, state[IntegrationSteps].shown
+    step = state[IntegrationSteps].shown
     pair, is_over = pair_shown(state, run), shows_recording(run)
-    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
+    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown)
     found += [
         Drawing(
             "branches",
@@ -83,10 +79,6 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         Drawing("external paths", (is_over and shown,), lambda: paths_of_others(run, state.index) if is_over else ()),
         Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
-    for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):
-        other = session.service(BranchService).run_of(of.branch) if of is not None else None
-        draw = (lambda n=name, o=of, r=other: side(n, o, r, state.index)) if of and other else tuple
-        found.append(Drawing(f"flicker {name}", (of, other, of and shown), draw, takes_long=True))
     return found
 
 
@@ -98,9 +90,7 @@ def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable
 def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
     """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
     `covers`: a question of a lesson is open."""
-    found, flicker = state[Layers].undrawn | ({MEASURES} if covers else set()), state[Flickering].between
+    found = state[Layers].undrawn | ({MEASURES} if covers else set())
     if state[IntegrationSteps].shown is not None:
         found |= {"key_frames", "cameras", "error"}
-    if flicker is not None:
-        found |= {*state.methods, "flicker a" if flicker.on_b else "flicker b"}
     return found

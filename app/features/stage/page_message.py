@@ -14,9 +14,9 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.rerun.blueprint import CURVES, EYE, WORLD_SHARE, least_size
 from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_beside, eye_of, eye_on, is_framed
+from ..integration.commands import IntegrationSteps
 from ..integration.drawing import drawing, positions
 from ..integration.integration import latest_fit
-from ..integration.state import IntegrationSteps
 
 FOLLOWING = 0.25
 """Distance of the eye that follows a camera, relative to the extent of the path."""

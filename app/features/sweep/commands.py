@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ...session.commands import Command
 from ...session.controller import Controller
-from ...session.registry import handles
 from .service import SweepService
 
 
@@ -17,9 +16,15 @@ class RunSweep(Command, frozen=True):
     values: str
     """As they were written: `100, 200, 400`."""
 
+    def execute(self, session: Controller) -> None:
+        session.service(SweepService).start(self.method, self.setting, self.values)
+
 
 class CancelSweep(Command, frozen=True):
     """No further; what was computed stays."""
+
+    def execute(self, session: Controller) -> None:
+        session.service(SweepService).cancel()
 
 
 class ShowSwept(Command, frozen=True):
@@ -28,17 +33,5 @@ class ShowSwept(Command, frozen=True):
     place: int
     """Of the value, counted from 0."""
 
-
-@handles(RunSweep)
-def run_sweep(session: Controller, command: RunSweep) -> None:
-    session.service(SweepService).start(command.method, command.setting, command.values)
-
-
-@handles(CancelSweep)
-def cancel_sweep(session: Controller, command: CancelSweep) -> None:
-    session.service(SweepService).cancel()
-
-
-@handles(ShowSwept)
-def show_swept(session: Controller, command: ShowSwept) -> None:
-    session.service(SweepService).show(command.place)
+    def execute(self, session: Controller) -> None:
+        session.service(SweepService).show(self.place)

@@ -1,4 +1,4 @@
-"""The process of a sweep: an experiment (`app/experiment/child.py`) that tells how far it is."""
+"""The process of a sweep: an experiment (`app/features/experiments/child.py`) that tells how far it is."""
 
 from __future__ import annotations
 

@@ -12,17 +12,15 @@ from ...engine.options import SourceOptions
 from ...engine.run_folder.run_file import read_run_file
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.review.origin import source_of, source_options
+from ...session.review.stored import source_of, source_options
 from ...session.service import Service
 from ...session.sources.opening import stored_at
 from ..branches.service import BranchService
 from ..branches.state import Branches
 from ..recording.service import RecordingService
-from .plan import plan_text
 from .process import SweepProcess
-from .state import SweepState
-from .sweep import Sweep, workers
-from .values import parsed, shown
+from .sweep import Sweep, SweepState, workers
+from .values import parsed, plan_text, shown
 
 CANCELLED = "cancelled"
 

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from ...engine.options import SourceOptions
-from .values import Swept, Value
+from ...session.state import FeatureState, State
+from .values import Swept, Value, shown
 
 SURE_S = 1.0
 """What is done after less says nothing of what is left."""
@@ -82,3 +83,20 @@ def workers(values: int) -> int:
     cores = (os.cpu_count() or 1) - 1
     dask = all(find_spec(name) for name in ("distributed", "cryptography"))
     return min(values, cores) if dask and cores > 1 else 0
+
+
+@dataclass(frozen=True)
+class SweepState(FeatureState):
+    sweep: Sweep | None = None
+
+    def reduce(self, event: object) -> SweepState:
+        return self  # also over another source
+
+    def page(self, state: State) -> dict[str, Any]:
+        """Its folder, how far it is, and the errors of the runs that are over, by value."""
+        sweep = self.sweep
+        if sweep is None:
+            return {"sweep": None}
+        errors = {shown(o.value): (o.values or {}).get("ate_m") for o in sweep.outcomes.values()}
+        found = {"name": sweep.name, "share": round(sweep.share, 3), "ended": sweep.ended, "ate_m": errors}
+        return {"sweep": found}

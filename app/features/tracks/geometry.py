@@ -13,7 +13,7 @@ from ...engine.inspection.geometry import Rays, pair, triple
 from ...engine.inspection.looked import Looked
 from ...presentation import colours
 from ...presentation.texts import length
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 
 render = renderer(__package__)
 

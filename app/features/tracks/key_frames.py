@@ -14,7 +14,7 @@ from ...engine.inspection.looked import Looked
 from ...engine.inspection.selection import Selection
 from ...engine.inspection.sightings import Seen, seen_by
 from ...presentation import colours
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 
 render = renderer(__package__)
 

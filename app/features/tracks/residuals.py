@@ -12,7 +12,7 @@ from ...engine.inspection.colouring import SCALES, palette
 from ...engine.inspection.looked import EXPOSURES, Looked
 from ...engine.inspection.residuals import Residuals, against_radius, histogram, over_image, residuals_of
 from ...presentation import colours
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 
 render = renderer(__package__)
 

@@ -15,7 +15,7 @@ from ...engine.inspection.sightings import Sighting, TrackLife
 from ...presentation import colours
 from ...presentation.texts import length
 from ...views.viser.drawing import picture
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 from .track_picture import image_of, line_of
 
 render = renderer(__package__)

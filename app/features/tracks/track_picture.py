@@ -16,7 +16,7 @@ from ...engine.inspection.point import EpipolarLine, epipolar
 from ...presentation import colours
 from ...session.review.recorded_tracks import RecordedTracks, RecordedViews
 from ...views.viser.drawing import dots, in_view, picture, polyline
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 
 render = renderer(__package__)
 

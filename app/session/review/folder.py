@@ -23,10 +23,9 @@ from ...engine.run_folder.placements import Placed, placed
 from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RECORDING, RIG, TRUTH, trajectory_file
-from .origin import source_of, source_options
 from .recording import identity
 from .records import Exposures, exposures, records
-from .stored import Stored, nobody
+from .stored import Stored, nobody, source_of, source_options
 
 Opener = Callable[[str, SourceOptions], Sequence]
 

@@ -13,8 +13,7 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.given import Given
-from ...engine.external_trajectories.placed import Beside, beside_run
+from ...engine.external_trajectories.placed import Beside, Given, beside_run
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder, Playback, truth_from_start
 from ...engine.run_folder.run_folder import RECORDING, RUN

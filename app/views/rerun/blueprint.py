@@ -129,8 +129,6 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
         "depth": [f"world/{m}/depth" for m in methods],
-        "flicker a": ["world/flicker/a"],
-        "flicker b": ["world/flicker/b"],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]

@@ -4,7 +4,7 @@ live = LiveStream()
 live.open(opened, history)               # for each run: a new tape
 for event in events:                     # Stepped ..., and Finished at the end
     live.write(event)                    # never waits
-live.tape.read(first, most_bytes)        # any number of readers, each at its own pace; `live.grown` tells of more
+live.tape.scene(index)                   # any number of readers, each at its own pace; `live.grown` tells of more
 live.close()
 """
 
@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import rerun as rr
@@ -26,7 +24,7 @@ from ...engine.history.feed import Feed
 from ...engine.history.history import History
 from ...engine.subscribers import Subscribers
 from . import blueprint
-from .batch import Batch, Columns, Entry
+from .batch import Batch, Entry
 from .parts import columns_of, is_part
 from .recorder import Recorder
 from .rrd import messages
@@ -35,8 +33,6 @@ from .streams import APPLICATION, release_streams, send
 from .tape import Tape
 
 log = logging.getLogger(__name__)
-SHARED_S = 0.5
-"""Time whose curves and texts go to the tape together: each piece costs the viewers time, however small."""
 SETTLE_S = 0.3
 """Before what is known already is drawn again: the page's own panels come first, and a branch that is shown but for a
 moment costs nothing."""
@@ -121,23 +117,12 @@ class LiveStream:
 
     def _run(self, recorder: Recorder, feed: Feed, tape: Tape) -> None:
         try:
-            with _Encoder(recorder) as encoder:
-                blueprint.send(encoder.lasting, recorder.opened)
-                encoder.send(recorder.opening())
-                self._append(tape, encoder)
-                if len(feed.history):
-                    feed.pause(SETTLE_S)
-                due_s = time.monotonic() + SHARED_S
-                while True:
-                    if encoder.unread and not feed.waits(max(0.0, due_s - time.monotonic())):
-                        self._append(tape, encoder)
-                    if (event := feed.take()) is None:
-                        break
-                    if not encoder.unread:
-                        due_s = time.monotonic() + SHARED_S
-                    self._draw(tape, encoder, event)
-                    if time.monotonic() > due_s or isinstance(event, Finished):
-                        self._append(tape, encoder)
+            tape.open(_opening(recorder))
+            self.grown.notify()
+            if len(feed.history):
+                feed.pause(SETTLE_S)
+            while (event := feed.take()) is not None:
+                self._draw(tape, recorder, event)
         except Exception as fault:
             if self.tape is tape:  # else the run is over, and its files are closed
                 log.exception("the live stream failed")
@@ -146,52 +131,25 @@ class LiveStream:
         finally:
             release_streams()
 
-    def _draw(self, tape: Tape, encoder: _Encoder, event: Event) -> None:
-        batch = encoder.recorder.batch(event)
-        encoder.send(batch)
+    def _draw(self, tape: Tape, recorder: Recorder, event: Event) -> None:
+        batch = recorder.batch(event)
         for entry in batch.entries:
-            if isinstance(entry, Entry) and not _is_lasting(entry):
+            if isinstance(entry, Entry) and not entry.static and is_part(entry.path):
                 tape.put(batch.index, entry.path, columns_of(entry.path, entry.value))
         if isinstance(event, Stepped | Pictured):
             tape.came(event.index, bare=isinstance(event, Stepped) and not event.skipped and not _has_image(batch))
         self.grown.notify()
 
-    def _append(self, tape: Tape, encoder: _Encoder) -> None:
-        tape.append(encoder.read())
-        self.grown.notify()
 
-
-class _Encoder:
-    """What a viewer gets all of -> `.rrd` bytes."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self.recorder = recorder
-        self.lasting = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id)
-        self._stream = rr.binary_stream(self.lasting)
-        self.unread = False
-        """Whether anything was sent since the last time."""
-
-    def __enter__(self) -> _Encoder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
-        self.lasting.disconnect()
-        del self.lasting, self._stream
-
-    def send(self, batch: Batch) -> None:
-        lasting = tuple(entry for entry in batch.entries if _is_lasting(entry))
-        send(self.lasting, replace(batch, entries=lasting))
-        self.unread = self.unread or bool(lasting)
-
-    def read(self) -> bytes:
-        """What was sent since the last time."""
-        self.unread = False
-        return messages(self._stream.read(flush_timeout_sec=FLUSH_S))
-
-
-def _is_lasting(entry: Entry | Columns) -> bool:
-    return isinstance(entry, Columns) or entry.static or not is_part(entry.path)
+def _opening(recorder: Recorder) -> bytes:
+    """The layout and what holds for the whole run, as `.rrd` bytes."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id)
+    unread = rr.binary_stream(stream)
+    blueprint.send(stream, recorder.opened)
+    send(stream, recorder.opening())
+    content = messages(unread.read(flush_timeout_sec=FLUSH_S))
+    stream.disconnect()
+    return content
 
 
 def _has_image(batch: Batch) -> bool:

@@ -36,8 +36,6 @@ Part = tuple[str, str]
 CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right")}
 """The cameras whose images are drawn, by the kind of a frame."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
-OF_FRAMES = ["/video/**", "/left/**", "/right/**", "/world/**", "/decisions"]
-"""Where parts are logged."""
 STAGE = "stage"
 """Entity and timeline that tell which message the viewer took in last."""
 FLUSH_S = 5.0
@@ -45,7 +43,7 @@ FLUSH_S = 5.0
 
 
 def is_part(path: str) -> bool:
-    """Whether what is logged here over time is a part of the views of a frame; the rest are curves and texts."""
+    """Whether what is logged here over time is a part of the views of a frame; the page draws nothing of the rest."""
     path = path.removeprefix("/")
     below = path.startswith(("video/", "left/", "right/", "world/")) and not re.fullmatch("world/[^/]+/final", path)
     return below or path == "decisions"
@@ -133,8 +131,8 @@ class SceneSource(Protocol):
         """Frames that will be there in a moment."""
         ...
 
-    def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
-        """Messages of curves, texts and the layout, and the number of the next one."""
+    def opening(self) -> bytes:
+        """Messages with the layout and what holds for the whole run; empty until they are there."""
         ...
 
     def scene(self, index: int) -> Scene: ...
@@ -182,8 +180,8 @@ class SceneWriter:
         """Whether the viewer holds anything else."""
         return self._unknown or self._held != self._wanted(scene)
 
-    def write(self, scene: Scene | None, serial: int) -> bytes:
-        """What turns the viewer's frame into this one, if any, and a row on `STAGE` that tells when this is done."""
+    def write(self, scene: Scene, serial: int) -> bytes:
+        """What turns the viewer's frame into this one, and a row on `STAGE` that tells when this is done."""
         with self._lock:
             return self._write(scene, serial)
 
@@ -192,18 +190,17 @@ class SceneWriter:
             self._unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
             self._stream.disconnect()
 
-    def _write(self, scene: Scene | None, serial: int) -> bytes:
-        if scene is not None:
-            wanted = self._wanted(scene)
-            if self._unknown:
-                self._hold({**self.source.any_of_each_part(), **self.source.overlay.parts})
-            for part in self._held.keys() - wanted.keys():
-                self._send(_emptied(self._schemas[part]))
-            for part, version in wanted.items():
-                if self._held.get(part) != version and (columns := self._shown(part, version)) is not None:
-                    self._schemas[part] = columns.schema
-                    self._send(columns)
-            self._held, self._unknown = wanted, False
+    def _write(self, scene: Scene, serial: int) -> bytes:
+        wanted = self._wanted(scene)
+        if self._unknown:
+            self._hold({**self.source.any_of_each_part(), **self.source.overlay.parts})
+        for part in self._held.keys() - wanted.keys():
+            self._send(_emptied(self._schemas[part]))
+        for part, version in wanted.items():
+            if self._held.get(part) != version and (columns := self._shown(part, version)) is not None:
+                self._schemas[part] = columns.schema
+                self._send(columns)
+        self._held, self._unknown = wanted, False
         rows = rr.Scalars.columns(scalars=[float(serial)])
         self._put(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], rows))
         return messages(self._unread.read(flush_timeout_sec=FLUSH_S))

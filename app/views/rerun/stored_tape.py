@@ -15,16 +15,13 @@ from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
-import rerun as rr
-from rerun.chunk import OptimizationProfile, RrdReader
+from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
 from ispom.types import Kind
 
 from .parts import (
     CLEAR,
-    FLUSH_S,
-    OF_FRAMES,
     Overlay,
     Part,
     Scene,
@@ -33,8 +30,7 @@ from .parts import (
     is_part,
     latest_of_each_camera,
 )
-from .rrd import chunk_at, message_starts, messages, require_readable
-from .streams import APPLICATION
+from .rrd import chunk_at, message_starts, require_readable
 from .tape import Tape
 
 TIMELINE = "exposure"
@@ -64,8 +60,7 @@ class _Values:
 
 
 class StoredTape:
-    """Reads as a Tape does. Its first item is all that holds for the whole run, the second one the curves and texts.
-    Files of one recording follow each other."""
+    """Reads as a Tape does. Files of one recording follow each other."""
 
     def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
         """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
@@ -76,11 +71,8 @@ class StoredTape:
         self._kinds = kinds
         self._lock = threading.Lock()
         self._files: list[BinaryIO] = []
-        self._paths = paths
         self._opening: list[_Message] = []
         """What holds for the whole run."""
-        self._curves: bytes | None = None
-        self._collecting = threading.Lock()
         self._parts: dict[Part, _Values] = {}
         self._clears: dict[str, list[int]] = {}
         self._decoded: OrderedDict[_Chunk, pa.RecordBatch] = OrderedDict()
@@ -98,17 +90,7 @@ class StoredTape:
     def expected(self) -> int:
         return self.end
 
-    def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
-        """Items from `first` on, at least one where there is one, and the number of the next one."""
-        found, at = [], first
-        for item in (self._read_opening, self._read_curves)[first:]:
-            if (self._files and self._files[0].closed) or sum(map(len, found)) >= most_bytes:
-                break
-            found.append(item())
-            at += 1
-        return b"".join(found), at
-
-    def _read_opening(self) -> bytes:
+    def opening(self) -> bytes:
         content = []
         with self._lock:
             for file, begin, end in self._opening:
@@ -117,21 +99,6 @@ class StoredTape:
                 file.seek(begin)
                 content.append(file.read(end - begin))
         return b"".join(content)
-
-    def _read_curves(self) -> bytes:
-        """In few pieces: as they were written they are thousands, which cost a viewer a minute."""
-        with self._collecting:
-            if self._curves is None:
-                stream = rr.RecordingStream(APPLICATION, recording_id=self.recording_id, send_properties=False)
-                unread = rr.binary_stream(stream)
-                for path in self._paths:
-                    if next(iter(RrdReader(path).recordings()), None) is not None:
-                        over_time = RrdReader(path).store().stream().filter(is_static=False)
-                        curves = over_time.drop(content=OF_FRAMES).collect(optimize=OptimizationProfile.LIVE)
-                        rr.send_chunks(curves, recording=stream)
-                self._curves = messages(unread.read(flush_timeout_sec=FLUSH_S))
-                stream.disconnect()
-            return self._curves
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame."""

@@ -51,8 +51,7 @@ class _Values:
 class Tape:
     """Append-only. Its files have no name: they are gone when the process is, however it ends.
 
-    It has two kinds of content: items, which a viewer gets all of, one after the other, and the parts of frames, of
-    which it gets those of the frame that it shows.
+    A viewer gets its opening, and then the parts of the frame that it shows.
     """
 
     def __init__(
@@ -76,7 +75,7 @@ class Tape:
         self._lasting = self._file()
         self._halves: deque[BinaryIO] = deque([self._file()], maxlen=2)
         self._half_bytes = image_bytes // 2
-        self._items: list[_Piece] = []
+        self._opening = b""
         self._parts: dict[Part, _Values] = {}
         self._clears: dict[str, list[int]] = {}
         """By path, the frames from which on it has no values."""
@@ -84,10 +83,12 @@ class Tape:
         """Frames that came without the images that they have."""
         self._end = 0
 
-    def append(self, lasting: bytes) -> None:
-        """Adds an item: `.rrd` messages. OSError where the disk is full."""
-        with self._lock:
-            self._items.append(_write(self._lasting, lasting))
+    def open(self, opening: bytes) -> None:
+        """`.rrd` messages with the layout and what holds for the whole run."""
+        self._opening = opening
+
+    def opening(self) -> bytes:
+        return self._opening
 
     def put(self, frame: int, path: str, columns: pa.RecordBatch) -> None:
         """Adds values of a part of a frame, in place of any that it has. OSError where the disk is full."""
@@ -122,16 +123,6 @@ class Tape:
     def expected(self) -> int:
         """Frames that will be there in a moment."""
         return max(self._expected(), self._end)
-
-    def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
-        """Items from `first` on, at least one where there is one, and the number of the next one."""
-        found: list[bytes] = []
-        size, at = 0, first
-        with self._lock:
-            while at < len(self._items) and size < most_bytes:
-                found.append(_read(self._items[at]))
-                size, at = size + len(found[-1]), at + 1
-        return b"".join(found), at
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame."""
@@ -173,7 +164,7 @@ class Tape:
     def close(self) -> None:
         """Gives its space on the disk back; it reads as empty from now on."""
         with self._lock:
-            self._items.clear()
+            self._opening = b""
             self._parts.clear()
             for file in (self._lasting, *self._halves):
                 file.close()

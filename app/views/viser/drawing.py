@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from base64 import b64encode
 
-import cv2
 import numpy as np
 
 from ispom.geometry import Array
 from ispom.types import Image
+
+from ...engine.run_folder.thumbnail import jpeg
 
 JPEG_QUALITY = 75
 
@@ -31,9 +32,4 @@ def in_view(uv: Array) -> Array:
 
 def picture(image: Image, width: int) -> str:
     """An address that holds the image as JPEG, at most so wide."""
-    if image.shape[1] > width:
-        size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return f"data:image/jpeg;base64,{b64encode(data.tobytes()).decode()}"
+    return f"data:image/jpeg;base64,{b64encode(jpeg(image, JPEG_QUALITY, width)).decode()}"

@@ -1,18 +1,38 @@
-"""The panels of the left pane, found by listing the features: each `features/NAME/panel.py` has `PANELS`."""
+"""The panels of the left pane, found by listing the features: each `features/NAME/panel.py` has `PANELS`.
+
+Their HTML comes from templates that escape all they are given: names and notes come from files.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from functools import cache
+from typing import TYPE_CHECKING, Any, Protocol
 
 import viser
 
+from ispom.errors import as_text
+
+from ...presentation.templating import environment
 from ...session.registry import modules
 from ...session.state import State
 
 if TYPE_CHECKING:
     from ...session.session import Session
+
+
+def renderer(package: str | None) -> Callable[..., str]:
+    """Returns what renders a template of this package, or a shared one: `render("name.html", key=value)`."""
+
+    @cache
+    def templates() -> Any:
+        return environment(*([package] if package else []), __package__ or "")
+
+    def render(template: str, **values: Any) -> str:
+        return as_text(templates().get_template(template).render(values))  # viser sends text only
+
+    return render
 
 
 class PanelView(Protocol):

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from ...features.lessons.judge import Answer, accepted, is_right
+from ...features.lessons.reveal import Answer, accepted, is_right
 from ...features.lessons.state import Learning
 
 

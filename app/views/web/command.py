@@ -13,16 +13,14 @@ from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
 from ...engine import warmup
-from ...engine.external_trajectories.given import Given, given
-from ...engine.external_trajectories.placed import beside_run
+from ...engine.external_trajectories.placed import Given, beside_run, given
 from ...engine.playback import Builder, truth_from_start
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
 from ...features.lessons.library import Library, own_lesson
 from ...session.session import Session
-from ...session.sources.folders import Folders
+from ...session.sources.folders import Folders, RecentSources
 from ...session.sources.opening import stored_at
-from ...session.sources.recent import RecentSources
 from ..rerun.live import LiveStream
 from .options import App, Learn, Serve
 from .server import Serving, serve

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from aiohttp import web
 
+from ispom.errors import InputError
+
 from ...engine.run_folder.run_folder import THUMBNAIL
 
+T = TypeVar("T")
 SEND_S = 1800.0
 """For a reader to take a file: 43 MB at 24 kB/s."""
 STATIC = Path(__file__).parent / "static"
@@ -23,10 +27,33 @@ SECURITY = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 """The page may speak to its own server only."""
+NOT_KEPT = {"Cache-Control": "no-store"}
 VISER_SECURITY = SECURITY | {
     "Content-Security-Policy": "default-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; object-src 'none'; "
     "base-uri 'none'; frame-ancestors 'self'"
 }
+
+
+def send_json(value: object) -> web.Response:
+    return web.json_response(value, headers=SECURITY | NOT_KEPT)
+
+
+async def found(look: Callable[[], T]) -> T:
+    """What a look into files gives; 404 with its sentence for an InputError."""
+    try:
+        return await asyncio.to_thread(look)
+    except InputError as fault:
+        raise web.HTTPNotFound(text=str(fault)) from fault
+
+
+def number_of(request: web.Request, name: str, usual: int | None = None) -> int:
+    """A parameter of the address; 400 where it is no number, or missing without a `usual` one."""
+    text = request.query.get(name, "")
+    if not text and usual is not None:
+        return usual
+    if not (text.isascii() and text.isdigit() and len(text) <= 9):
+        raise web.HTTPBadRequest(text=f"{name} is a number.")
+    return int(text)
 
 
 async def send_one_of(

@@ -23,14 +23,14 @@ from ...features.lessons.state import Lessons
 from ...features.runs.routes import RunsRoutes
 from ...session.people import People, Person
 from ...session.session import Session
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ..rerun.live import LiveStream
 from ..viser.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
 from .answers import Answers
 from .connections import Connections
-from .files import SECURITY, STATIC, VISER_SECURITY, pictures, recordings, send_file, send_one_of
+from .files import SECURITY, STATIC, VISER_SECURITY, number_of, pictures, recordings, send_file, send_one_of
 from .messages import Pane
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
@@ -216,12 +216,9 @@ class Gateway:
         return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        run = request.query.get("run", "")
-        item, serial = (request.query.get(name, "0") for name in ("next", "serial"))
-        if not all(number.isascii() and number.isdigit() and len(number) <= 9 for number in (item, serial)):
-            raise web.HTTPBadRequest(text="next and serial are numbers.")
+        run, serial = request.query.get("run", ""), number_of(request, "serial", 0)
         socket = await opened(request, COMMAND_BYTES)
-        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item), int(serial))
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, serial)
         return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:

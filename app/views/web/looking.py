@@ -13,14 +13,11 @@ import numpy as np
 
 from ispom.errors import InputError
 
-from ...features.events import moves as event_moves
-from ...features.events.commands import StepToEvent
+from ...features.events.commands import StepToEvent, to_event
 from ...features.layers.commands import Hide, known
 from ...features.layers.state import Layers
 from ...features.lessons.state import Lessons
-from ...features.plots.commands import Plot, SetPlots
-from ...features.plots.plotting import chosen, toggled
-from ...features.plots.state import Plots
+from ...features.plots.commands import Plot, Plots, SetPlots, chosen, toggled
 from ...session import commands as do
 from ...session import moves
 from ...session.current_run import CurrentRun
@@ -108,7 +105,7 @@ class Looking:
             case do.StepTo(kind, forwards):
                 self._take(moves.step_to(here, run, kind, forwards=forwards))
             case StepToEvent(forwards, alarming):
-                self._take(event_moves.to_event(here, run, forwards=forwards, alarming=alarming))
+                self._take(to_event(here, run, forwards=forwards, alarming=alarming))
         self._began = (self._clock(), self.shown(state).index)
         self.version += 1
         return True

@@ -12,15 +12,14 @@ from ispom.methods import method as registered
 from ...features.branches.state import Branches
 from ...features.layers.state import Layers
 from ...features.lessons.state import Lessons, covered
-from ...features.plots.plotting import DEFAULT_PLOTS
-from ...features.plots.state import Plots
+from ...features.plots.commands import DEFAULT_PLOTS, Plots
 from ...features.stage.drawings import hidden_now
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, PROVISIONAL, length
 from ...session.actions import actions
 from ...session.commands import Command, Message
 from ...session.registry import load_features
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ...session.state import State
 from ..rerun.blueprint import hidden_paths, words_to_hide
 

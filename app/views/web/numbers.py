@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Sequence
-from io import StringIO
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...engine.history.quantity import Value
 from ...engine.history.series import Series
+from ...engine.outputs import csv_of
 
 FORMULA = ("=", "+", "-", "@", "\t")
 """What a text must not begin with, for a spreadsheet would compute it; negative numbers are no texts."""
@@ -19,7 +18,7 @@ def of_exposure(series: Series, index: int) -> str:
     """A row for each quantity that was said, with its unit and meaning."""
     found = ((q, series.value(q, index)) for q in series.quantities.values())
     rows = [(q.name, _cell(value), q.unit, q.help) for q, value in found if value is not None]
-    return _text(("quantity", "value", "unit", "meaning"), rows)
+    return csv_of(("quantity", "value", "unit", "meaning"), map(_plain, rows))
 
 
 def over_time(series: Series, count: int) -> str:
@@ -30,7 +29,7 @@ def over_time(series: Series, count: int) -> str:
         if np.isfinite(values := series.values(name, 0, count)).any()
     }
     cells = [[_cell(series.value(quantity, i)) for i in range(count)] for quantity, _ in columns.values()]
-    return _text(tuple(columns), zip(*cells, strict=True))
+    return csv_of(tuple(columns), map(_plain, zip(*cells, strict=True)))
 
 
 def _cell(value: Value) -> str:
@@ -41,15 +40,7 @@ def _cell(value: Value) -> str:
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
 
 
-def _text(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    out = StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows([_plain(cell) for cell in row] for row in rows)
-    return out.getvalue()
-
-
-def _plain(cell: str) -> str:
+def _plain(row: Sequence[str]) -> list[str]:
     """A method's own text, such as a check's name, may come from a program."""
-    number = cell[:1] == "-" and cell[1:2].isdigit()
-    return f"'{cell}" if cell.startswith(FORMULA) and not number else cell
+    is_formula = [cell.startswith(FORMULA) and not (cell[0] == "-" and cell[1:2].isdigit()) for cell in row]
+    return [f"'{cell}" if formula else cell for cell, formula in zip(row, is_formula, strict=True)]

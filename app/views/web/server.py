@@ -22,9 +22,8 @@ from ...session.session import Session
 from ..rerun.live import LiveStream
 from ..viser.screen import Screen
 from .access import LOOPBACK, Access, checked_base, checked_host
-from .connections import Connections, runner_of
+from .connections import Connections, listener, runner_of
 from .gateway import Backends, Gateway
-from .listener import listener
 from .rerun_assets import viewer_assets
 
 CLOSE_S = 1.1

@@ -1,4 +1,4 @@
-"""The run's stream to one page: the frame that it shows, and of curves and texts as much as it asks for."""
+"""The run's stream to one page: the frame that it shows."""
 
 from __future__ import annotations
 
@@ -17,10 +17,8 @@ from ..rerun.rrd import HEADER
 from ..rerun.stored_tape import AnyTape
 from .wakeup import Wakeup
 
-MESSAGE_BYTES = 64 << 10
-"""About how much of curves and texts goes into one message: a frame that is asked for meanwhile waits for it."""
-HEAD = struct.Struct(">IIi?3x")
-"""Of a message: the next item, the serial number, the frame that it brings (-1: none), and whether that is complete."""
+HEAD = struct.Struct(">II?3x")
+"""Of a message: the serial number, the frame that it brings, and whether that is complete."""
 FIRST_S = 2.0
 """Longest wait for a run's first frame to be complete."""
 
@@ -28,25 +26,22 @@ FIRST_S = 2.0
 class TapeReader:
     """One page's place on the tape.
 
-    A page that comes back names the `run` that it has, the item that comes `next`, and its last `serial` number. It
-    sends "more" when it can take more items, and "show 12 34" when it can take frame 12 and has received message 34;
-    this holds until it is answered, so that a frame that comes later, or changes, is sent by itself. A request that a
-    frame crosses on its way is void: the page asks again when it can take another one. An answer is either text, the
-    run that begins now and the id of its recording; or bytes: HEAD, then an `.rrd` stream. The first of a run brings a
-    frame.
+    A page that comes back names the `run` that it has, and its last `serial` number. It sends "show 12 34" when it can
+    take frame 12 and has received message 34; this holds until it is answered, so that a frame that comes later, or
+    changes, is sent by itself. A request that a frame crosses on its way is void: the page asks again when it can take
+    another one. An answer is either text, the run that begins now and the id of its recording; or bytes: HEAD, then an
+    `.rrd` stream.
     """
 
-    def __init__(
-        self, tape: Callable[[], AnyTape | None], grown: Wakeup, run: str = "", next_item: int = 0, serial: int = 0
-    ) -> None:
+    def __init__(self, tape: Callable[[], AnyTape | None], grown: Wakeup, run: str = "", serial: int = 0) -> None:
         self._tape, self._grown = tape, grown
-        self._run, self._next, self._serial = run, next_item, serial
+        self._run, self._serial = run, serial
         self._writer: SceneWriter | None = None
         self._index = -1
         """The frame that the page asked for last; -1 for none yet."""
-        self._takes_frame = self._takes_items = False
-        self._frame_serial = 0
-        """The serial number of the last message that brought a frame."""
+        self._takes_frame = False
+        self._sent = 0
+        """The serial number of the last message to this connection."""
         self._shown: tuple[int, bool] | None = None
         """The frame that the page was sent last, and whether that is complete."""
         self._requested = -1
@@ -67,9 +62,7 @@ class TapeReader:
                 self._writer.close()
 
     def _hear(self, text: str) -> None:
-        if text == "more":
-            self._takes_items = True
-        elif (found := re.fullmatch(r"show (\d{1,9}) (\d{1,9})", text)) and int(found[2]) >= self._frame_serial:
+        if (found := re.fullmatch(r"show (\d{1,9}) (\d{1,9})", text)) and int(found[2]) >= self._sent:
             self._index, self._takes_frame = int(found[1]), True
         self._grown.ring()
 
@@ -94,21 +87,14 @@ class TapeReader:
                 return False
             else:
                 self._follow(tape)
-                self._run, self._next, self._takes_frame = tape.run, 0, False
+                self._run, self._takes_frame = tape.run, False
                 await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
-                items, self._next = await asyncio.to_thread(tape.read, 0, 1)
-                await self._deliver(socket, items, first)
+                await self._deliver(socket, await asyncio.to_thread(tape.opening), first)
                 return True
         if self._takes_frame and (scene := await self._changed(tape)) is not None:
             self._takes_frame = False
             await self._deliver(socket, b"", scene)
             return True
-        if self._takes_items:
-            items, following = await asyncio.to_thread(tape.read, self._next, MESSAGE_BYTES)
-            if following != self._next:
-                self._next, self._takes_items = following, False
-                await self._deliver(socket, items, None)
-                return True
         return False
 
     def _follow(self, tape: AnyTape) -> None:
@@ -146,13 +132,9 @@ class TapeReader:
             tape.request(index)
         return scene
 
-    async def _deliver(self, socket: web.WebSocketResponse, items: bytes, scene: Scene | None) -> None:
+    async def _deliver(self, socket: web.WebSocketResponse, opening: bytes, scene: Scene) -> None:
         assert self._writer is not None
-        self._serial += 1
-        if scene is not None:
-            self._frame_serial = self._serial
-        content = items + await asyncio.to_thread(self._writer.write, scene, self._serial)
-        index, complete = (-1, True) if scene is None else (scene.index, not scene.missing)
-        if scene is not None:
-            self._shown = index, complete
-        await socket.send_bytes(HEAD.pack(self._next, self._serial, index, complete) + HEADER + content)
+        self._sent = self._serial = self._serial + 1
+        content = opening + await asyncio.to_thread(self._writer.write, scene, self._serial)
+        self._shown = scene.index, not scene.missing
+        await socket.send_bytes(HEAD.pack(self._serial, *self._shown) + HEADER + content)

@@ -8,15 +8,15 @@ import numpy as np
 
 from ispom.types import Status
 
-from ...engine.conditions.matches import matches
+from ...engine.conditions.evaluate import matches
 from ...engine.conditions.parser import Expression
 from ...engine.events import Bookmark
 from ...engine.history.series import Series
 from ...engine.run_events.event import RunEvent
-from ...features.bookmarks.state import Bookmarks
+from ...features.bookmarks.service import Bookmarks
 from ...features.branches.branches import Branch
 from ...features.branches.state import Branches
-from ...features.breakpoints.state import Breakpoints
+from ...features.breakpoints.commands import Breakpoints
 from ...features.lessons.state import Lessons
 from ...presentation import colours
 from ...session.current_run import CurrentRun

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from ispom_app.cli.main import main
-from ispom_app.features.experiments import cluster, workers
+from ispom_app.features.experiments import cluster
 from ispom_app.features.experiments.cluster import ATTEMPTS
 from ispom_app.features.experiments.results import TIMES, by_plan
 
@@ -45,7 +45,7 @@ def test_a_run_that_takes_too_much_memory_is_a_row_that_says_so(tmp_path: Path) 
 
 
 def test_workers_that_do_not_start_end_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(workers, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
+    monkeypatch.setattr(cluster, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
     with pytest.raises(InputError, match=r"the workers do not live: one ended with exit code 1 \(no such module\)"):
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
@@ -58,8 +58,8 @@ def test_one_that_ends_before_it_is_told_its_task_is_one_that_does_not_live(
             super().__init__(command, environment)
             assert self.wait(60)
 
-    monkeypatch.setattr(workers, "Child", Ended)
-    monkeypatch.setattr(workers, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
+    monkeypatch.setattr(cluster, "Child", Ended)
+    monkeypatch.setattr(cluster, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
     with pytest.raises(InputError, match="the workers do not live: one ended with exit code 1"):
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
@@ -105,8 +105,8 @@ def test_workers_leave_no_temporary_folder(monkeypatch: pytest.MonkeyPatch, tmp_
     scratch = tmp_path / "scratch"
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    (scratch / f"{workers.SCRATCH}{gone.pid}-left" / "file").mkdir(parents=True)
-    running = scratch / f"{workers.SCRATCH}{os.getpid()}-other"
+    (scratch / f"{cluster.SCRATCH}{gone.pid}-left" / "file").mkdir(parents=True)
+    running = scratch / f"{cluster.SCRATCH}{os.getpid()}-other"
     running.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     rows(tmp_path / "out", made.killed_at_first, lines=made.LINES[:1], seeds=(0,), count=1)

@@ -7,9 +7,9 @@ from ispom_app.engine.history.series import Series
 from ispom_app.engine.inspection.colouring import BINS, COLOURINGS, SCALES, palette
 from ispom_app.engine.inspection.covisibility import around, covisibility, key_frames, seen_at
 from ispom_app.engine.inspection.knowledge import known_from
-from ispom_app.engine.inspection.lifetimes import endings, lifetimes
 from ispom_app.engine.inspection.residuals import CELLS, Residuals, against_radius, histogram, over_image, residuals_of
 from ispom_app.engine.inspection.sightings import seen_before
+from ispom_app.features.tracks.tracks import endings, lifetimes
 
 from ispom.types import TrackStatus
 from tests.app.inspect.scene import CAMERA, COUNT, POINTS, RIG, pose, records, seen_from

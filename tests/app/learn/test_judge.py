@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from ispom_app.engine.conditions.parser import parse
-from ispom_app.features.lessons.judge import SAMPLES, accepted, is_right
 from ispom_app.features.lessons.lesson import TRACK, Ask, Choose, Draw, Fact, Number, Option, Point, right_tracks
-from ispom_app.features.lessons.reveal import Revealed
+from ispom_app.features.lessons.reveal import SAMPLES, Revealed, accepted, is_right
 
 from ispom.types import Rig, Tracks, TrackStatus
 from tests import doubles

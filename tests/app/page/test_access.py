@@ -14,8 +14,7 @@ from aiohttp import WSCloseCode, WSMsgType
 from ispom_app.views.viser.portless import PortlessViser
 from ispom_app.views.web import connections, sockets
 from ispom_app.views.web.access import Access, checked_base, checked_host
-from ispom_app.views.web.connections import Connections
-from ispom_app.views.web.listener import listener
+from ispom_app.views.web.connections import Connections, listener
 from ispom_app.views.web.server import Serving
 
 from ispom.errors import InputError

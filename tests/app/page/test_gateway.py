@@ -152,9 +152,9 @@ def test_states_go_out_and_commands_come_in(tmp_path: Path):
 
 
 def filled(folder: Path, frames: int = 3, **options) -> Tape:
-    """A tape with an item, and frames of which each has a text."""
+    """A tape of frames of which each has a text."""
     tape = Tape(folder, recording_id="a-run", kinds=lambda: ("video",) * 9, **options)
-    tape.append(b"opening")
+    tape.open(b"opening")
     for frame in range(frames):
         draw(tape, frame)
     return tape
@@ -165,33 +165,29 @@ def draw(tape: Tape, frame: int, text: str = "") -> None:
     tape.came(frame)
 
 
-async def heard(ws) -> tuple[int, int, int, bool]:
-    """The head of the next message: next item, serial number, frame, and whether that is complete."""
+async def heard(ws) -> tuple[int, int, bool]:
+    """The head of the next message: serial number, frame, and whether that is complete."""
     message = await ws.receive_bytes()
     assert message[HEAD.size :].startswith(HEADER)
     return HEAD.unpack_from(message)
 
 
-def test_a_page_gets_the_frame_that_it_asks_for_and_of_curves_as_much_as_it_asks_for(tmp_path: Path):
+def test_a_page_gets_the_frame_that_it_asks_for(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:
             await ws.send_str("show 2 0")
             assert json.loads(await ws.receive_str()) == {"run": tape.run, "recording": "a-run"}
-            assert await heard(ws) == (1, 1, 2, True), "the first message brings the opening and the frame"
+            first = await ws.receive_bytes()
+            assert HEAD.unpack_from(first) == (1, 2, True)
+            assert first[HEAD.size :].startswith(HEADER + b"opening"), "the first message brings the opening as well"
             await ws.send_str("show 0 1")
-            assert await heard(ws) == (1, 2, 0, True)
+            assert await heard(ws) == (2, 0, True)
             await ws.send_str("show 1 2")
-            assert await heard(ws) == (1, 3, 1, True)
-            tape.append(b"later")
-            at.live.grown.notify()
-            await ws.send_str("more")
-            assert await heard(ws) == (2, 4, -1, True)
-        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&next=1&serial=4") as ws:
-            await ws.send_str("more")
-            assert await heard(ws) == (2, 5, -1, True)
-            await ws.send_str("show 1 5")
-            assert await heard(ws) == (2, 6, 1, True), "nobody knows what the page has"
+            assert await heard(ws) == (3, 1, True)
+        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&serial=3") as ws:
+            await ws.send_str("show 1 3")
+            assert await heard(ws) == (4, 1, True), "nobody knows what the page has"
         tape.close()
 
     serving(tmp_path, check)
@@ -205,13 +201,10 @@ def test_a_request_that_crosses_a_frame_is_void(tmp_path: Path):
         async with at.client.ws_connect(f"{at.url}live") as ws:
             await ws.send_str("show 0 0")
             await ws.receive_str()
-            assert await heard(ws) == (1, 1, 0, True)
+            assert await heard(ws) == (1, 0, True)
             await ws.send_str("show 1 0")  # sent before the frame was received
-            tape.append(b"later")
-            await ws.send_str("more")
-            assert await heard(ws) == (2, 2, -1, True), "no frame"
             await ws.send_str("show 2 1")
-            assert await heard(ws) == (2, 3, 2, True), "a message without a frame makes no request void"
+            assert await heard(ws) == (2, 2, True)
         tape.close()
 
     serving(tmp_path, check)
@@ -224,24 +217,24 @@ def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
         async with at.client.ws_connect(f"{at.url}live") as ws:
             await ws.send_str("show 4 0")
             await ws.receive_str()
-            assert (await heard(ws))[2] == 2, "until it is there the last one"
+            assert (await heard(ws))[1] == 2, "until it is there the last one"
             await ws.send_str("show 4 1")
             draw(tape, 3)
             at.live.grown.notify()
-            assert (await heard(ws))[2] == 3
+            assert (await heard(ws))[1] == 3
             await ws.send_str("show 4 2")
             tape.came(4, bare=True)
             at.live.grown.notify()
-            assert (await heard(ws))[2:] == (4, False)
+            assert (await heard(ws))[1:] == (4, False)
             assert asked == [4]
             await ws.send_str("show 4 3")
             tape.came(4)
             at.live.grown.notify()
-            assert (await heard(ws))[2:] == (4, True)
+            assert (await heard(ws))[1:] == (4, True)
             await ws.send_str("show 4 4")
             draw(tape, 4, "the final poses are in it")
             at.live.grown.notify()
-            assert (await heard(ws))[2:] == (4, True)
+            assert (await heard(ws))[1:] == (4, True)
         tape.close()
 
     serving(tmp_path, check)
@@ -255,7 +248,7 @@ def test_another_run_begins_when_its_frame_can_be_shown(tmp_path: Path):
         async with at.client.ws_connect(f"{at.url}live") as ws:
             await ws.send_str("show 2 0")
             await ws.receive_str()
-            assert (await heard(ws))[2] == 2
+            assert (await heard(ws))[1] == 2
             await ws.send_str("show 2 1")
             second = at.live.tape = filled(tmp_path, frames=1, expected=lambda: 3)
             at.live.grown.notify()
@@ -265,14 +258,14 @@ def test_another_run_begins_when_its_frame_can_be_shown(tmp_path: Path):
                 draw(second, frame)
                 at.live.grown.notify()
             assert json.loads(await ws.receive_str())["run"] == second.run
-            assert await heard(ws) == (1, 2, 2, True)
+            assert await heard(ws) == (2, 2, True)
         first.close()
         second.close()
 
     serving(tmp_path, check)
 
 
-@pytest.mark.parametrize("what", ["next=x", "serial=-1", "next=1&serial=12345678901"])
+@pytest.mark.parametrize("what", ["serial=x", "serial=-1", "serial=12345678901"])
 def test_a_page_that_names_no_number_is_refused(tmp_path: Path, what: str):
     async def check(at: Served) -> None:
         assert await at.status(f"{at.access.base}live?run=a&{what}") == 400
@@ -284,16 +277,16 @@ def test_a_viewer_that_stops_reading_costs_the_others_nothing(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as stuck, at.client.ws_connect(f"{at.url}live") as other:
-            await other.send_str("show 0 0")
-            for _ in range(100):
-                await stuck.send_str("show 0 0")
-                await stuck.send_str("more")  # and never reads
-            for i in range(64):
-                tape.append(b"x" * 1_000_000)
+            for ws in (stuck, other):  # the first never reads
+                await ws.send_str("show 0 0")
+            await other.receive_str()
+            await heard(other)
+            for serial in range(1, 65):
+                draw(tape, 0, str(serial % 10) * 1_000_000)
+                for ws in (stuck, other):
+                    await ws.send_str(f"show 0 {serial}")
                 at.live.grown.notify()
-                await other.send_str("more")
-                while isinstance(message := (await other.receive()).data, str) or HEAD.unpack_from(message)[0] < i + 2:
-                    pass
+                assert await heard(other) == (serial + 1, 0, True)
         tape.close()
 
     serving(tmp_path, check)

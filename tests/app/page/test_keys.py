@@ -29,7 +29,6 @@ CONSEQUENCES = {
     "loop_end": "state.loop?.[0] === 0 && state.loop[1] === 20",
     "no_loop": "state.loop === null",
     "bookmark": "window.ispom.axis.bookmarks[0]?.at === 20",
-    "flick": "['a', 'b'].includes(state.flicker?.[0]) && state.flicker[1] === 0",
 }
 """Of each action at frame 20, where the first and every fifth frame of a method is a keyframe."""
 BUTTONS = ("back", "forward", "start", "end", "loop_start", "loop_end", "no_loop", "bookmark")

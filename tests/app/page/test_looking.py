@@ -9,9 +9,7 @@ from ispom_app.features.bookmarks.commands import ToggleBookmark
 from ispom_app.features.branches.commands import Fork
 from ispom_app.features.layers.commands import Hide
 from ispom_app.features.layers.state import Layers
-from ispom_app.features.plots.commands import Plot
-from ispom_app.features.plots.plotting import DEFAULT_PLOTS
-from ispom_app.features.plots.state import Plots
+from ispom_app.features.plots.commands import DEFAULT_PLOTS, Plot, Plots
 from ispom_app.features.tracks.commands import Select
 from ispom_app.session import commands as do
 from ispom_app.session.actions import actions

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from ispom_app.engine.playback import Playback
 from ispom_app.features.plots import page_message as quantity_plots
+from ispom_app.features.plots.commands import ERROR, Plots
 from ispom_app.features.plots.page_message import PlotNews, choices, plot_of
-from ispom_app.features.plots.plotting import ERROR
-from ispom_app.features.plots.state import Plots
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
 

@@ -35,7 +35,7 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     follower.until("window.ispom.shown.index === 20", "to follow")
     follower.tab.keyboard.press("ArrowLeft")
     follower.until(
-        "window.ispom.shown.index === 19 && window.ispom.viewer.cursor.sent === 19", "a look at the one before"
+        "window.ispom.shown.index === 19 && window.ispom.viewer.stage.shown?.index === 19", "a look at the one before"
     )
     assert "look at" not in driver.tab.locator("#people").inner_text()
     seek(driver, 22)

@@ -13,10 +13,9 @@ from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.accuracy import measured, over_common_frames
 from ispom_app.features.branches.branches import Branch
-from ispom_app.features.branches.error_curves import aligned_curves, live_curves
 from ispom_app.features.branches.panel import BranchesPanel
-from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
+from ispom_app.features.plots.page_message import error_curves
 from ispom_app.presentation.texts import length, lengths
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -81,14 +80,17 @@ def test_the_chips_say_the_same_and_name_the_alignment(tiny: Session) -> None:
         assert ("Sim(3)" if method == "monocular" else "SE(3)") in chips[label]["hint"]
 
 
-def test_the_error_curve_is_aligned_and_the_live_one_has_no_provisional_poses(tiny: Session) -> None:
-    curves = {curve.label: curve.values for curve in aligned_curves(tiny.state, tiny.service(BranchService).run_of)}
-    assert list(curves) == ["Monocular, Sim(3)", "Stereo, SE(3)", "Integrated, SE(3)"]
-    for curve, error in zip(curves.values(), shown(tiny.state).measured.errors.values(), strict=True):
-        assert np.sqrt(np.nanmean(curve**2)) == pytest.approx(error.ate_m, rel=1e-9)
-    live = {curve.label: curve.values for curve in live_curves(tiny.state, tiny.service(BranchService).run_of)}
-    assert "Integrated, live" in live
-    assert np.isnan(live["Integrated, live"][:12]).all() and np.nanmax(live["Integrated, live"]) < 0.01
+def test_the_error_curve_is_that_of_the_ate(tiny: Session) -> None:
+    curves = list(error_curves(tiny.state))
+    assert [curve.label for curve, _ in curves] == ["Monocular (Sim(3))", "Stereo (SE(3))", "Integrated (SE(3))"]
+    for (_, drawn), error in zip(curves, shown(tiny.state).measured.errors.values(), strict=True):
+        assert np.sqrt(np.mean(drawn.position_errors_m**2)) == pytest.approx(error.ate_m, rel=1e-9)
+
+
+def test_the_live_error_of_provisional_poses_is_unknown(tiny: Session) -> None:
+    assert tiny.run is not None
+    live = tiny.run.series.values("integrated.error_m", 0, len(tiny.run.history))
+    assert np.isnan(live[:12]).all() and np.nanmax(live) < 0.01
 
 
 def test_times_are_medians_as_in_metrics_json(tiny: Session) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.sensitivity.commands import Predict, RunPerturbed
-from ispom_app.features.sensitivity.state import CalibrationEffect
+from ispom_app.features.sensitivity.service import CalibrationEffect
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 from ispom_app.engine.playback import Playback
-from ispom_app.features.integration.commands import ShowIntegration, StepIntegration
+from ispom_app.features.integration.commands import IntegrationSteps, ShowIntegration, StepIntegration
 from ispom_app.features.integration.integration import Integration, latest_fit, stage_count
-from ispom_app.features.integration.state import IntegrationSteps
 from ispom_app.session.current_run import CurrentRun
 
 from tests import doubles

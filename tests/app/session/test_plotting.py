@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ispom_app.features.plots.commands import Plot, SetPlots
-from ispom_app.features.plots.plotting import DEFAULT_PLOTS, MOST_PLOTS
-from ispom_app.features.plots.state import Plots
+from ispom_app.features.plots.commands import DEFAULT_PLOTS, MOST_PLOTS, Plot, Plots, SetPlots
 from ispom_app.session import commands as do
 
 from tests.app.helpers import started, wait_for

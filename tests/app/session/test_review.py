@@ -14,23 +14,22 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
-from ispom_app.features.bookmarks.state import Bookmarks
-from ispom_app.features.branches.commands import CompareBranch, Fork, ShowBranch
+from ispom_app.features.bookmarks.service import Bookmarks
+from ispom_app.features.branches.commands import Fork, ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.features.recording.state import Kept, Recordings
-from ispom_app.features.tracks.commands import Pick
-from ispom_app.features.tracks.state import Inspection
-from ispom_app.features.tracks.tab import LookTab, looked_at
+from ispom_app.features.runs.commands import CompareRuns
+from ispom_app.features.tracks.commands import Inspection, Pick
+from ispom_app.features.tracks.panel import LookTab, looked_at
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
-from ispom_app.session.sources.folders import Folders
-from ispom_app.session.sources.names import run_name
+from ispom_app.session.sources.folders import Folders, run_name
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.stored_tape import StoredTape
 from ispom_app.views.viser.screen import Screen
@@ -100,7 +99,7 @@ def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
     session.post(do.Speed(None))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     assert not [n.text for n in session.state.notices if "not the stored run" in n.text]
-    session.post(CompareBranch(0))
+    session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison is not None and session.state[Branches].comparison.finished,
         "the comparison",
@@ -289,7 +288,7 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
     live = LiveStream()
     session = opened(tmp_path, run, live=live)
     assert isinstance(live.tape, StoredTape)
-    recorded = live.tape.read(0, 1), live.tape.end, live.tape.recording_id
+    recorded = live.tape.opening(), live.tape.end, live.tape.recording_id
     session.post(do.Seek(8))
     session.post(Fork(session.state.methods, session.state.config))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the branch")
@@ -297,7 +296,7 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
     session.post(ShowBranch(0))
     wait_for(lambda: session.state[Branches].shown == 0, "the stored run")
     assert isinstance(live.tape, StoredTape)
-    assert (live.tape.read(0, 1), live.tape.end, live.tape.recording_id) == recorded
+    assert (live.tape.opening(), live.tape.end, live.tape.recording_id) == recorded
     session.close(5)
     live.close()
 

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from ispom_app.engine.model.true_path import FIRST, TruePath
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.branches.error_curves import aligned_curves, live_curves
 from ispom_app.features.branches.panel import BranchesPanel
-from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
+from ispom_app.features.plots.page_message import error_curves
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.views.web.messages import message_of
@@ -84,11 +83,12 @@ def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, serv
 
 
 def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
-    (curve,) = aligned_curves(single.state, single.service(BranchService).run_of)
+    ((curve, drawn),) = error_curves(single.state)
     error = single.state[Branches].all[0].measured.errors["monocular"]
-    assert curve.label == "Monocular, Sim(3)" and np.isfinite(curve.values).sum() == len(error.estimate)
-    assert np.sqrt(np.nanmean(curve.values**2)) == pytest.approx(error.ate_m)
-    assert not list(live_curves(single.state, single.service(BranchService).run_of)), "its live poses have no unit"
+    assert curve.label == "Monocular (Sim(3))" and drawn is error
+    assert single.run is not None
+    live = single.run.series.values("monocular.error_m", 0, len(single.run.history))
+    assert not np.isfinite(live).any(), "its live poses have no unit"
 
 
 def test_it_is_aligned_again_a_few_times_only(single: Session) -> None:

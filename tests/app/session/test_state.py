@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ispom_app.engine.events import Finished, Opened, Stepped
 from ispom_app.engine.history.record import ExposureRecord
-from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.model.run_model import Tally
 from ispom_app.session.state import (
     MAX_NOTICES,
     Computed,

@@ -11,8 +11,7 @@ from ispom_app.engine.options import SourceOptions
 from ispom_app.features.experiments.options import Experiment
 from ispom_app.features.experiments.plan import config_of
 from ispom_app.features.experiments.plan_file import read_plan
-from ispom_app.features.sweep.plan import plan_text
-from ispom_app.features.sweep.values import FEWEST, MOST, Swept, offered, parsed, proposed, shown
+from ispom_app.features.sweep.values import FEWEST, MOST, Swept, offered, parsed, plan_text, proposed, shown
 
 from ispom.errors import InputError
 from ispom.methods import Config, method, names

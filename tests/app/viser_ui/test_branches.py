@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.model.run_model import Tally
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.accuracy import measured
 from ispom_app.features.branches.branches import Beside, Branch
-from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
-from ispom_app.features.branches.panel import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
+from ispom_app.features.branches.commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
+from ispom_app.features.branches.panel import DELETE, SHOW, BranchesPanel, _entry
 from ispom_app.features.branches.stage import trajectories
 from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
@@ -91,7 +91,7 @@ def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServe
 
 def test_every_error_is_the_ate_with_its_alignment_named(server: viser.ViserServer, run: CurrentRun) -> None:
     branch = Branch(0, "first run", computed=22, tally=run.tally, measured=measured(run))
-    rows = _entry(branch, with_branches(run, branch), {}, MILLIMETRE, True)["methods"]
+    rows = _entry(branch, with_branches(run, branch), MILLIMETRE, True)["methods"]
     assert [row["ate"].split()[-1] for row in rows if row["ate"]] == ["Sim(3)", "SE(3)"]
     assert all("poses, aligned by" in row["ate_hint"] for row in rows if row["ate"])
     assert {row["ms"] for row in rows} == {"5.00"}
@@ -99,16 +99,8 @@ def test_every_error_is_the_ate_with_its_alignment_named(server: viser.ViserServ
 
 def test_without_ground_truth_there_is_no_error(run: CurrentRun) -> None:
     branch = Branch(0, "first run", computed=22, tally=run.tally)
-    rows = _entry(branch, with_branches(run, branch), {}, MILLIMETRE, False)["methods"]
+    rows = _entry(branch, with_branches(run, branch), MILLIMETRE, False)["methods"]
     assert {row["ate"] for row in rows} == {"no truth"}
-
-
-def test_two_branches_are_compared_over_their_common_frames_unless_one_is_not_drawn(run: CurrentRun) -> None:
-    both = tuple(Branch(n, str(n), tally=run.tally, measured=measured(run)) for n in (0, 1))
-    state, common = with_branches(run, *both), _Common()
-    assert set(common.of(state)) == {(n, method) for n in (0, 1) for method in ("monocular", "integrated")}
-    assert common.of(state) is common.of(state), "computed once"
-    assert not common.of(with_branches(run, both[0], replace(both[1], hidden=True)))
 
 
 def test_the_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
@@ -129,10 +121,9 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
     panel, asked = made(server, two)
     assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
     panel._buttons.value = SHOW
-    panel._buttons.value = COMPARE
     panel._buttons.value = DELETE
     press(panel._rename)
-    assert asked == [ShowBranch(1), CompareBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
+    assert asked == [ShowBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
     panel._drawn.value = False
     assert asked[-1] == HideBranch(1, True)
 

@@ -10,13 +10,10 @@ import numpy as np
 import pytest
 import viser
 from ispom_app.engine.playback import Playback
-from ispom_app.features.integration.commands import ShowIntegration, StepIntegration
-from ispom_app.features.integration.drawing import Dots, Line, bracket_rows, drawing, positions
+from ispom_app.features.integration.commands import IntegrationSteps, ShowIntegration, StepIntegration
+from ispom_app.features.integration.drawing import ROOT, Dots, Line, bracket_rows, drawing, entries, positions
 from ispom_app.features.integration.integration import Integration, latest_fit
-from ispom_app.features.integration.numbers import table
-from ispom_app.features.integration.panel import NEXT, PREVIOUS, IntegrationPanel
-from ispom_app.features.integration.stage import ROOT, entries
-from ispom_app.features.integration.state import IntegrationSteps
+from ispom_app.features.integration.panel import NEXT, PREVIOUS, IntegrationPanel, table
 from ispom_app.presentation.texts import length
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun

@@ -13,13 +13,13 @@ from ispom_app.engine.inspection.looked import Looked
 from ispom_app.engine.inspection.selection import parsed
 from ispom_app.engine.playback import Playback
 from ispom_app.features.layers.commands import ColourBy
-from ispom_app.features.tracks import tab as looks
+from ispom_app.features.tracks import panel as looks
 from ispom_app.features.tracks.commands import LookAt
 from ispom_app.features.tracks.geometry import geometry_report
 from ispom_app.features.tracks.key_frames import key_frames_report
+from ispom_app.features.tracks.panel import EMPTY, LookTab
 from ispom_app.features.tracks.residuals import residuals_report
 from ispom_app.features.tracks.stage import ROOT, in_images, in_world
-from ispom_app.features.tracks.tab import EMPTY, LookTab
 from ispom_app.features.tracks.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.features.tracks.tracks import lifetimes_chart, tracks_table

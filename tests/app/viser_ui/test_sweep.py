@@ -11,8 +11,7 @@ import pytest
 import viser
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
-from ispom_app.features.sweep.panel import SweepPanel
-from ispom_app.features.sweep.plot import points
+from ispom_app.features.sweep.panel import SweepPanel, points
 from ispom_app.features.sweep.sweep import Sweep
 from ispom_app.features.sweep.values import Swept, Value
 from ispom_app.session import commands as do

@@ -1,1 +1,1 @@
-"""One file per kind of event, each with a `KIND`."""
+"""Files with `KINDS` of events; a new kind is a new file, or one more in a file."""

@@ -10,8 +10,8 @@ import pytest
 from ispom_app.engine.events import Bookmark
 from ispom_app.engine.history.quantities import NO_ROW, row_after
 from ispom_app.engine.run_events import kinds, log
+from ispom_app.engine.run_events.event import event_kinds, nearest, with_bookmarks
 from ispom_app.engine.run_events.log import EventLog
-from ispom_app.engine.run_events.registry import event_kinds, nearest, with_bookmarks
 from ispom_app.engine.verdict import Severity
 
 from ispom.estimators.modern.loops.checks import LOOP_VIEWS
@@ -158,7 +158,7 @@ def detect(moment):
     return "Even: a number that two divides." if moment.frame % 2 == 0 else False
 
 
-KIND = EventKind("even", "Even", Severity.OK, "At every second frame.", detect)
+KINDS = (EventKind("even", "Even", Severity.OK, "At every second frame.", detect),)
 """
 
 

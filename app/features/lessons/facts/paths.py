@@ -17,7 +17,7 @@ from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.types import Trajectory
 
-from ....engine.conditions.matches import hits
+from ....engine.conditions.evaluate import hits
 from ....engine.conditions.parser import parse
 from ..ran import Ran
 

@@ -31,12 +31,7 @@ let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
-const viewer = openViewer(
-  dark.matches,
-  (index) => people.command({ do: "seek", index }),
-  (message) => people.command(message),
-  showViewer,
-);
+const viewer = openViewer(dark.matches, (message) => people.command(message), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
@@ -99,7 +94,6 @@ function reconnect() {
 }
 
 function command(message) {
-  viewer.release();
   address.release();
   people.command(message);
 }

@@ -27,7 +27,7 @@ export function makeCompare(command, modes, openRuns) {
     if (!shown) return;
     const key = JSON.stringify([next.compared, next.branches, next.run, next.compared && next.computed]);
     if (key !== asked) load(key);
-    if (next.compared && found) frame();
+    if (found || !next.compared) frame();
   }
 
   // Not more often than once a second; the latest key is always asked for in the end.
@@ -54,12 +54,14 @@ export function makeCompare(command, modes, openRuns) {
     );
     choose(runs, answer.numbers);
     for (const part of [first, numbers, curves]) part.hidden = !found;
-    swipe.show(found !== null);
-    if (!found) return;
-    listFirst();
-    const [a, b] = answer.numbers.map((number) => row(answer, number));
-    numbers.replaceChildren(table(answer, a, b));
-    swipe.methods(state.methods.map(({ label, name }) => [name, label]));
+    const methods = state.methods.map(({ label, name }) => [name, label]);
+    swipe.show(found !== null || methods.length > 1);
+    swipe.methods(methods, !found);
+    if (found) {
+      listFirst();
+      const [a, b] = answer.numbers.map((number) => row(answer, number));
+      numbers.replaceChildren(table(answer, a, b));
+    }
     frame();
   }
 
@@ -98,7 +100,7 @@ export function makeCompare(command, modes, openRuns) {
   }
 
   function listFirst() {
-    const { first: list, frames, apart, done, finished, methods } = found;
+    const { first: list, frames, apart, done, finished, methods, thinned } = found;
     const compared = frames[1] - frames[0] + 1;
     const parts = [];
     if (list.length) {
@@ -117,6 +119,7 @@ export function makeCompare(command, modes, openRuns) {
       }
       parts.push(details);
     } else parts.push(element("p", "headline", finished ? `No difference in ${compared} frames.` : "No difference so far."));
+    if (thinned) parts.push(element("p", "quiet", `The history no longer has the tracks of ${thinned} frames: the rest was compared.`));
     if (!finished) parts.push(element("p", "quiet", `Comparing: ${done} of ${compared} frames.`));
     if (!first.contains(document.activeElement) || methods) first.replaceChildren(...parts);
   }
@@ -129,8 +132,8 @@ export function makeCompare(command, modes, openRuns) {
   }
 
   function frame() {
-    swipe.at(found.numbers, state.index);
-    drawCurves(curves, found.curves, found.total, state.index, (index) => command({ do: "seek", index }));
+    swipe.at(found?.numbers ?? [state.branch, state.branch], state.index);
+    if (found) drawCurves(curves, found.curves, found.total, state.index, (index) => command({ do: "seek", index }));
   }
 
   return { follow };

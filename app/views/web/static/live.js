@@ -1,11 +1,11 @@
 // The run's stream: `.rrd` bytes from the server, as fast as the viewer takes them in. The viewer holds one frame, the one
-// that is shown: images, tracks and maps of another replace them. Curves and texts come piece by piece, in their order.
+// that is shown: images, tracks and maps of another replace them.
 // Each message ends with a serial number that the viewer's state tells when it has taken the message in: so the page
 // always knows which frame the views show, and leaves out frames where the viewer is slow. Another run is another channel.
 import { expectData } from "./render_throttle.js";
 
 const RETRY_MS = 1000;
-const HEAD_BYTES = 16;
+const HEAD_BYTES = 12;
 
 // `news` is called when the views may show something else; `parting` before the viewer gets anything of another run, and
 // awaited: the viewer shows that run from its first byte on, and has nothing to draw of it for a while.
@@ -16,7 +16,6 @@ export function feedLive(handle, news, parting) {
     shown: null, // { recording, index, complete } that the views show
     wanted: null, // the frame that they are to show
     unread: [], // messages that the viewer has not taken in yet
-    next: 0,
     serial: 0,
     socket: null,
   };
@@ -31,14 +30,11 @@ export function feedLive(handle, news, parting) {
 }
 
 function connect(stage, handle, news, parting) {
-  const { run, next, serial } = stage;
-  const url = new URL(`live?${new URLSearchParams({ run, next, serial })}`, document.baseURI);
+  const { run, serial } = stage;
+  const url = new URL(`live?${new URLSearchParams({ run, serial })}`, document.baseURI);
   const socket = (stage.socket = new WebSocket(url.href.replace("http", "ws")));
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => {
-    ask(stage);
-    tell(stage, "more");
-  };
+  socket.onopen = () => ask(stage);
   let given = Promise.resolve(); // one message after the other
   const give = async (data) => {
     if (typeof data === "string") {
@@ -53,15 +49,14 @@ function connect(stage, handle, news, parting) {
 
 function begin(stage, handle, { run, recording }) {
   if (stage.run) handle.close_channel(stage.run);
-  Object.assign(stage, { run, recording: `Recording:ispom:${recording}`, next: 0 });
+  Object.assign(stage, { run, recording: `Recording:ispom:${recording}` });
   handle.open_channel(run, "run");
 }
 
 function take(stage, handle, data) {
   const head = new DataView(data);
-  stage.next = head.getUint32(0);
-  stage.serial = head.getUint32(4);
-  const [index, complete] = [head.getInt32(8), head.getUint8(12) !== 0];
+  stage.serial = head.getUint32(0);
+  const [index, complete] = [head.getUint32(4), head.getUint8(8) !== 0];
   stage.unread.push({ serial: stage.serial, recording: stage.recording, index, complete });
   handle.send_rrd_to_channel(stage.run, new Uint8Array(data, HEAD_BYTES));
   expectData(stage.unread.length);
@@ -73,21 +68,17 @@ function heard(stage, recordings) {
   const isRead = ({ serial, recording }) => serial <= (serials.get(recording) ?? (recording === stage.recording ? -1 : Infinity));
   while (stage.unread.length && isRead(stage.unread[0])) {
     const { recording, index, complete } = stage.unread.shift();
-    if (index < 0) tell(stage, "more");
-    else {
-      stage.shown = { recording, index, complete };
-      ask(stage);
-    }
+    stage.shown = { recording, index, complete };
+    ask(stage);
   }
   expectData(stage.unread.length);
 }
 
 // The frame that is wanted now; the server sends no other one until the viewer has taken in the one before.
 function ask(stage) {
-  if (stage.wanted !== null && !stage.unread.some(({ index }) => index >= 0)) tell(stage, `show ${stage.wanted} ${stage.serial}`);
+  const { wanted, unread, serial, socket } = stage;
+  if (wanted !== null && !unread.length && socket?.readyState === WebSocket.OPEN) socket.send(`show ${wanted} ${serial}`);
 }
-
-const tell = ({ socket }, message) => socket?.readyState === WebSocket.OPEN && socket.send(message);
 
 function whenSeen(act) {
   if (document.visibilityState === "visible") act();

@@ -1,31 +1,29 @@
 // The Rerun viewer in its canvas: it is started when a source is open, kept to the run that is on the page, with the
 // layers and the frame that the page shows, and watched: which frame its views show, and whether it still lives.
 import { feedLive } from "./live.js";
-import { makeCursor } from "./rerun_cursor.js";
 import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
 import { makeEye } from "./stage_view.js";
-import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
+import { closeRecordings, redraw, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
 const APPLICATION = "ispom";
-// Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one frame and the
-// curves of the run (see live.js), and never comes near.
+// Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one frame (see live.js),
+// and never comes near.
 const MEMORY = "1500MB";
 const REVEAL_MS = 3000;
 const STILL_MS = 2000;
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
-// `seek` is told where a hand went on Rerun's side, `pick` what it clicked, `drawn` what the views show: see status_bar.js.
-export function openViewer(dark, seek, pick, drawn) {
+// `pick` is given what a hand clicked in a view, `drawn` what the views show: see status_bar.js.
+export function openViewer(dark, pick, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn, theme: dark ? "dark" : "light" };
-  viewer.cursor = makeCursor(canvas, seek, (message) => control(viewer, message));
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
-  const heard = (event) => {
-    viewer.cursor.heard(event);
-    if (event.type === "selection_change") picked(viewer, event, pick);
-  };
+  for (const kind of ["pointerdown", "pointerup", "pointermove", "wheel", "keydown"]) {
+    canvas.addEventListener(kind, () => wake(true), { capture: true, passive: true });
+  }
+  const heard = (event) => event.type === "selection_change" && picked(viewer, event, pick);
   // Not before the source is open: starting takes seconds of processor time. With the first frame would be too late:
   // that would be out of date when the viewer has started.
   viewer.start = () => {
@@ -52,7 +50,6 @@ export function openViewer(dark, seek, pick, drawn) {
     if (state.total) viewer.start();
     if (viewer.handle) watch(viewer);
   };
-  viewer.release = () => viewer.cursor.release();
   viewer.picture = () => pictureOf(viewer, canvas);
   return viewer;
 }
@@ -99,7 +96,8 @@ function say(text, ended = false) {
 }
 
 // A copy of what the viewer shows; null where it shows nothing, or draws nothing for so long.
-async function pictureOf({ handle, state, cursor }, canvas, patience = PICTURE_MS) {
+async function pictureOf(viewer, canvas, patience = PICTURE_MS) {
+  const { handle, shown } = viewer;
   if (!handle || handle.has_panicked() || !at("cover").hidden) return null;
   return new Promise((done) => {
     setTimeout(done, patience, null);
@@ -111,7 +109,7 @@ async function pictureOf({ handle, state, cursor }, canvas, patience = PICTURE_M
       if (drawn) done(copy);
       return drawn;
     });
-    cursor.again(state.index); // something to draw
+    control(viewer, redraw(shown));
   });
 }
 
@@ -131,7 +129,7 @@ function watch(viewer) {
     playing: state.playing,
     wanted: state.index,
     shown: isShown && recording ? stage.shown : null,
-    coming: stage.unread.find(({ index }) => index >= 0)?.index ?? stage.shown?.index,
+    coming: stage.unread[0]?.index ?? stage.shown?.index,
     other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
   });
   if (!viewer.source) at("viewer").classList.add("starting");
@@ -143,7 +141,6 @@ function watch(viewer) {
     found.recordings.filter((each) => each.id !== id),
   );
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: null });
-  viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);
   viewer.eye.show(id);
 }

@@ -1,4 +1,5 @@
-// The images of one frame in two runs, one over the other: the handle moves the border between them.
+// The images of one frame in two runs, or with the tracks of two methods of one, one over the other: the handle moves the
+// border between them.
 import { element } from "./element.js";
 
 export function makeSwipe(place) {
@@ -23,10 +24,13 @@ export function makeSwipe(place) {
   move();
   const caption = place.appendChild(element("figcaption"));
   const text = caption.appendChild(element("span"));
-  const label = caption.appendChild(element("label", "", "tracks of "));
-  const choice = label.appendChild(document.createElement("select"));
-  choice.ariaLabel = "Method whose tracks are drawn";
-  choice.addEventListener("change", () => load());
+  const label = caption.appendChild(element("span", "", "tracks of "));
+  const choices = ["A", "B"].map((name) => {
+    const choice = label.appendChild(document.createElement("select"));
+    choice.ariaLabel = `Method whose tracks are drawn in ${name}`;
+    choice.addEventListener("change", () => load());
+    return choice;
+  });
   let wanted = null; // { numbers, index }
   let shown = ""; // key of what is shown
   let busy = false;
@@ -35,10 +39,11 @@ export function makeSwipe(place) {
   async function load() {
     if (busy || !wanted) return;
     const { numbers, index } = wanted;
-    const key = JSON.stringify([numbers, index, choice.value]);
+    const methods = choices.map(({ value }) => value);
+    const key = JSON.stringify([numbers, index, methods]);
     if (key === shown || index < 0) return;
     busy = true;
-    const loaded = await Promise.all(numbers.map((branch) => image(branch, index, choice.value)));
+    const loaded = await Promise.all(numbers.map((branch, i) => image(branch, index, methods[i])));
     busy = false;
     shown = key;
     loaded.forEach((source, i) => {
@@ -54,15 +59,15 @@ export function makeSwipe(place) {
 
   return {
     show: (visible) => (place.hidden = !visible),
-    methods: (methods) => {
-      const key = JSON.stringify(methods);
-      if (choice.dataset.of === key) return;
-      const before = choice.value;
-      choice.dataset.of = key;
-      choice.replaceChildren(
-        ...methods.map(([name, label]) => new Option(label, name, false, name === before)),
-        new Option("no method", ""),
-      );
+    // `areOne`: both images are of one run, so that B has another method than A.
+    methods: (methods, areOne) => {
+      const key = JSON.stringify([methods, areOne]);
+      if (label.dataset.of === key) return;
+      label.dataset.of = key;
+      choices.forEach((choice, i) => {
+        choice.replaceChildren(...methods.map(([name, label]) => new Option(label, name)), new Option("no method", ""));
+        choice.selectedIndex = areOne ? i : 0;
+      });
     },
     at: (numbers, index) => {
       wanted = { numbers, index };

@@ -3,14 +3,13 @@
 const CLOSE = 1,
   SET_TIME_CURSOR = 6,
   SET_BLUEPRINT = 14; // of ViewerControlRequest
-export const TIMELINE = "exposure"; // of the recordings: the frame's index
-const STAGE = "stage"; // and the serial number of the message that was taken in last
+const STAGE = "stage"; // timeline of the recordings: the serial number of the message that was taken in last
 const PAUSED = 1;
 const PARTIAL = 2;
 
-// Shows a recording at this time, and stops there.
-export const setTimeCursor = (store, timeline, time) =>
-  request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, timeline)), bytes(3, number(1, time)), number(5, PAUSED)]);
+// Has a recording drawn again. All that is drawn is static: the time cursor, which is put to its beginning, changes nothing.
+export const redraw = (store) =>
+  request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, STAGE)), bytes(3, number(1, 0)), number(5, PAUSED)]);
 
 export const closeRecordings = (stores) =>
   request(CLOSE, [
@@ -24,8 +23,7 @@ export const closeRecordings = (stores) =>
 export const updateBlueprint = (store, entities) =>
   request(SET_BLUEPRINT, [text(2, JSON.stringify(entities)), bytes(3, text(1, store)), number(5, PARTIAL)]);
 
-// GetStateResponse: the recording on the screen, and of each recording its cursor, the newest frame (of its curves),
-// and the serial number of the message that it took in last.
+// GetStateResponse: the recording on the screen, and of each recording the serial number of the message that it took in last.
 export function stateOf(message) {
   const state = fields(message);
   const recordings = (state[3] ?? []).map((recording) => recordingOf(fields(recording)));
@@ -33,19 +31,8 @@ export function stateOf(message) {
 }
 
 function recordingOf(recording) {
-  const cursor = nested(recording[3]);
-  const newest = (name) => {
-    const range = (recording[2] ?? []).map(fields).find((each) => string(nested(each[1])[1]) === name)?.[3];
-    return range ? integer(nested(range)[2]) : null;
-  };
-  return {
-    id: string(recording[1]),
-    timeline: string(nested(cursor[1])[1]),
-    time: cursor[3] ? integer(nested(cursor[3])[1]) : null,
-    paused: integer(recording[5]) === PAUSED,
-    newest: newest(TIMELINE),
-    serial: newest(STAGE) ?? 0,
-  };
+  const range = (recording[2] ?? []).map(fields).find((each) => string(nested(each[1])[1]) === STAGE)?.[3];
+  return { id: string(recording[1]), serial: range ? integer(nested(range)[2]) : 0 };
 }
 
 // The wire format. Messages are small: plain arrays of bytes will do.

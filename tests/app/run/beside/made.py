@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.engine.external_trajectories.given import Given, given
-from ispom_app.engine.external_trajectories.placed import Beside, beside_run
+from ispom_app.engine.external_trajectories.placed import Beside, Given, beside_run, given
 from ispom_app.engine.playback import truth_from_start
 
 from ispom.geometry import Pose

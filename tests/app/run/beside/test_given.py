@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.engine.external_trajectories.given import given
+from ispom_app.engine.external_trajectories.placed import given
 
 from ispom.errors import InputError
 from tests import doubles

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from ispom_app.engine.history.checkpoints import INTERVAL, Checkpoint, Checkpoints, size_bytes
-from ispom_app.engine.model.run_model import RunModel
-from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.model.run_model import RunModel, Tally
 from ispom_app.engine.playback import Snapshot
 
 EACH = 100_000

@@ -10,7 +10,7 @@ import pytest
 from ispom_app.engine.events import Bookmark
 from ispom_app.features.bookmarks.commands import PutBookmark, RemoveBookmark
 from ispom_app.features.bookmarks.notes import change_bookmark, notes_path, put, read_notes
-from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.recording.commands import Record, StopRecording
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do

@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 from ispom_app.features.branches.branches import Branch
-from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, Fork, ShowBranch
+from ispom_app.features.branches.commands import DeleteBranch, Fork, ShowBranch
 from ispom_app.features.branches.comparison import Comparison, advanced, begin, forked_at
 from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
+from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -66,7 +67,7 @@ def forked(session: Session, config: Config) -> None:
 
 
 def compared(session: Session) -> Comparison:
-    session.post(CompareBranch(0))
+    session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
     )

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from ispom_app.engine.options import SourceOptions
 from ispom_app.session import commands as do
-from ispom_app.session.sources.folders import Folders
+from ispom_app.session.sources.folders import MOST, Folders, RecentSources
 from ispom_app.session.sources.opening import SourceOpener
-from ispom_app.session.sources.recent import MOST, RecentSources
 
 from ispom.ensemble import build
 from ispom.errors import InputError

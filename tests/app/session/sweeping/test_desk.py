@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.branches.commands import CompareBranch, ShowBranch
+from ispom_app.features.branches.commands import ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.recording.state import Recordings
+from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
 from ispom_app.features.sweep.service import SweepService
-from ispom_app.features.sweep.state import SweepState
-from ispom_app.features.sweep.sweep import Sweep
+from ispom_app.features.sweep.sweep import Sweep, SweepState
 from ispom_app.features.sweep.values import parsed
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -82,7 +82,7 @@ def test_a_value_is_shown_as_a_branch_of_the_run(session: Session) -> None:
     wait_for(lambda: session.state[Branches].shown == 1, "the branch")
     shown = session.state[Branches].all[1]
     assert shown.name == "max-tracks 400, sweep-1" and shown.computed == total
-    session.post(CompareBranch(0))
+    session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
     )

@@ -3,7 +3,6 @@ from __future__ import annotations
 from ispom_app.session.actions import Action, offer
 from ispom_app.session.commands import PageCommand
 from ispom_app.session.controller import Controller
-from ispom_app.session.registry import handles
 
 from .service import Counter
 from .state import Greetings
@@ -12,11 +11,9 @@ from .state import Greetings
 class Greet(PageCommand, frozen=True):
     times: int = 1
 
+    def execute(self, session: Controller) -> None:
+        session.service(Counter).handled += 1
+        session.store.put(Greetings(session.state[Greetings].count + self.times))
+
 
 offer(Action(900, "greet", "g", "Greet", "Greets once.", Greet()))
-
-
-@handles(Greet)
-def greet(session: Controller, command: Greet) -> None:
-    session.service(Counter).handled += 1
-    session.store.put(Greetings(session.state[Greetings].count + command.times))

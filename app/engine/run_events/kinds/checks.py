@@ -1,0 +1,70 @@
+"""What a method's checks tell."""
+
+from __future__ import annotations
+
+from ...verdict import Severity
+from ..event import EventKind, Moment
+
+
+def detect_scale(moment: Moment) -> str | bool | None:
+    return moment.worst(moment.about("scale"))
+
+
+SCALE = EventKind(
+    "scale",
+    "Scale",
+    Severity.WARNING,
+    "The scale of a trajectory is doubtful.",
+    detect_scale,
+    lasts=True,
+    quiet_frames=30,
+)
+
+
+def detect_motion(moment: Moment) -> str | bool | None:
+    return moment.worst(moment.about("motion"))
+
+
+MOTION = EventKind(
+    "motion",
+    "Second motion",
+    Severity.WARNING,
+    "Another rigid motion explains many points, so a moving object may be taken for the scene.",
+    detect_motion,
+    lasts=True,
+    quiet_frames=30,
+)
+
+
+OTHER = ("scale", "motion")
+"""Topics that have kinds of their own."""
+
+
+def detect_warning(moment: Moment) -> str | bool | None:
+    if moment.step is None:
+        return None
+    theirs = {id(decision) for decision in moment.about(*OTHER)}
+    return moment.worst([d for d in moment.step.decisions if d.kind == "warning" and id(d) not in theirs])
+
+
+WARNING = EventKind(
+    "warning",
+    "Warning",
+    Severity.WARNING,
+    "Another check of a method failed.",
+    detect_warning,
+    lasts=True,
+    quiet_frames=30,
+)
+
+
+def detect_loop(moment: Moment) -> str | bool | None:
+    closed = [d for d in moment.about("loop") if d.passed]
+    return moment.sentence(closed[0]) if closed else False
+
+
+LOOP = EventKind(
+    "loop", "Loop closure", Severity.OK, "Earlier keyframes are recognised, and poses corrected.", detect_loop
+)
+
+KINDS = (SCALE, MOTION, WARNING, LOOP)

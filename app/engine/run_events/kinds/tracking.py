@@ -1,0 +1,100 @@
+"""What becomes of a method's pose and map."""
+
+from __future__ import annotations
+
+from ispom.methods import method as registered
+from ispom.types import Status
+
+from ....presentation.decisions import number
+from ....presentation.texts import length
+from ...verdict import Severity, points, pose_detail
+from ..event import EventKind, Moment
+
+
+def detect_lost(moment: Moment) -> str | bool | None:
+    return moment.verdict.sentence if moment.now.get("status") == Status.LOST else False
+
+
+LOST = EventKind(
+    "lost", "Lost", Severity.LOST, "A method has no pose at a frame that it used.", detect_lost, lasts=True
+)
+
+
+LONG = 50
+"""So many frames without a map are worth a look: two seconds of video."""
+
+
+def detect_no_map(moment: Moment) -> str | bool | None:
+    if moment.now.get("status") != Status.INITIALISING or registered(moment.method).asks:
+        return False
+    if moment.frame - moment.since < LONG:
+        return False
+    detail = moment.verdict.detail
+    return f"No map after {LONG} frames: {detail}." if detail else f"No map after {LONG} frames."
+
+
+NO_MAP = EventKind(
+    "no_map", "No map", Severity.WARNING, f"A method has had no map for {LONG} frames.", detect_no_map, lasts=True
+)
+
+
+def detect_map(moment: Moment) -> str | bool | None:
+    if not moment.became(Status.TRACKING) or registered(moment.method).asks:  # those build on the maps of others
+        return False
+    if moment.before.get("status") != Status.INITIALISING and not moment.about("map"):
+        return False
+    found = points(moment.now)
+    return f"Map initialised: {found}." if found else "Map initialised."
+
+
+MAP = EventKind("map", "Map initialised", Severity.OK, "A method that had no map has one.", detect_map)
+
+
+def detect_relocalised(moment: Moment) -> str | bool | None:
+    found = moment.became(Status.TRACKING) and moment.before.get("status") == Status.LOST
+    if not found or moment.step is None or moment.now.get("restarted") or moment.about("map"):
+        return False
+    detail = pose_detail(moment.step, moment.now)
+    return f"Relocalised: {detail}." if detail else "Relocalised."
+
+
+RELOCALISED = EventKind(
+    "relocalised", "Relocalised", Severity.OK, "A lost method has a pose again, in the same map.", detect_relocalised
+)
+
+
+def detect_segment(moment: Moment) -> str | bool | None:
+    if not moment.now.get("restarted") or not moment.tracked:
+        return False
+    return "New segment: no observation connects it to earlier frames, so its position and scale are a guess."
+
+
+SEGMENT = EventKind(
+    "segment",
+    "New segment",
+    Severity.WARNING,
+    "A method starts again; nothing connects the new part of its trajectory to the one before.",
+    detect_segment,
+)
+
+
+JUMP_RATIO = 5
+"""A step so many times as long as the usual one is a jump."""
+
+
+def detect_jump(moment: Moment) -> str | bool | None:
+    moved, usual = moment.now.get("moved"), moment.now.get("moved_usual")
+    if not isinstance(moved, int | float) or not isinstance(usual, int | float):
+        return None
+    if moved <= JUMP_RATIO * usual:
+        return False
+    metric = registered(moment.method).unit == "metric"
+    far, often = (length(moved), length(usual)) if metric else (f"{number(moved)} units", number(usual))
+    return f"Jump: moved {far} in one step, {number(moved / usual)} times its usual {often}."
+
+
+JUMP = EventKind(
+    "jump", "Jump", Severity.WARNING, f"A pose moves more than {JUMP_RATIO} times as far as usual.", detect_jump
+)
+
+KINDS = (LOST, NO_MAP, MAP, RELOCALISED, SEGMENT, JUMP)

@@ -1,1 +1,0 @@
-"""Two methods or branches, one drawn at a time."""
