@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from tests.accuracy import studies
 from tests.accuracy.figures import (
     FILE,
     SIMULATIONS,
@@ -140,6 +142,21 @@ def test_a_new_folder_of_images_is_a_recording(tmp_path: Path) -> None:
 def test_the_file_is_as_the_command_writes_it(tmp_path: Path) -> None:
     write_figures(read_figures(), tmp_path / "figures.json")
     assert (tmp_path / "figures.json").read_text() == FILE.read_text()
+
+
+def test_the_command_keeps_entries_that_it_does_not_measure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, failing = tmp_path / "figures.json", {"error": "failed, please report it"}
+    write_figures({"sim:tiny": {"stereo": EXACT, "monocular": EXACT}, "gone": {"stereo": EXACT}}, file)
+    better = replace(EXACT, ate=0.1)
+    monkeypatch.setattr(
+        studies, "found", lambda module, task: asdict(better) if task["method"] == "stereo" else failing
+    )
+    options = studies.Options(tmp_path, ("stereo", "monocular"), only=("sim:tiny", "hard/unknown"), file=file)
+    rows = studies.figures(console := Console(record=True), options)
+    assert [(row["method"], row["ate"]) for row in rows] == [("stereo", 0.1)]
+    assert read_figures(file) == {"sim:tiny": {"stereo": better, "monocular": EXACT}, "gone": {"stereo": EXACT}}
+    printed = console.export_text()
+    assert "hard/unknown: skipped" in printed and failing["error"] in printed
 
 
 def test_default_run_is_short() -> None:
