@@ -67,6 +67,9 @@ def test_without_a_source_the_demo_can_be_played_and_the_start_screen_opened_ove
     page.tab.keyboard.press("Escape")
     page.tab.locator("#start").wait_for(state="hidden")
     page.tab.locator("#home").click()
+    page.tab.locator("#path").fill("/no/such/place")
+    page.tab.locator("#path").press("Enter")
+    page.tab.locator("#path-fault").get_by_text("/no/such/place").wait_for()
     page.tab.locator("#back").click()
     page.tab.locator("#start").wait_for(state="hidden")
     assert page.state["run"] == number and not page.faults
@@ -126,6 +129,8 @@ def test_the_mode_survives_a_reload_and_is_the_pages_own(page: Page, app: App, b
     page.tab.keyboard.press("ArrowRight")
     page.tab.locator("#compare").wait_for()
     page.until("location.hash.includes('mode=compare')", "the address")
+    chosen = [each.input_value() for each in page.tab.locator(".swipe select").all()]
+    assert chosen == [method["name"] for method in page.state["methods"][:2]], "two methods of the one run"
     page.tab.reload()
     page.until("state.total > 0 && document.body.dataset.mode === 'compare'", "the mode")
     page.tab.locator("#compare").wait_for()
