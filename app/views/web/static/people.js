@@ -14,7 +14,9 @@ export function makePeople(send, command, tell) {
   function say({ people, looking }, { index }) {
     const { driving, others, you } = people;
     const away = looking !== index ? `, the panels at the left show ${index}` : "";
-    const mine = driving ? "You are in control" : `${driver(people)} is in control, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;
+    const mine = driving
+      ? "You are in control"
+      : `${driver(people)} is in control, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;
     words.textContent = `${mine} · ${others.length === 1 ? "1 other" : `${others.length} others`} here`;
     words.title = `You are person ${you}. One person is in control of a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here.`;
   }
