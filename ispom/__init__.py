@@ -1,1 +1,94 @@
-"""ISPOM: image-only position and orientation of a moving platform (Li, Liu & Yuan, 2013). No GUI in here."""
+"""ISPOM: position and orientation of a moving platform from its images (Li, Liu and Yuan 2013), as a library.
+
+What a plug-in or a notebook needs is importable from here, and stays so: a name is removed only after one release in
+which using it warns. Everything below (`ispom.solvers`, ...) may change with each release.
+
+    import ispom
+    sequence = ispom.open_sequence("sim:tiny")
+    methods = ispom.default_methods(sequence.rig)
+    ensemble = ispom.build(ispom.Config(), methods, sequence.rig)
+    state = ensemble.start()
+    for i in range(len(sequence)):
+        state, steps = ensemble.step(state, sequence[i])
+    trajectories = ensemble.finish(state)  # by method
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ispom.ensemble import Ensemble, build
+    from ispom.errors import InputError
+    from ispom.estimator import Estimator, Integrator, Method, MethodConfig
+    from ispom.evaluation.ate import aligned, ate_m
+    from ispom.evaluation.metrics import errors
+    from ispom.frontends.buckets import detect_spread
+    from ispom.frontends.corners import detect as detect_corners
+    from ispom.frontends.klt import Klt
+    from ispom.geometry import Pose, Similarity
+    from ispom.methods import Config, default_methods, method, possible_methods
+    from ispom.persistent_list import PersistentList
+    from ispom.sequences import open_sequence
+    from ispom.settings import Range
+    from ispom.solvers.multiview.essential import relative_pose
+    from ispom.solvers.multiview.resection import resect
+    from ispom.solvers.trajectory.alignment import umeyama
+    from ispom.testing import check_estimator
+    from ispom.types import (
+        Camera,
+        Check,
+        Decision,
+        Exposure,
+        Landmarks,
+        Rig,
+        Sequence,
+        Status,
+        Step,
+        StereoPair,
+        Tracks,
+        TrackStatus,
+        Trajectory,
+        VideoFrame,
+        as_grey,
+    )
+
+_HOMES = {
+    "ispom.ensemble": "Ensemble build",
+    "ispom.errors": "InputError",
+    "ispom.estimator": "Estimator Integrator Method MethodConfig",
+    "ispom.evaluation.ate": "aligned ate_m",
+    "ispom.evaluation.metrics": "errors",
+    "ispom.frontends.buckets": "detect_spread",
+    "ispom.frontends.corners": "detect_corners",
+    "ispom.frontends.klt": "Klt",
+    "ispom.geometry": "Pose Similarity",
+    "ispom.methods": "Config default_methods method possible_methods",
+    "ispom.persistent_list": "PersistentList",
+    "ispom.sequences": "open_sequence",
+    "ispom.settings": "Range",
+    "ispom.solvers.multiview.essential": "relative_pose",
+    "ispom.solvers.multiview.resection": "resect",
+    "ispom.solvers.trajectory.alignment": "umeyama",
+    "ispom.testing": "check_estimator",
+    "ispom.types": "Camera Check Decision Exposure Landmarks Rig Sequence Status Step StereoPair Tracks TrackStatus "
+    "Trajectory VideoFrame as_grey",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+_OWN_NAMES = {"detect_corners": "detect"}
+"""Public names that differ from those at home."""
+__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, whose module is imported when it is first used: `import ispom` alone takes no time."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'ispom' has no attribute {name!r}")
+    found = getattr(import_module(_HOME_OF[name]), _OWN_NAMES.get(name, name))
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -40,9 +40,9 @@ def part(function: Callable[..., Any]) -> Any:
 
     A product may be rounded once with the sum that it goes into (`contract`): the same on each run of one machine.
     """
-    return numba.njit(
-        error_model="numpy", fastmath={"contract"}, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(function)
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(**options)(function)
 
 
 def read_only(values: NDArray) -> NDArray:

@@ -94,7 +94,7 @@ class People:
         driver = self._at_the_wheel
         who = "Nobody" if driver is None else f"Person {self._numbers[driver.key]}"
         cure = "; take over to change it" if person.may_drive else ""
-        return f"{who} drives this session{cure}. You can look around: play, step, loop, and the time axis."
+        return f"{who} is in control of this session{cure}. You can look around: play, step, loop, and the time axis."
 
     def passes(self, person: Person, viser_message: bytes) -> bool:
         """Whether a message of their page may reach viser: of one who does not drive, only where they look from."""

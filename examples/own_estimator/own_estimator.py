@@ -6,22 +6,16 @@ from typing import Annotated
 
 import numpy as np
 
-from ispom.estimator import Method
-from ispom.frontends import corners, klt
-from ispom.geometry import Pose
-from ispom.persistent_list import PersistentList
-from ispom.settings import Range
-from ispom.solvers.multiview.essential import relative_pose
-from ispom.types import Check, Status, Step, Tracks, TrackStatus, Trajectory, as_grey
+import ispom
 
-INLIERS = Check("inliers", "tracks that agree", "requirement", "Located?")
+INLIERS = ispom.Check("inliers", "tracks that agree", "requirement", "Located?")
 
 
 @dataclass(frozen=True)
 class FramesConfig:
-    max_tracks: Annotated[int, Range(50, 2000)] = 400
+    max_tracks: Annotated[int, ispom.Range(50, 2000)] = 400
     """Corners tracked at a time."""
-    min_inliers: Annotated[int, Range(8, 500)] = 20
+    min_inliers: Annotated[int, ispom.Range(8, 500)] = 20
     """Fewer tracks that agree with one motion, and the frame is not located."""
 
     def build(self, rig):
@@ -31,9 +25,9 @@ class FramesConfig:
 @dataclass(frozen=True, eq=False)
 class State:
     grey: np.ndarray | None = None
-    tracks: Tracks = field(default_factory=lambda: Tracks.of(np.zeros(0), np.zeros(0)))
-    pose: Pose = Pose()
-    poses: PersistentList = PersistentList()
+    tracks: ispom.Tracks = field(default_factory=lambda: ispom.Tracks.of(np.zeros(0), np.zeros(0)))
+    pose: ispom.Pose = ispom.Pose()
+    poses: ispom.PersistentList = ispom.PersistentList()
     next_id: int = 0
 
 
@@ -41,34 +35,34 @@ class State:
 class Frames:
     camera: object
     config: FramesConfig
-    start, finish = staticmethod(State), staticmethod(lambda state: Trajectory.of(list(state.poses), "video"))
+    start, finish = staticmethod(State), staticmethod(lambda state: ispom.Trajectory.of(list(state.poses), "video"))
 
     def step(self, state, exposure):
-        begun, grey, old = perf_counter(), as_grey(exposure.image), state.tracks
-        uv, status = klt.Klt().track(state.grey, grey, old.uv)
-        alive = np.flatnonzero(status == TrackStatus.ALIVE)
-        motion = relative_pose(*(self.camera.normalise(p[alive]) for p in (old.uv, uv)), 1 / self.camera.fx)
+        begun, grey, old = perf_counter(), ispom.as_grey(exposure.image), state.tracks
+        uv, status = ispom.Klt().track(state.grey, grey, old.uv)
+        alive = np.flatnonzero(status == ispom.TrackStatus.ALIVE)
+        motion = ispom.relative_pose(*(self.camera.normalise(p[alive]) for p in (old.uv, uv)), 1 / self.camera.fx)
         inliers = 0 if motion is None else int(motion.inliers.sum())
         check = INLIERS.of(inliers, self.config.min_inliers)
-        health = Status.LOST if len(state.poses) else Status.INITIALISING
+        health = ispom.Status.LOST if len(state.poses) else ispom.Status.INITIALISING
         pose, poses = None, state.poses
         if motion is not None and check.passed:
-            status[alive[~motion.inliers]] = TrackStatus.EPIPOLAR
-            pose, health = state.pose @ motion.second_from_first.inverse(), Status.TRACKING
+            status[alive[~motion.inliers]] = ispom.TrackStatus.EPIPOLAR
+            pose, health = state.pose @ motion.second_from_first.inverse(), ispom.Status.TRACKING
             poses = poses.appended((exposure.time_ns, pose))
-        kept = status == TrackStatus.ALIVE
-        fresh = corners.detect(grey, self.config.max_tracks - int(kept.sum()), uv[kept])
+        kept = status == ispom.TrackStatus.ALIVE
+        fresh = ispom.detect_corners(grey, self.config.max_tracks - int(kept.sum()), uv[kept])
         new, unknown = state.next_id + np.arange(len(fresh)), np.full((len(fresh), 2), np.nan)
-        tracks = Tracks.of(
+        tracks = ispom.Tracks.of(
             np.concatenate([old.ids, new]),
             np.concatenate([np.where(kept[:, None], uv, old.uv), fresh]),
             uv_prev=np.concatenate([old.uv, unknown]),
-            status=np.concatenate([status, np.full(len(fresh), TrackStatus.NEW)]),
+            status=np.concatenate([status, np.full(len(fresh), ispom.TrackStatus.NEW)]),
         )
-        seen = Tracks.of(*(values[tracks.status < TrackStatus.LOST] for values in (tracks.ids, tracks.uv)))
+        seen = ispom.Tracks.of(*(values[tracks.status < ispom.TrackStatus.LOST] for values in (tracks.ids, tracks.uv)))
         after = State(grey, seen, pose or state.pose, poses, state.next_id + len(fresh))
         said = {"tracks": {"video": tracks}, "decisions": (check,), "seconds": {"all": perf_counter() - begun}}
-        return after, Step(exposure.time_ns, health, "video", pose, **said)
+        return after, ispom.Step(exposure.time_ns, health, "video", pose, **said)
 
 
-METHOD = Method("frames", frozenset({"video"}), FramesConfig, "own", "Nister 2004", checks={"inliers": INLIERS})
+METHOD = ispom.Method("frames", frozenset({"video"}), FramesConfig, "own", "Nister 2004", checks={"inliers": INLIERS})

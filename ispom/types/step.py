@@ -60,6 +60,8 @@ class Decision:
 
 
 class Status(StrEnum):
+    """Whether a method knows where it is."""
+
     INITIALISING = "initialising"
     TRACKING = "tracking"
     LOST = "lost"

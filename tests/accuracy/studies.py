@@ -18,7 +18,7 @@ from ispom.methods import names
 
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
-from .figures import Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
+from .figures import FILE, Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .loops import loops_found, print_loops
@@ -41,6 +41,8 @@ class Options:
     """Of each run of soak."""
     only: tuple[str, ...] = ()
     """Recordings of figures; empty for all."""
+    file: Path = FILE
+    """Where figures are written to."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -155,9 +157,9 @@ def figures(console: Console, options: Options) -> list[dict[str, Any]]:
                 console.print(f"{name}, {method}: {row['error']}")
                 continue
             # Written after each run: a measurement of everything takes long, and may be interrupted.
-            table = read_figures()
+            table = read_figures(options.file)
             table.setdefault(name, {})[method] = Figures(**row)
-            write_figures(table)
+            write_figures(table, options.file)
             print_figures(console, name, method, table[name][method])
             measured.append({"recording": name, "method": method, **row})
     return measured

@@ -170,7 +170,7 @@ def words_to_hide(colour_by: Colouring) -> dict[str, list[str]]:
 
 
 def _legend(camera: str, by: str) -> str:
-    return f"{camera}/legend" if by == "state" else f"{path_of(camera, by)}/legend"
+    return f"{camera}/legend" if by == "state" else f"{camera}/coloured/{by}/legend"
 
 
 def _world(opened: Opened, hidden: list[str]) -> rrb.View:

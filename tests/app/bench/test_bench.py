@@ -98,13 +98,14 @@ def test_the_peak_counts_what_is_held() -> None:
 
 
 def test_the_window_is_of_the_size_that_is_told() -> None:
-    window = pytest.importorskip("ispom.solvers.window.adjustment")
     from ispom_app.features.benchmark import blocks
+
+    from ispom.solvers.window import adjustment
 
     problem = blocks.bundle_window()
     assert len(problem.points) == 1000 and len(problem.rotations) == 10 and set(problem.cameras) == set(range(10))
     assert (np.diff(problem.owners) >= 0).all() and np.isfinite(problem.seen).all()
-    found = window.adjust(problem, 1 / 718)
+    found = adjustment.adjust(problem, 1 / 718)
     assert found.cost_after < 0.3 * found.cost_before and np.median(found.distances) < 1.5 / 718
 
 

@@ -217,7 +217,7 @@ def settled(page: Page) -> bytes:
 def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):
     page.send("{do: 'seek', index: 12}")
     page.until("window.ispom.viewer.stage.shown?.index === 12", "Rerun to stand at the frame shown")
-    before = json.loads(page.tab.evaluate(VIEWER))
+    before = stands(page)
     page.controls.get_by_role("tab", name="View").click()
     drawn = len(page.state["hidden"])  # colours of tracks that are not chosen
     of_theme = len(page.state["words"]["dark"])
@@ -226,7 +226,12 @@ def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page)
         both = f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden + of_theme}"
         page.until(both, "the layer")
         page.tab.wait_for_timeout(500)  # the viewer watches itself every 250 ms
-        assert json.loads(page.tab.evaluate(VIEWER)) == before
+        assert stands(page) == before
+
+
+def stands(page: Page) -> list[tuple[str, int | None]]:
+    """What the viewer shows: its recordings, and the message that each took in last."""
+    return [(each["id"], each["serial"]) for each in json.loads(page.tab.evaluate(VIEWER))["recordings"]]
 
 
 def test_keys_step_forward_and_back(page: Page):

@@ -40,7 +40,7 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     assert "look at" not in driver.tab.locator("#people").inner_text()
     seek(driver, 22)
     follower.until("state.index === 22 && window.ispom.shown.index === 19", "to stay where they look")
-    assert "Person 1 drives, you look at frame 19" in follower.tab.locator("#people").inner_text()
+    assert "Person 1 is in control, you look at frame 19" in follower.tab.locator("#people").inner_text()
     follower.tab.locator("#people").get_by_role("button", name="Follow").click()
     follower.until("window.ispom.shown.index === 22", "to follow again")
 
@@ -97,7 +97,7 @@ def test_what_they_cannot_do_is_said_and_changes_nothing(both: tuple[Page, Page]
     seek(driver, 20)
     follower.until("window.ispom.shown.index === 20", "to follow")
     follower.tab.keyboard.press("m")
-    follower.tab.get_by_text("Person 1 drives this session; take over to change it.").wait_for()
+    follower.tab.get_by_text("Person 1 is in control of this session; take over to change it.").wait_for()
     follower.send("{do: 'seek', index: 3}")  # past the page, as a script would
     seek(driver, 21)
     follower.until("state.index === 21 && !window.ispom.state.playing", "only the driver's command")
@@ -113,7 +113,7 @@ def test_the_wheel_is_taken_and_handed_back(both: tuple[Page, Page]):
     driver, follower = both
     follower.tab.get_by_role("button", name="Take over").click()
     driver.until("state.people.driver === 2", "that the other one drives")
-    driver.tab.get_by_text("Person 2 drives now.").wait_for()
+    driver.tab.get_by_text("Person 2 is in control now.").wait_for()
     seek(follower, 7)
     driver.until("window.ispom.shown.index === 7", "to follow")
     follower.tab.get_by_role("button", name="Hand over to person 1").click()

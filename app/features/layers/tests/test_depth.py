@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 import rerun as rr
 from ispom_app.engine.playback import Playback
+from ispom_app.features.layers.commands import Choose
+from ispom_app.features.recording.commands import Record, StopRecording
+from ispom_app.features.recording.state import Recordings
+from ispom_app.session import commands as do
 from ispom_app.views.rerun.depth import MOST_POINTS, depth_entries, depth_points
 from ispom_app.views.rerun.recorder import Recorder
+from rerun.chunk import RrdReader
 
 from ispom.geometry import Pose
 from ispom.sequences.formats.simulated import open_simulated, rendered_source
@@ -104,3 +109,19 @@ def test_a_recording_has_it_of_the_pairs_while_it_is_chosen(tmp_path: Path) -> N
     inside = [i for i in pairs if 10 <= i < 20]
     after = next(i for i in pairs if i >= 20)
     assert inside and found == [*((i, "Points3D") for i in inside), (after, "Clear")]
+
+
+@pytest.mark.parametrize("is_chosen", [True, False])
+def test_a_session_records_it_with_the_layer_and_only_then(tmp_path: Path, is_chosen: bool) -> None:
+    session = helpers.started(tmp_path)
+    helpers.wait_for(lambda: session.state.phase == "ready", "the source")
+    session.post(Choose(frozenset({"depth"} if is_chosen else ())))
+    session.post(Record("a"))
+    helpers.wait_for(lambda: session.state[Recordings].current is not None, "the recording")
+    session.post(do.Seek(session.state.total - 1))
+    helpers.wait_for(lambda: session.state.index == session.state.total - 1, "the last frame")
+    session.post(StopRecording())
+    helpers.wait_for((tmp_path / "a.rrd").exists, "the file")
+    session.close(5)
+    chunks = RrdReader(tmp_path / "a.rrd").stream().filter(content="/world/integrated/depth").to_chunks()
+    assert bool(list(chunks)) == is_chosen

@@ -14,9 +14,11 @@ export function makePeople(send, command, tell) {
   function say({ people, looking }, { index }) {
     const { driving, others, you } = people;
     const away = looking !== index ? `, the panels at the left show ${index}` : "";
-    const mine = driving ? "You drive" : `${driver(people)} drives, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;
+    const mine = driving
+      ? "You are in control"
+      : `${driver(people)} is in control, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;
     words.textContent = `${mine} · ${others.length === 1 ? "1 other" : `${others.length} others`} here`;
-    words.title = `You are person ${you}. One person drives a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here.`;
+    words.title = `You are person ${you}. One person is in control of a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here.`;
   }
 
   function paint({ people, looking, playing }) {
@@ -43,7 +45,7 @@ export function makePeople(send, command, tell) {
       const before = state;
       state = next;
       if (before && before.people.driving !== next.people.driving) {
-        tell(next.people.driving ? "You drive now." : `${driver(next.people)} drives now.`);
+        tell(next.people.driving ? "You are in control now." : `${driver(next.people)} is in control now.`);
       }
       if (before && next.refused[0] > before.refused[0]) tell(next.refused[1]);
       const shown = next.own === null ? next : { ...next, ...next.own };
