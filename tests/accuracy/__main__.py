@@ -19,11 +19,10 @@ soak: whether time and memory per frame grow in a long run over small made image
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
-from ispom_app.features.benchmark.command import plain
+from ispom_app.engine.outputs import json_text
 from rich.console import Console
 
 from ispom.methods import names
@@ -50,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only))
     rows = STUDIES[given.study](console, options)
     if given.json is not None:
-        given.json.write_text(json.dumps(plain(rows), indent=2, allow_nan=False) + "\n")
+        given.json.write_text(json_text(rows, 2))
     return 0
 
 

@@ -6,7 +6,7 @@ export function makeSwipe(place) {
   const stack = place.appendChild(element("div", "stack"));
   const images = ["A", "B"].map((name) => {
     const image = stack.appendChild(document.createElement("img"));
-    image.className = `image-${name.toLowerCase()}`;
+    Object.assign(image, { className: `image-${name.toLowerCase()}`, alt: `Image of ${name}`, hidden: true });
     stack.append(element("span", `tag side-${name.toLowerCase()}`, name));
     return image;
   });
