@@ -156,4 +156,4 @@ def _ate(error: TrajectoryError, unit: Unit) -> str:
     return f"{length(error.ate_m, unit)} {ALIGNED[error.alignment]}"
 
 
-PANELS = (Panel("Compare", 400, BranchesPanel),)
+PANELS = (Panel("Branches", 400, BranchesPanel),)

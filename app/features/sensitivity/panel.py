@@ -96,4 +96,4 @@ def _outcome(outcome: Compared | None, unit: Unit) -> dict[str, Any]:
     return {"rerun": cell(outcome.shift_m, unit), "rerun_ate": cell(outcome.ate_m, unit), "held": outcome.held}
 
 
-PANELS = (Panel("Compare", 450, EffectPanel),)
+PANELS = (Panel("Branches", 450, EffectPanel),)

@@ -235,4 +235,4 @@ def _row(value: Any, outcome: Outcome | None, under_way: float | None, unit: Uni
     }
 
 
-PANELS = (Panel("Compare", 440, SweepPanel),)
+PANELS = (Panel("Branches", 440, SweepPanel),)

@@ -257,7 +257,7 @@ _STRIPS = {
 _SHORT = {
     TrackStatus.LOST: "not found",
     TrackStatus.FORWARD_BACKWARD: "fwd-bwd",
-    TrackStatus.OUT_OF_IMAGE: "left image",
+    TrackStatus.OUT_OF_IMAGE: "out of the image",
     TrackStatus.NO_DISPARITY: "no disparity",
 }
 

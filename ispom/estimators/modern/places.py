@@ -35,9 +35,10 @@ MIN_CONFIRMED = 0.1
 """Of the features that a pose brings into sight, those that are found there: a wrong pose finds 3-6 % of them by
 chance, a right one 10-14 % where 20-25 m of road lie between two images of it, and more where less."""
 MIN_OVER_CHANCE, CHANCE_TRIALS = 3.0, 2
-"""With so many times the matches that chance gives in these two images, besides the fewest that any pose is fitted to,
-a smaller share confirms a pose. In sim:indoor chance matches 4-8 % of the features, which leaves the decision to the
-share above; in photos of an object with wide steps 1 %, where right poses find 7-10 %."""
+"""A smaller share confirms a pose if the matches, less the few that any pose is fitted to, exceed those of chance in
+the same two images by this factor; chance is measured in this number of trials. In sim:indoor chance matches 4-8 % of
+the features, which leaves the decision to the share above; in photos of an object with wide steps 1 %, where right
+poses find 7-10 %."""
 MIN_BESIDE_DENSEST = 0.25
 """Of such a smaller share, what must lie outside the quarter of the features where most of it lies: one thing that
 stands elsewhere as well is no place."""

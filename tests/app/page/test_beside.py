@@ -46,7 +46,7 @@ def choose(page: Page, option: str) -> None:
 
 
 def test_the_table_and_the_curves_have_the_other_program(page: Page):
-    tab(page, "Compare")
+    tab(page, "Branches")
     page.controls.get_by_text("Other programs").wait_for()
     cells = page.controls.locator("tr", has_text="orb").first.locator("td").all_inner_texts()
     assert cells[0].endswith("orb") and re.fullmatch(r"[\d.]+ mm SE\(3\)", cells[1]) and cells[2] == "0"

@@ -28,7 +28,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
     opened.send("{do: 'seek', index: state.total - 1}".replace("state.", "window.ispom.state."))
     opened.until("state.ended", "the end")
-    opened.controls.get_by_role("tab", name="Compare", exact=True).click()
+    opened.controls.get_by_role("tab", name="Branches", exact=True).click()
     opened.controls.get_by_text("Calibration error", exact=True).click()
     yield opened
     assert not opened.faults

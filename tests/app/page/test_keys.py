@@ -109,7 +109,7 @@ def chosen_from_a_list(page: Page) -> None:
 
 
 CLICKED = {
-    "a tab": lambda page: opened_tab(page, "Compare"),
+    "a tab": lambda page: opened_tab(page, "Branches"),
     "the slider of a setting": clicked_slider,
     "a checkbox": clicked_box,
     "a list, and one of its entries": chosen_from_a_list,
@@ -137,10 +137,10 @@ def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page:
 
 def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page):
     """Who has no mouse changes tabs, sliders and boxes by key."""
-    opened_tab(page, "Compare")
+    opened_tab(page, "Branches")
     page.tab.locator("#splitter").focus()
     begin(page, "play")
-    page.controls.get_by_role("tab", name="Compare", exact=True).focus()
+    page.controls.get_by_role("tab", name="Branches", exact=True).focus()
     page.tab.keyboard.press("Shift+Tab")
     page.tab.keyboard.press("Tab")
     page.tab.keyboard.press("ArrowRight")

@@ -28,7 +28,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
     opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
     opened.until("state.ended", "the end")
-    opened.controls.get_by_role("tab", name="Compare", exact=True).click()
+    opened.controls.get_by_role("tab", name="Branches", exact=True).click()
     opened.controls.get_by_text("Sweep", exact=True).click()
     yield opened
     assert not opened.faults
