@@ -38,19 +38,29 @@ if TYPE_CHECKING:
     from ispom.testing import check_estimator
     from ispom.types import (
         Camera,
+        CameraSensor,
         Check,
         Decision,
-        Exposure,
+        Frame,
+        GnssAntenna,
+        GnssFix,
+        Imu,
+        ImuSamples,
         Landmarks,
+        LaserScan,
+        LaserScanner,
+        Measurement,
         Rig,
+        Sensor,
         Sequence,
         Status,
         Step,
-        StereoPair,
+        TimedPoints,
         Tracks,
         TrackStatus,
         Trajectory,
-        VideoFrame,
+        WheelIncrement,
+        WheelOdometer,
         as_grey,
     )
 
@@ -72,8 +82,9 @@ _HOMES = {
     "ispom.solvers.multiview.resection": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
     "ispom.testing": "check_estimator",
-    "ispom.types": "Camera Check Decision Exposure Landmarks Rig Sequence Status Step StereoPair Tracks TrackStatus "
-    "Trajectory VideoFrame as_grey",
+    "ispom.types": "Camera CameraSensor Check Decision Frame GnssAntenna GnssFix Imu ImuSamples Landmarks LaserScan "
+    "LaserScanner Measurement Rig Sensor Sequence Status Step TimedPoints TrackStatus Tracks Trajectory "
+    "WheelIncrement WheelOdometer as_grey",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 _OWN_NAMES = {"detect_corners": "detect"}

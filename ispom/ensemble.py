@@ -8,9 +8,9 @@ from typing import Any
 
 from ispom.blas import one_thread
 from ispom.estimator import Method
-from ispom.methods import Config, in_order, method, require_cameras, with_asked
+from ispom.methods import Config, in_order, method, require_sensors, with_asked
 from ispom.settings import check
-from ispom.types import Exposure, Rig, Step, Trajectory
+from ispom.types import Measurement, Rig, Step, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Ensemble:
         """Its state after other methods or settings ran: estimators that ran go on from there, others start."""
         return {name: state.get(name, start) for name, start in self.start().items()}
 
-    def step(self, state: Mapping[str, Any], exposure: Exposure) -> tuple[dict[str, Any], tuple[Step, ...]]:
+    def step(self, state: Mapping[str, Any], exposure: Measurement) -> tuple[dict[str, Any], tuple[Step, ...]]:
         """The next state, and one Step of each wanted method that uses this exposure, in the order of `methods`."""
         after, steps = dict(state), dict[str, Step]()
         for name, member in self.members.items():
@@ -60,7 +60,7 @@ class Ensemble:
         return {name: found[name] for name in self.methods}
 
 
-def run(ensemble: Ensemble, exposures: Iterable[Exposure]) -> Iterator[tuple[Step, ...]]:
+def run(ensemble: Ensemble, exposures: Iterable[Measurement]) -> Iterator[tuple[Step, ...]]:
     """Steps of each exposure. Pull-based: pausing is not asking for the next."""
     state = ensemble.start()
     for exposure in exposures:
@@ -75,7 +75,7 @@ def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
     """
     one_thread()
     wanted = in_order(methods)
-    require_cameras(wanted, rig)
+    require_sensors(wanted, rig)
     for name, settings in config.given.items():
         check(settings, f"{name}.")
     return Ensemble(wanted, {n: Member(method(n), config.of(n).build(rig)) for n in with_asked(wanted)})

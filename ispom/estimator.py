@@ -6,36 +6,41 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ispom.types import Check, Exposure, Kind, Rig, Step, Trajectory, VideoFrame
+from ispom.errors import InputError
+from ispom.types import Check, Frame, Kind, Measurement, Rig, Step, Trajectory
 
 
 class Estimator(Protocol):
-    """Turns exposures into poses. Never prints, draws, logs, locks, or sees the truth."""
+    """Turns measurements into poses. Never prints, draws, logs, locks, or sees the ground truth."""
 
     def start(self) -> Any:
-        """The State before the first exposure: a frozen dataclass that nobody mutates."""
+        """Returns the State before the first measurement: a frozen dataclass that nobody mutates."""
         ...
 
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
-        """The State after the exposure, and what happened. Same arguments, same result, bit for bit."""
+    def step(self, state: Any, measurement: Measurement, /) -> tuple[Any, Step]:
+        """Returns the State after the measurement, and what happened. Same arguments, same result, bit for bit.
+
+        It is given measurements of `Method.sensors` only, in the order of time.
+        """
         ...
 
-    def finish(self, state: Any) -> Trajectory:
-        """The best trajectory of all exposures so far (of `Step.frame`); the state can still be stepped on from."""
+    def finish(self, state: Any, /) -> Trajectory:
+        """Returns the best trajectory of all measurements so far (of `Step.frame`); the state can still be stepped on
+        from."""
         ...
 
 
 class Integrator(Protocol):
-    """The same for an estimator that builds on others: it is given what they said, by role (see Method.asks)."""
+    """The same for an estimator that depends on others: it is given their results by role (see Method.asks)."""
 
     def start(self) -> Any: ...
 
-    def step(self, state: Any, exposure: Exposure, asked: Mapping[str, Step]) -> tuple[Any, Step]:
-        """`asked` holds the Steps of those that use this exposure."""
+    def step(self, state: Any, measurement: Measurement, inputs: Mapping[str, Step], /) -> tuple[Any, Step]:
+        """`inputs` holds the Steps of those that use this measurement."""
         ...
 
-    def finish(self, state: Any, asked: Mapping[str, Trajectory]) -> Trajectory:
-        """`asked` holds the best trajectories of all that it asks."""
+    def finish(self, state: Any, inputs: Mapping[str, Trajectory], /) -> Trajectory:
+        """`inputs` holds the best trajectories of all that it depends on."""
         ...
 
 
@@ -51,8 +56,8 @@ class Method:
 
     name: str
     """Its identity everywhere: flags, colours, files, entity paths. The paper's end in `.paper`."""
-    needs: frozenset[Kind]
-    """The kinds of exposures that it steps on."""
+    sensors: frozenset[Kind]
+    """The kinds of measurements that it uses: `video`, `stereo`, `imu`, `gnss`, ... It is given these only."""
     config: type
     """A MethodConfig."""
     unit: Literal["metric", "own"]
@@ -67,10 +72,37 @@ class Method:
     """By key: all that its Decisions may be about."""
     stages: Mapping[str, str] = field(default_factory=dict)
     """By their names in Step.seconds: what is done in each stage, one sentence for people."""
+    optional: frozenset[Kind] = frozenset()
+    """Those of `sensors` that it can do without where the rig lacks them."""
 
-    def uses(self, exposure: Exposure) -> bool:
-        return ("video" if isinstance(exposure, VideoFrame) else "stereo") in self.needs
+    def uses(self, measurement: Measurement) -> bool:
+        """Checks that the method steps on the measurement."""
+        return measurement.kind in self.sensors
+
+    def missing(self, rig: Rig) -> list[Kind]:
+        """Returns the kinds of sensors that it requires and the rig lacks, sorted."""
+        return sorted(kind for kind in self.sensors - self.optional if not rig.has(kind))
 
     def possible(self, rig: Rig) -> bool:
-        """Whether the rig has the cameras."""
-        return ("video" not in self.needs or rig.video is not None) and ("stereo" not in self.needs or rig.has_stereo)
+        """Checks that the rig has the sensors that it requires."""
+        return not self.missing(rig)
+
+
+VIDEO: frozenset[Kind] = frozenset({"video"})
+STEREO: frozenset[Kind] = frozenset({"stereo"})
+
+
+def require_frame(measurement: Measurement, kinds: frozenset[Kind], last_ns: int | None = None) -> Frame:
+    """Returns the measurement as a frame that an estimator can step on.
+
+    Raises InputError where it is of none of the `kinds`, or not later than the last frame of its kind.
+    """
+    if not isinstance(measurement, Frame) or measurement.kind not in kinds:
+        wanted = " or ".join(f"{kind} frames" for kind in sorted(kinds))
+        raise InputError(f"this method steps on {wanted}, not on a measurement of the kind {measurement.kind!r}")
+    if last_ns is not None and measurement.time_ns <= last_ns:
+        raise InputError(
+            f"a {measurement.kind} frame at {measurement.time_ns} ns is not later than the one before it, at "
+            f"{last_ns} ns: correct the times of the sequence"
+        )
+    return measurement

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 from ispom.errors import InputError
-from ispom.estimator import Method
+from ispom.estimator import STEREO, VIDEO, Method
 from ispom.estimators.modern.integrated import checks as integrated_checks
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.monocular import checks as monocular_checks
@@ -28,9 +28,15 @@ GROUP = "ispom.methods"
 Variant = Literal["modern", "paper"]
 """A short way to choose methods: `paper` the `.paper` ones, `modern` the built-in others."""
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
-VIDEO: frozenset[Kind] = frozenset({"video"})
-STEREO: frozenset[Kind] = frozenset({"stereo"})
-CAMERAS: Mapping[Kind, str] = {"video": "a video camera", "stereo": "a left and a right camera"}
+SENSORS: Mapping[Kind, str] = {
+    "video": "a video camera",
+    "stereo": "a left and a right camera",
+    "cameras": "a camera",
+    "imu": "an IMU",
+    "gnss": "a GNSS antenna",
+    "wheel": "a wheel odometer",
+    "laser": "a laser scanner",
+}
 TRANSFER, PER_UNIT = "scale transfer factor", "metres per monocular unit"
 BUILT_IN = (
     Method(
@@ -174,15 +180,14 @@ def with_asked(wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def possible_methods(rig: Rig) -> tuple[str, ...]:
-    """Those that the rig has the cameras for."""
+    """Returns the methods that the rig has the sensors for."""
     return tuple(name for name, m in registry().items() if m.possible(rig))
 
 
-def require_cameras(wanted: Iterable[str], rig: Rig) -> None:
-    """InputError where the rig lacks a camera that one of them needs."""
-    has: Mapping[Kind, bool] = {"video": rig.video is not None, "stereo": rig.has_stereo}
+def require_sensors(wanted: Iterable[str], rig: Rig) -> None:
+    """Raises InputError where the rig lacks a sensor that one of the methods requires."""
     for name in wanted:
-        if missing := [CAMERAS[kind] for kind in sorted(method(name).needs) if not has[kind]]:
+        if missing := [SENSORS.get(kind, f"a sensor {kind}") for kind in method(name).missing(rig)]:
             need = " and ".join(missing)
             raise InputError(f"{name} needs {need}, which this sequence lacks: choose other --methods")
 

@@ -18,7 +18,7 @@ from ispom.ensemble import build
 from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.geometry import Array, Pose
 from ispom.methods import Config, default_methods
-from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
+from ispom.types import Camera, Frame, FrameName, Image, Measurement, Rig
 
 BALLS, BALL_M = 700, 0.12
 VIDEO_FRAMES, STEREO_EVERY = 40, 3
@@ -38,13 +38,13 @@ def warm_up() -> None:
     mark_complete()
 
 
-def flight(rig: Rig) -> list[Exposure]:
+def flight(rig: Rig) -> list[Measurement]:
     """Video and, a little later than every few of its frames, stereo: forward past balls at 2 to 20 m, in a bend."""
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-8, -6, 2), (8, 6, 20 + SPEED_M_PER_FRAME * VIDEO_FRAMES), (BALLS, 3))
-    grey, found = rng.integers(40, 255, BALLS), list[Exposure]()
+    grey, found = rng.integers(40, 255, BALLS), list[Measurement]()
 
-    def seen(name: Frame, frame: float) -> Image:
+    def seen(name: FrameName, frame: float) -> Image:
         world_from_rig = Pose.from_rotvec(
             np.array([0.0, 0.003 * frame, 0.0]), np.array([0.001 * frame**2, 0.0, SPEED_M_PER_FRAME * frame])
         )
@@ -53,9 +53,9 @@ def flight(rig: Rig) -> list[Exposure]:
 
     for i in range(VIDEO_FRAMES):
         time_ns = i * 33_000_000
-        found.append(VideoFrame(time_ns, seen("video", i)))
+        found.append(Frame.video(time_ns, seen("video", i)))
         if i % STEREO_EVERY == 0:
-            found.append(StereoPair(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
+            found.append(Frame.stereo(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
     return found
 
 
@@ -64,7 +64,7 @@ def flight_rig() -> Rig:
     pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
     video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
     offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))
-    return Rig(video, pair.left, pair.right, offset, pair.rig_from_left, pair.rig_from_right)
+    return pair.changed(video=video, rig_from_video=offset)
 
 
 def _image(camera: Camera, xyz_in_camera: Array, grey: NDArray) -> Image:

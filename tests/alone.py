@@ -8,7 +8,7 @@ from typing import Any
 
 from ispom.ensemble import Ensemble, build
 from ispom.methods import Config, method
-from ispom.types import Exposure, Rig, Step, Trajectory
+from ispom.types import Measurement, Rig, Step, Trajectory
 
 METHODS = ("monocular", "stereo", "integrated")
 PAPER = tuple(f"{name}.paper" for name in METHODS)
@@ -20,13 +20,13 @@ class Alone:
     name: str
     ensemble: Ensemble
 
-    def uses(self, exposure: Exposure) -> bool:
+    def uses(self, exposure: Measurement) -> bool:
         return method(self.name).uses(exposure)
 
     def start(self) -> dict[str, Any]:
         return self.ensemble.start()
 
-    def step(self, state: dict[str, Any], exposure: Exposure) -> tuple[dict[str, Any], Step]:
+    def step(self, state: dict[str, Any], exposure: Measurement) -> tuple[dict[str, Any], Step]:
         state, (step,) = self.ensemble.step(state, exposure)
         return state, step
 
@@ -45,7 +45,7 @@ def alone(name: str, rig: Rig, settings: Any = None) -> Alone:
     return Alone(name, build(config, (name,), rig))
 
 
-def run(estimator: Any, exposures: Iterable[Exposure]) -> Iterator[Step]:
+def run(estimator: Any, exposures: Iterable[Measurement]) -> Iterator[Step]:
     """The Steps of a method alone, or of an estimator that asks no other, over exposures that it uses."""
     state = estimator.start()
     for exposure in exposures:

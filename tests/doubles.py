@@ -15,31 +15,26 @@ from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import (
     Camera,
     Decision,
-    Exposure,
+    Frame,
     Landmarks,
+    Measurement,
     Rig,
     SegmentFit,
     Sequence,
     SplineFit,
     Status,
     Step,
-    StereoPair,
     Tracks,
     Trajectory,
-    VideoFrame,
+    is_stereo,
 )
 
 
 def rig() -> Rig:
     stereo = Rig.stereo(Camera(160, 120, 120.0, 120.0, 79.5, 59.5), 0.4)
     video = Camera(80, 60, 60.0, 60.0, 39.5, 29.5, (-0.05, 0.01, 0.0, 0.0))
-    return Rig(
-        video,
-        stereo.left,
-        stereo.right,
-        Pose.from_rotvec(np.array([0.01, 0.02, 0.0]), np.array([0.02, -0.05, 0.01])),
-        stereo.rig_from_left,
-        stereo.rig_from_right,
+    return stereo.changed(
+        video=video, rig_from_video=Pose.from_rotvec(np.array([0.01, 0.02, 0.0]), np.array([0.02, -0.05, 0.01]))
     )
 
 
@@ -55,11 +50,11 @@ def sequence(video_frames: int = 20) -> Sequence:
     stamps = sorted(s for s in stamps if s[0] <= stamps[video_frames - 1][0])
     texture = np.random.default_rng(0).integers(0, 256, (240, 640, 3), np.uint8)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         time_ns, kind = stamps[i]
         if kind == "video":
-            return VideoFrame(time_ns, texture[:60, i : i + 80].copy())
-        return StereoPair(time_ns, texture[:120, i : i + 160].copy(), texture[:120, i + 5 : i + 165].copy())
+            return Frame.video(time_ns, texture[:60, i : i + 80].copy())
+        return Frame.stereo(time_ns, texture[:120, i : i + 160].copy(), texture[:120, i + 5 : i + 165].copy())
 
     return Sequence(
         "double",
@@ -110,10 +105,10 @@ class FakeEstimator:
     def start(self) -> tuple[int, ...]:
         return ()
 
-    def step(self, state: tuple[int, ...], exposure: Exposure, asked: object = None) -> tuple[tuple[int, ...], Step]:
+    def step(self, state: tuple[int, ...], exposure: Measurement, asked: object = None) -> tuple[tuple[int, ...], Step]:
         time_ns, n = exposure.time_ns, 30
         rng = np.random.default_rng(time_ns)
-        camera, frame = ("left", "rig") if isinstance(exposure, StereoPair) else ("video", "video")
+        camera, frame = ("left", "rig") if is_stereo(exposure) else ("video", "video")
         size = (160, 120) if camera == "left" else (80, 60)
         tracks = Tracks.of(
             np.arange(n) + len(state),
@@ -144,7 +139,7 @@ class FakeEstimator:
             ),
         )
 
-    def _fits(self, state: tuple[int, ...], exposure: Exposure) -> dict[str, Any]:
+    def _fits(self, state: tuple[int, ...], exposure: Measurement) -> dict[str, Any]:
         """What an integration tells at its key frames."""
         if len(state) < 10 or not self.method.startswith("integrated"):
             return {}
@@ -166,7 +161,7 @@ class FullEstimator(FakeEstimator):
     """Says all that a Step can say: covariances, losses, parts, drift of the unit, points without a place, and
     revisions that differ from what they replace (the height of a pose is how often it was revised, in metres)."""
 
-    def step(self, state: tuple[int, ...], exposure: Exposure, asked: object = None) -> tuple[tuple[int, ...], Step]:
+    def step(self, state: tuple[int, ...], exposure: Measurement, asked: object = None) -> tuple[tuple[int, ...], Step]:
         after, step = super().step(state, exposure)
         if len(after) % LOST_EVERY == 0:
             nothing = {"world_from_frame": None, "residuals_px": np.zeros(0), "scale": None, "key_frame": False}

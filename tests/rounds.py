@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Exposure, Frame, Image, Kind, Rig, Sequence, StereoPair, VideoFrame
+from ispom.types import Camera, Frame, FrameName, Image, Kind, Measurement, Rig, Sequence
 
 LAP = 240
 """Video frames of one round; then the images come again."""
@@ -28,7 +28,7 @@ def rig() -> Rig:
     camera = Camera(160, 120, 115.0, 115.0, 79.5, 59.5)
     pair = Rig.stereo(camera, 0.3)
     beside = Pose(translation=np.array([0.0, -0.05, 0.02]))
-    return Rig(camera, pair.left, pair.right, beside, pair.rig_from_left, pair.rig_from_right)
+    return pair.changed(video=camera, rig_from_video=beside)
 
 
 def world_from_rig(frame: int) -> Pose:
@@ -39,7 +39,7 @@ def world_from_rig(frame: int) -> Pose:
 
 
 @cache
-def image(name: Frame, frame: int) -> Image:
+def image(name: FrameName, frame: int) -> Image:
     """What a camera sees at one of the LAP places of a round trip."""
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-14, -5, -14), (14, 5, 14), (BALLS, 3))
@@ -78,10 +78,10 @@ class Scenario:
     """Where on the round trip an image is taken."""
     pairs_end: bool = False
     """No pair comes after STOP."""
-    blank: tuple[Frame, ...] = ()
+    blank: tuple[FrameName, ...] = ()
     """Cameras that see nothing more after STOP."""
 
-    def exposures(self) -> Iterator[Exposure]:
+    def exposures(self) -> Iterator[Measurement]:
         """Without end."""
         return (self._exposure(i, kind) for i, kind in self._index())
 
@@ -101,14 +101,14 @@ class Scenario:
             if "video" in self.kinds:
                 yield i, "video"
 
-    def _exposure(self, i: int, kind: Kind) -> Exposure:
+    def _exposure(self, i: int, kind: Kind) -> Measurement:
         time_ns = i * FRAME_NS
         place = self.place(i if "video" in self.kinds else i // STEREO_EVERY)  # pairs alone: as near as video frames
         if kind == "video":
-            return VideoFrame(time_ns, self._seen("video", i, place))
-        return StereoPair(time_ns, self._seen("left", i, place), self._seen("right", i, place))
+            return Frame.video(time_ns, self._seen("video", i, place))
+        return Frame.stereo(time_ns, self._seen("left", i, place), self._seen("right", i, place))
 
-    def _seen(self, name: Frame, i: int, place: int) -> Image:
+    def _seen(self, name: FrameName, i: int, place: int) -> Image:
         return np.full((120, 160), 7, np.uint8) if i > STOP and name in self.blank else image(name, place % LAP)
 
 

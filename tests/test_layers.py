@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "stop"},
-    {"compiled_code"},
+    {"compiled_code", "plugins"},
+    {"cameras"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},
     {"numerics"},

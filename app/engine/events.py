@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.geometry import Similarity
 from ispom.methods import Config
-from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Sequence, Step, Trajectory
 
 from .external_trajectories.placed import Beside
 from .run_folder.made_map import MadeMap
@@ -40,7 +40,7 @@ class Stepped:
 
     index: int
     """Of the frame in the sequence."""
-    exposure: Exposure
+    exposure: Measurement
     steps: tuple[Step, ...]
     placements: Mapping[str, Similarity]
     """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
@@ -65,7 +65,7 @@ class Pictured:
     """An earlier frame that was drawn without its images is shown to somebody: here they are."""
 
     index: int
-    exposure: Exposure
+    exposure: Measurement
     steps: tuple[Step, ...]
 
 
@@ -81,7 +81,11 @@ class Bookmark:
 Event = Stepped | Finished | Pictured
 
 
-def blank(sequence: Sequence, index: int) -> Exposure:
-    """Returns a frame with empty images, which nobody draws."""
-    time_ns, nothing = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8)
-    return StereoPair(time_ns, nothing, nothing) if sequence.kinds[index] == "stereo" else VideoFrame(time_ns, nothing)
+def blank(sequence: Sequence, index: int) -> Measurement:
+    """Returns a frame with empty images, which nobody draws; what is no frame has none."""
+    time_ns, nothing, kind = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8), sequence.kinds[index]
+    if kind == "stereo":
+        return Frame.stereo(time_ns, nothing, nothing)
+    if kind == "video":
+        return Frame.video(time_ns, nothing)
+    return Frame(time_ns, {}) if kind == "cameras" else sequence[index]

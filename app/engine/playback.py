@@ -77,7 +77,7 @@ class Playback:
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
         own = [name for name in self.methods if registered(name).unit == "own"]
-        metric = (n for n in self.methods if registered(n).unit == "metric" and registered(n).needs == STEREO)
+        metric = (n for n in self.methods if registered(n).unit == "metric" and registered(n).sensors == STEREO)
         self._placements: dict[str, Similarity] = {name: Similarity(1.0, start) for name in own}
         self._metric_method = next(metric, None)
         self._placing: dict[str, Placing] = {name: Placing(self.sequence.rig) for name in own}

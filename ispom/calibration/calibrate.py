@@ -198,7 +198,7 @@ def _result(
     if line_delay is not None and line_delay.rolls:
         (name,) = names
         camera = replace(found.estimate.cameras[0], line_delay_s=line_delay.seconds)
-        rig = replace(rig, **{name: camera})
+        rig = rig.changed(**{name: camera})
     return Calibration(
         target, cameras, found, image_of, rig, listed, correlations(found),
         _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,
@@ -215,7 +215,7 @@ def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
     fields: dict[str, object] = {}
     for name, camera, pose in zip(names, estimate.cameras, poses, strict=True):
         fields |= {name: camera, f"rig_from_{name}": pose}
-    return Rig(**fields)  # type: ignore[arg-type]
+    return Rig.of(**fields)  # type: ignore[arg-type]
 
 
 def _halves(found: Solution) -> tuple[Estimate, Estimate] | None:

@@ -72,7 +72,7 @@ def corrected(rig: Rig, found: Mapping[str, Array]) -> Corrected:
     findings: list[Finding] = []
     if rig.video is not None and "lens_covariance" in found:
         camera, told = _lens(rig.video, found["lens"], found["lens_covariance"])
-        rig, findings = replace(rig, video=camera, video_sigma=None), [*findings, *told]
+        rig, findings = rig.changed(video=camera, video_sigma=None), [*findings, *told]
     if rig.has_stereo and "pair_covariance" in found:
         rig, told = _pair(rig, found["pair"], found["pair_covariance"])
         findings += told
@@ -154,7 +154,7 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
     moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
     turn = Pose.from_rotvec(pair[turns], np.zeros(3))
     placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
-    return replace(rig, left=left, right=right, rig_from_right=placed, pair_sigma=None), told
+    return rig.changed(left=left, right=right, rig_from_right=placed, pair_sigma=None), told
 
 
 def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
@@ -181,7 +181,7 @@ def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Findi
     if sigma[6] > 0:
         told.append(Finding("video clock late", float(1e3 * change[6]), float(1e3 * sigma[6]), "ms", False))
     placed = Pose(translation=shift) @ rig.rig_from_video @ Pose.from_rotvec(turn, np.zeros(3))
-    return replace(rig, rig_from_video=placed), told
+    return rig.changed(rig_from_video=placed), told
 
 
 def _significant(value: Array, covariance: Array) -> bool:

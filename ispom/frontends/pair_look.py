@@ -16,7 +16,7 @@ from ispom.frontends.row_search import PointSearch
 from ispom.frontends.sift import detect_and_describe, match
 from ispom.frontends.tracked_size import TrackedSize
 from ispom.geometry import Array
-from ispom.types import Image, Sequence, StereoPair, VideoFrame, as_grey
+from ispom.types import Frame, Image, Sequence, as_grey, is_stereo, is_video
 
 PAIRS, FEATURES = 2, 500
 """Looked at, and in each of their images."""
@@ -63,10 +63,10 @@ def with_look(sequence: Sequence) -> Sequence:
     except InputError:  # the run tells of it, or goes on without
         return sequence
     if kind == "video":
-        note = halves_note([each.image for each in seen if isinstance(each, VideoFrame)])
+        note = halves_note([each.image for each in seen if is_video(each)])
     else:
         size = TrackedSize.of(sequence.rig.camera("left"))
-        note = pair_note([each for each in seen if isinstance(each, StereoPair)], float(size.factors[1]))
+        note = pair_note([each for each in seen if is_stereo(each)], float(size.factors[1]))
     return replace(sequence, notes=(*sequence.notes, note)) if note else sequence
 
 
@@ -76,7 +76,7 @@ def halves_note(images: list[Image]) -> str:
     return SIDE_BY_SIDE if images and all(map(_is_two, images)) else ""
 
 
-def pair_note(pairs: list[StereoPair], px_per_tracked: float = 1.0) -> str:
+def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0) -> str:
     """What is wrong with pairs, in words; "" where nothing is, or where that cannot be told. Stereo tracks in images
     that are smaller by `px_per_tracked`."""
     if pairs and all(np.array_equal(pair.left, pair.right) and np.ptp(pair.left) for pair in pairs):
@@ -99,7 +99,7 @@ def pair_note(pairs: list[StereoPair], px_per_tracked: float = 1.0) -> str:
     )
 
 
-def _apart(pair: StereoPair) -> Array:
+def _apart(pair: Frame) -> Array:
     """(M, 2) [px] how much farther right, and lower, features lie in the right image."""
     return _found_again(as_grey(pair.left), as_grey(pair.right))[0]
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.types import Camera, Exposure, Image, Step, Tracks, VideoFrame
+from ispom.types import Camera, Frame, Image, Step, Tracks
 
 MAX_SIDE_PX = 1400
 """Of the longer side, however the camera is held. Larger images are halved: windows and distances in pixels are made
@@ -36,13 +36,11 @@ class TrackedSize:
         full, tracked = self.full, self.tracked
         return np.array([full.width / tracked.width, full.height / tracked.height], np.float32)
 
-    def reduced(self, exposure: Exposure) -> Exposure:
-        """The exposure as it is tracked."""
+    def reduced(self, frame: Frame) -> Frame:
+        """Returns the frame in the size in which it is tracked."""
         if self.tracked is self.full:
-            return exposure
-        if isinstance(exposure, VideoFrame):
-            return replace(exposure, image=self._image(exposure.image))
-        return replace(exposure, left=self._image(exposure.left), right=self._image(exposure.right))
+            return frame
+        return frame.with_images(**{name: self._image(image) for name, image in frame.images.items()})
 
     def _image(self, image: Image) -> Image:
         size = (self.tracked.width, self.tracked.height)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import require_opencv
 from ispom.geometry import Array
 from ispom.io.maps import SceneMap
 from ispom.types import Camera
@@ -72,6 +73,7 @@ def camera_line(camera: Camera, number: int = 1) -> str:
 
     OpenCV's distortion has the same order of coefficients there; models differ by how many they have.
     """
+    require_opencv(camera, "COLMAP")
     model, count = {0: ("PINHOLE", 0), 4: ("OPENCV", 4)}.get(len(camera.distortion), ("FULL_OPENCV", 8))
     if camera.lens == "fisheye":
         model, count = "OPENCV_FISHEYE", 4

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ispom.io.pose_table import Columns, header_columns, read_pose_table
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
 OWN = Columns((0,), (1, 2, 3), (5, 6, 7, 4), "ns", 8)
@@ -21,7 +21,7 @@ def euroc_text(trajectory: Trajectory) -> str:
     return f"{HEADER}\n" + "".join(f"{t},{','.join(f'{v:.9f}' for v in row)}\n" for t, row in rows)
 
 
-def read_euroc(path: Path, frame: Frame = "body", every: bool = False) -> Trajectory:
+def read_euroc(path: Path, frame: FrameName = "body", every: bool = False) -> Trajectory:
     """The trajectory of `state_groundtruth_estimate0/data.csv` and the like; InputError names the line that is wrong.
 
     The header tells the order of the columns; without one they are EuRoC's. Of several poses at one time the last

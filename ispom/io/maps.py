@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.io.files import require_file
 from ispom.io.rows import LARGEST
-from ispom.types import Frame, Landmarks, Trajectory
+from ispom.types import FrameName, Landmarks, Trajectory
 
 MAX_BYTES = 1 << 30
 SMALL_BYTES, MOST_PACKED = 64 << 20, 60
 """A file that unpacks to more than the former is at most so many times as large unpacked: those of `ispom run` are some
 3 times as large."""
 ROTATION_TOLERANCE = 1e-3
-CAMERAS: tuple[Frame, ...] = ("video", "left")
+CAMERAS: tuple[FrameName, ...] = ("video", "left")
 _SHAPES = {
     "ids": ("m", "i"),
     "xyz_in_world": ("m3", "f"),

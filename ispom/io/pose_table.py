@@ -12,7 +12,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.rows import MAX_TIME_S, Row, latest, numbers, read_text
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 POSE_COLUMNS, HEADER_LINES = 8, 200
@@ -83,7 +83,7 @@ def header_columns(path: Path) -> Columns | None:
     return found
 
 
-def read_pose_table(path: Path, columns: Columns, frame: Frame, every: bool) -> tuple[Trajectory, str]:
+def read_pose_table(path: Path, columns: Columns, frame: FrameName, every: bool) -> tuple[Trajectory, str]:
     """The poses of a file with such columns, world_from_FRAME, and the unit of its times; `every` as in `latest`.
 
     InputError names the line that is wrong.

@@ -1,10 +1,12 @@
-"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; of a laser where it is; and how sure all this is.
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA, other sensors, and standard deviations.
 
-`video_sigma` and `pair_sigma` hold the standard deviations of `ispom.types.calibration`.
+`video_sigma` and `pair_sigma` hold the standard deviations of those names. Any other entry is another sensor by
+name: `sensor` is its kind (imu, gnss, wheel, laser, or camera), `rig_from_NAME` its pose, the rest its noise.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -16,14 +18,30 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.camera import CAMERA_KEYS, INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import finite_numbers, read_mapping
-from ispom.types import Camera, LensSigma, PairSigma, Rig
+from ispom.types import (
+    Camera,
+    CameraSensor,
+    GnssAntenna,
+    Imu,
+    LaserScanner,
+    LensSigma,
+    PairSigma,
+    Rig,
+    Sensor,
+    WheelOdometer,
+)
 
 CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
 """Of the other deviations, as of the methods' settings: with more there is nothing to start from."""
+OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
+"""Those that only a rig.yaml has."""
+NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
+RESERVED = frozenset({"rig", "world", "body", "board"})
+MAX_NOISE = 1e3
 
 
 def rig_text(rig: Rig) -> str:
@@ -31,8 +49,7 @@ def rig_text(rig: Rig) -> str:
     present = [name for name in CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
     content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}
-    if rig.rig_from_laser is not None:
-        content["laser"] = {"rig_from_laser": _pose_entry(rig.rig_from_laser)}
+    content |= {name: _other_entry(name, s) for name, s in rig.sensors.items() if name not in CAMERAS}
     return yaml.safe_dump(content, sort_keys=False)
 
 
@@ -40,24 +57,65 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
     video camera may be without a pose: it is then that of the rig."""
     content = read_mapping(path)
-    if not set(content) & set(CAMERAS) or not set(content) <= ENTRIES:
+    sigmas = {name: _sigma(path, name, content.pop(name)) for name in SIGMAS if name in content}
+    others = {name: content.pop(name) for name in [*content] if name not in CAMERAS}
+    unknown = [name for name, entry in others.items() if name != "laser" and not _is_sensor(name, entry)]
+    extra_cameras = any(isinstance(entry, dict) and entry.get("sensor") == "camera" for entry in others.values())
+    if not (content or extra_cameras) or unknown:
         perhaps = ", ".join(("laser", *SIGMAS))
         raise InputError(
-            f"{path} must hold entries called video, left or right, perhaps {perhaps}, and no others: correct it"
+            f"{path} must hold entries called video, left or right, perhaps {perhaps}, or sensors that name their kind "
+            f"in `sensor` ({', '.join(('camera', *OTHERS))}), and no others: correct it"
         )
-    found: dict[str, Any] = {name: _sigma(path, name, content.pop(name)) for name in SIGMAS if name in content}
-    if "laser" in content:
-        laser = content.pop("laser")
-        found["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
+    found: dict[str, Any] = {}
     for name, entry in content.items():
         found[name], found[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
-    return Rig(**found)
+    for name, entry in others.items():
+        found[name] = _sensor(path, name, entry if isinstance(entry, dict) else {})
+    return Rig.of(**found, **sigmas)
+
+
+def _is_sensor(name: Any, entry: Any) -> bool:
+    """Checks for an entry that is a sensor by its kind."""
+    named = isinstance(name, str) and NAME.fullmatch(name) is not None and name not in RESERVED
+    return named and isinstance(entry, dict) and entry.get("sensor") in ("camera", *OTHERS)
+
+
+def _sensor(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
+    """A sensor that is none of the rig's usual cameras."""
+    kind = entry.get("sensor", name)
+    values = {key: value for key, value in entry.items() if key not in ("sensor", f"rig_from_{name}")}
+    if kind == "camera":
+        camera, pose = _camera(path, name, {k: v for k, v in entry.items() if k != "sensor"}, True)
+        return CameraSensor(camera=camera, rig_from_sensor=pose)
+    pose, noises = (
+        _pose(path, name, entry),
+        [field.name for field in fields(OTHERS[kind]) if field.name != "rig_from_sensor"],
+    )
+    if unknown := [str(key) for key in values if key not in noises]:
+        known = ", ".join((f"rig_from_{name}", *noises))
+        raise InputError(f"{path}: {name}.{unknown[0]} is not known, as it has {known}: correct it")
+    noise = {key: finite_numbers(path, f"{name}.{key}", [value], 1)[0] for key, value in values.items()}
+    for key, value in noise.items():
+        if not 0 < value <= MAX_NOISE:
+            raise InputError(f"{path}: {name}.{key} is {value:g}, give a positive value up to {MAX_NOISE:g}")
+    return OTHERS[kind](rig_from_sensor=pose, **noise)
+
+
+def _other_entry(name: str, sensor: Sensor) -> dict[str, Any]:
+    """Of a sensor that is none of the rig's usual cameras."""
+    if isinstance(sensor, CameraSensor):
+        return {"sensor": "camera", **_camera_entry(Rig({name: sensor}), name)}
+    noise = {f.name: getattr(sensor, f.name) for f in fields(sensor) if f.name != "rig_from_sensor"}
+    changed = {key: value for key, value in noise.items() if value != getattr(type(sensor), key)}
+    kind = {} if name == sensor.kind == "laser" else {"sensor": sensor.kind}
+    return {**kind, f"rig_from_{name}": _pose_entry(sensor.rig_from_sensor), **changed}
 
 
 def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
     camera, rig_from_camera = rig.camera(name), rig.rig_from(name)
     return {
-        **({"model": camera.lens} if camera.lens == "fisheye" else {}),
+        **({"model": camera.lens} if camera.lens != "opencv" else {}),
         **{key: getattr(camera, key) for key in SIZES},
         **{key: float(getattr(camera, key)) for key in INTRINSICS},
         "distortion": [float(v) for v in camera.distortion],

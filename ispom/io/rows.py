@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.files import MAX_BYTES, read_bytes
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 Row = tuple[int, list[str]]
 """Line number, counted from 1, and the words of the line."""
@@ -94,7 +94,7 @@ def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
 
 
 def latest(
-    path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: Frame, every: bool
+    path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: FrameName, every: bool
 ) -> Trajectory:
     """The trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time the last.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.io.pose_table import Columns, header_columns, read_pose_table
 from ispom.io.rows import latest, numbers, read_rows, times_ns
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 ORDER = tuple(range(8))
 
@@ -25,7 +25,7 @@ def tum_text(trajectory: Trajectory) -> str:
     return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
 
 
-def read_tum(path: Path, frame: Frame = "rig", every: bool = False) -> Trajectory:
+def read_tum(path: Path, frame: FrameName = "rig", every: bool = False) -> Trajectory:
     """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong.
 
     Of several poses at one time the last counts: the published truth of TUM's fr2_desk has such a pair. With

@@ -27,7 +27,7 @@ from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
 from ispom.sequences.recording import Recording
 from ispom.sequences.two_rate import check_shape, two_rate
-from ispom.types import Exposure, Sequence
+from ispom.types import FRAME_KINDS, Measurement, Sequence
 
 MIN_FRAMES = 3
 Looks = Callable[[Path], bool]
@@ -96,7 +96,7 @@ def open_sequence(
             opened = open_described(path, placed) if described else _opened(path, calibration, seed)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
         sequence = _within(sequence, policy)
-    frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
+    frames = max(map(sequence.kinds.count, FRAME_KINDS))
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
@@ -122,7 +122,7 @@ def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
     if policy.places is None:
         return sequence
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         with bounded(policy.places):
             return sequence.load(i)
 

@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from threading import Lock
 
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 
 AHEAD = 4
 """Exposures that are kept decoded at most."""
@@ -28,11 +28,11 @@ def prefetched(sequence: Sequence) -> Sequence:
 class _Ahead:
     """Reads exposures 0..count-1, the next AHEAD of them in the background. Safe from several threads."""
 
-    def __init__(self, load: Callable[[int], Exposure], count: int) -> None:
+    def __init__(self, load: Callable[[int], Measurement], count: int) -> None:
         self._load, self._count = load, count
         self._lock = Lock()
         self._pool = ThreadPoolExecutor(1, "read-ahead")
-        self._pending: dict[int, Future[Exposure]] = {}
+        self._pending: dict[int, Future[Measurement]] = {}
 
     def prepare(self, i: int) -> None:
         """Starts anew with exposure i."""
@@ -40,7 +40,7 @@ class _Ahead:
             self._forget_before(self._count)
             self._fill(i)
 
-    def load(self, i: int) -> Exposure:
+    def load(self, i: int) -> Measurement:
         with self._lock:
             found = self._pending.pop(i, None)
             if found is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -48,8 +48,7 @@ class Rectification:
         """The rig whose pair this is, with the pair as it is rectified."""
         rig_from_left = rig.rig_from_left @ self.left_from_rectified
         left_from_right = Pose(translation=np.array([self.baseline_m, 0.0, 0.0]))
-        return replace(
-            rig,
+        return rig.changed(
             left=self.camera,
             right=self.camera,
             rig_from_left=rig_from_left,

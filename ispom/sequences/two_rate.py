@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.sequences.recording import Recording
-from ispom.types import Exposure, Image, Kind, Rig, Sequence, StereoPair, VideoFrame
+from ispom.types import Frame, Image, Kind, LaserScanner, Measurement, Rig, Sequence
 
 MIN_SCALE = 0.05
 
@@ -36,11 +36,11 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
         notes = (guess.note, *notes)
     if recording.baseline_m is not None:
         stereo = Rig.stereo(recording.camera, recording.baseline_m)
-        rig = replace(stereo, video=video, rig_from_video=stereo.rig_from_left)
+        rig = stereo.changed(video=video, rig_from_video=stereo.rig_from_left)
         notes = (_emulation(stereo_every, video_scale), *notes)
     if recording.left_from_laser is not None:
-        rig = replace(rig, rig_from_laser=rig.rig_from_left @ recording.left_from_laser)
-    rig = replace(rig, video_sigma=recording.video_sigma, pair_sigma=recording.pair_sigma)
+        rig = rig.changed(laser=LaserScanner(rig_from_sensor=rig.rig_from_left @ recording.left_from_laser))
+    rig = rig.changed(video_sigma=recording.video_sigma, pair_sigma=recording.pair_sigma)
     plan: list[tuple[int, Kind]] = []
     for i in range(len(recording.times_ns)):
         if rig.has_stereo and i % stereo_every == 0:
@@ -51,15 +51,15 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     def left(i: int) -> Image:
         return recording.read("left", i)
 
-    def load(exposure: int) -> Exposure:
+    def load(exposure: int) -> Measurement:
         i, kind = plan[exposure]
         time_ns = int(recording.times_ns[i])
         if kind == "stereo":
-            return StereoPair(time_ns, left(i), recording.read("right", i))
+            return Frame.stereo(time_ns, left(i), recording.read("right", i))
         image = left(i)
         if (video.width, video.height) != (recording.camera.width, recording.camera.height):
             image = cv2.resize(image, (video.width, video.height), interpolation=cv2.INTER_AREA)
-        return VideoFrame(time_ns, np.asarray(image, np.uint8))
+        return Frame.video(time_ns, np.asarray(image, np.uint8))
 
     times_ns = recording.times_ns[[i for i, _ in plan]]
     truth = recording.truth and recording.truth.moved(right=rig.rig_from_video.inverse(), frame="rig")

@@ -11,10 +11,10 @@ from ispom.geometry import Pose
 from ispom.settings import Range
 from ispom.simulation.board import Exposing, Picture, board_image
 from ispom.simulation.filming import PAUSE_S, Filming, board_poses, filming_rig
-from ispom.types import Frame, Image, Rig
+from ispom.types import FrameName, Image, Rig
 
 BLUR_SAMPLES = 7
-CAMERAS: tuple[Frame, ...] = ("video", "left", "right")
+CAMERAS: tuple[FrameName, ...] = ("video", "left", "right")
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class FilmedBoard:
     path: Filming
 
     @staticmethod
-    def of(picture: Picture, size_m: tuple[float, float], camera: Frame, how: How) -> FilmedBoard:
+    def of(picture: Picture, size_m: tuple[float, float], camera: FrameName, how: How) -> FilmedBoard:
         """Of a board of this size, held for `camera` (the others see what they see of it)."""
         rig = filming_rig()
         poses = board_poses(rig.camera(camera), size_m, max(how.views, 4), how.seed, how.alike)
         left_from_camera = rig.rig_from_left.inverse() @ rig.rig_from(camera)
         return FilmedBoard(rig, picture, how, Filming(rig, tuple(left_from_camera @ pose for pose in poses), 0.0))
 
-    def image(self, camera: Frame, i: int) -> Image:
+    def image(self, camera: FrameName, i: int) -> Image:
         """Exposure i (H, W), grey."""
         camera_from_left = self.rig.rig_from(camera).inverse() @ self.rig.rig_from_left
         poses = tuple(camera_from_left @ pose for pose in self._left_from_board(i))

@@ -28,4 +28,4 @@ def with_turned_video(sequence: Sequence, turn_deg: Array) -> Sequence:
     """The rig is told with its video camera turned by a rotation vector (3,) [deg] about the camera's axes."""
     rig = sequence.rig
     turned = rig.rig_from_video @ Pose.from_rotvec(np.radians(turn_deg), np.zeros(3))
-    return replace(sequence, name=f"{sequence.name}, rig turned", rig=replace(rig, rig_from_video=turned))
+    return replace(sequence, name=f"{sequence.name}, rig turned", rig=rig.changed(rig_from_video=turned))

@@ -22,7 +22,7 @@ from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.scene import Scene
 from ispom.simulation.town import build_town
 from ispom.simulation.walls import build_wall
-from ispom.types import Camera, Frame, Image, Kind, Rig
+from ispom.types import Camera, FrameName, Image, Kind, Rig
 
 BLUR_EXPOSURE_S = 0.008
 """How long the shutter is open where motion blur is asked for; times are those of its middle."""
@@ -67,10 +67,10 @@ class Source:
 
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
         """The video image, or the left image above the right one. The same bytes for any number of threads."""
-        names: tuple[Frame, ...] = {"video": ("video",), "stereo": ("left", "right")}[kind]
+        names: tuple[FrameName, ...] = {"video": ("video",), "stereo": ("left", "right")}[kind]
         return np.concatenate([self._camera(name, time_ns, threads) for name in names])
 
-    def light(self, name: Frame, time_ns: int, threads: int) -> NDArray[np.float32]:
+    def light(self, name: FrameName, time_ns: int, threads: int) -> NDArray[np.float32]:
         """(H, W, 3) what falls on a camera's sensor in an exposure at a time, 0-255."""
         exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
         renderer, camera = self._renderer(exposed_ns), self.rig.camera(name)
@@ -103,7 +103,7 @@ class Source:
             return self._still
         return replace(self._still, scene=self.traffic.at(time_ns))  # with the views of the place at rest
 
-    def _camera(self, name: Frame, time_ns: int, threads: int) -> Image:
+    def _camera(self, name: FrameName, time_ns: int, threads: int) -> Image:
         noise_seed = zlib.crc32(f"{self.seed} {time_ns} {name}".encode())
         return exposed(self.light(name, time_ns, threads), noise_seed, NOISE_SIGMA)
 
@@ -112,13 +112,13 @@ class Source:
         share = np.arange(camera.height) / (camera.height - 1) - 0.5
         return np.rint(share * self.rolling_ns).astype(np.int64)
 
-    def _rows(self, name: Frame, time_ns: int) -> list[Pose] | None:
+    def _rows(self, name: FrameName, time_ns: int) -> list[Pose] | None:
         """(H,) camera_from_row of each row's pose while an image is read out; None with a global shutter."""
         if not self.rolling_ns:
             return None
         late_ns, camera_from_world = self.late_ns(self.rig.camera(name)), self._pose(name, time_ns).inverse()
         return [camera_from_world @ self._pose(name, time_ns + int(ns)) for ns in late_ns]
 
-    def _pose(self, name: Frame, time_ns: int) -> Pose:
+    def _pose(self, name: FrameName, time_ns: int) -> Pose:
         """world_from_CAMERA."""
         return motion_of(self.motion, self.seed).pose_at(time_ns) @ self.rig.rig_from(name)

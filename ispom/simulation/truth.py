@@ -18,7 +18,7 @@ from ispom.simulation.meshes import MeshPlace
 from ispom.simulation.motions import motion_of
 from ispom.simulation.scene import Scene
 from ispom.simulation.source import Source
-from ispom.types import Camera, Frame
+from ispom.types import Camera, FrameName
 
 SAME = 1e-4
 """Share of its distance by which a point may lie behind what a ray to it hits."""
@@ -34,20 +34,20 @@ class Truth:
         if self.source.rolling_ns:
             raise ValueError("rows of a rolling shutter have poses of their own: ask for a source without")
 
-    def camera(self, name: Frame) -> Camera:
+    def camera(self, name: FrameName) -> Camera:
         return self.source.rig.camera(name)
 
-    def pose(self, name: Frame, time_ns: int) -> Pose:
+    def pose(self, name: FrameName, time_ns: int) -> Pose:
         """world_from_CAMERA in the exposure of a time."""
         rig, motion = self.source.rig, motion_of(self.source.motion, self.source.seed)
         return motion.pose_at(self._exposed(name, time_ns)) @ rig.rig_from(name)
 
-    def depth(self, name: Frame, time_ns: int) -> Array:
+    def depth(self, name: FrameName, time_ns: int) -> Array:
         """(H, W) z [m] in the camera of what each pixel's centre sees, inf for the sky."""
         camera = self.camera(name)
         return self._seen(name, time_ns)[2].reshape(camera.height, camera.width)
 
-    def flow(self, name: Frame, time_ns: int, other: Frame, other_ns: int) -> tuple[Array, NDArray[np.bool_]]:
+    def flow(self, name: FrameName, time_ns: int, other: FrameName, other_ns: int) -> tuple[Array, NDArray[np.bool_]]:
         """(H, W, 2) how far [px] what a pixel sees is from there in another camera, or at another time, and (H, W)
         whether it is in sight then. NaN for the sky, and for what is behind the other camera."""
         camera, target, then = self.camera(name), self.camera(other), self.pose(other, other_ns)
@@ -67,14 +67,14 @@ class Truth:
         shape = (camera.height, camera.width)
         return uv.reshape(*shape, 2) - pixel, in_sight.reshape(shape)
 
-    def _exposed(self, name: Frame, time_ns: int) -> int:
+    def _exposed(self, name: FrameName, time_ns: int) -> int:
         return time_ns + (self.source.right_late_ns if name == "right" else 0)
 
-    def _scene(self, name: Frame, time_ns: int) -> Scene | MeshPlace:
+    def _scene(self, name: FrameName, time_ns: int) -> Scene | MeshPlace:
         traffic = self.source.traffic
         return self.source.scene if traffic is None else traffic.at(self._exposed(name, time_ns))
 
-    def _seen(self, name: Frame, time_ns: int) -> tuple[Array, NDArray[np.int32], Array]:
+    def _seen(self, name: FrameName, time_ns: int) -> tuple[Array, NDArray[np.int32], Array]:
         """Of each pixel: (N, 3) the point in the world, (N,) the triangle, or NOTHING, and (N,) z in the camera."""
         camera, pose, scene = self.camera(name), self.pose(name, time_ns), self._scene(name, time_ns)
         u, v = np.meshgrid(np.arange(float(camera.width)), np.arange(float(camera.height)))

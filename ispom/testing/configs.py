@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from ispom.settings import Setting, check, settings
 from ispom.testing.trial import Trial, Walk, failing_as, walked
+from ispom.types import FRAME_KINDS
 
 NAME = re.compile(r"[a-z][a-z0-9_-]*(\.[a-z0-9_-]+)*")
 CHANGED = 3
@@ -19,7 +20,8 @@ def check_declared(trial: Trial) -> None:
     """A name, the cameras and a reference; settings that a form can show, with defaults inside their ranges."""
     method, config = trial.method, trial.settings
     trial.require(NAME.fullmatch(method.name), "has a name that is not of small letters, digits, _, - and dots")
-    trial.require(method.needs and method.needs <= {"video", "stereo"}, "needs neither video nor stereo exposures")
+    trial.require(method.sensors & FRAME_KINDS, "uses no frames of any camera")
+    trial.require(method.optional <= method.sensors, "has optional sensors that it does not use")
     trial.require(method.source.strip(), "does not say in Method.source where it comes from")
     trial.require(trial.exposures and method.possible(trial.rig), "lacks cameras: give a sequence that has them")
     frozen = is_dataclass(config) and type(config).__dataclass_params__.frozen  # type: ignore[attr-defined]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ispom.testing.trial import Numbered, Trial, Walk, walked
-from ispom.types import Exposure, Image, Rig, Status, StereoPair, VideoFrame, as_grey
+from ispom.types import FRAME_KINDS, Frame, Image, Status, as_grey
 
 BLANK = {"without texture": 128, "all black": 0, "all white": 255}
 FEW = 6
@@ -32,22 +32,22 @@ def check_colour(trial: Trial) -> None:
 
 
 def check_cameras_alone(trial: Trial) -> None:
-    """A rig that has no cameras but those that the method needs."""
-    rig, needs = trial.rig, trial.method.needs
-    if needs == {"video"}:
-        alone = Rig(video=rig.video, rig_from_video=rig.rig_from_video)
-    elif needs == {"stereo"}:
-        alone = Rig(None, rig.left, rig.right, rig.rig_from_video, rig.rig_from_left, rig.rig_from_right)
+    """A rig that has no cameras but those that the method uses."""
+    rig, used = trial.rig, trial.method.sensors & FRAME_KINDS
+    if used == {"video"}:
+        alone = rig.changed(left=None, right=None)
+    elif used == {"stereo"}:
+        alone = rig.changed(video=None)
     else:
         return
     walked(trial.build(rig=alone), trial.exposures[:FEW])
 
 
 def _changed(numbered: Numbered, change: Callable[[Image], Image], how: str) -> Numbered:
-    exposure: Exposure = numbered.exposure
-    if isinstance(exposure, VideoFrame):
-        return numbered.like(VideoFrame(exposure.time_ns, change(exposure.image)), how)
-    return numbered.like(StereoPair(exposure.time_ns, change(exposure.left), change(exposure.right)), how)
+    seen = numbered.exposure
+    if not isinstance(seen, Frame):
+        return numbered
+    return numbered.like(seen.with_images(**{name: change(image) for name, image in seen.images.items()}), how)
 
 
 def _other_channels(image: Image) -> Image:

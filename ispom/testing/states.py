@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from itertools import count, islice
 from typing import Any
 
@@ -13,7 +13,7 @@ import cv2
 
 from ispom.testing.trial import Numbered, Trial, Walk, failing_as, walked
 from ispom.testing.values import TIMES, depth, digest
-from ispom.types import Exposure, StereoPair, VideoFrame
+from ispom.types import ImuSamples, Measurement, WheelIncrement, images_of
 
 MAX_DEPTH = 60
 """Values nested in values, in a State of any length of run."""
@@ -102,20 +102,23 @@ def check_unchanged(trial: Trial, walk: Walk) -> None:
 
 def standing(trial: Trial) -> Iterator[Numbered]:
     """More exposures after the last, which show the same."""
-    last = {type(numbered.exposure): numbered for numbered in trial.exposures}
+    last = {numbered.exposure.kind: numbered for numbered in trial.exposures}
     end_ns = max(numbered.exposure.time_ns for numbered in trial.exposures)
     moments = (end_ns + 33_000_000 * k for k in count(1))
     for moment_ns in islice(moments, STANDING):
         for kind, numbered in last.items():
-            time_ns = moment_ns + (11_000_000 if kind is StereoPair else 0)
+            time_ns = moment_ns + (11_000_000 if kind == "stereo" else 0)
             yield numbered.like(at(numbered.exposure, time_ns), "again, standing still")
 
 
-def at(exposure: Exposure, time_ns: int) -> Exposure:
-    """The same images at another time."""
-    if isinstance(exposure, VideoFrame):
-        return VideoFrame(time_ns, exposure.image)
-    return StereoPair(time_ns, exposure.left, exposure.right)
+def at(measurement: Measurement, time_ns: int) -> Measurement:
+    """Returns the same measurement at another time."""
+    later_ns = time_ns - measurement.time_ns
+    if isinstance(measurement, ImuSamples):
+        return replace(measurement, time_ns=time_ns, times_ns=measurement.times_ns + later_ns)
+    if isinstance(measurement, WheelIncrement):
+        return replace(measurement, time_ns=time_ns, since_ns=measurement.since_ns + later_ns)
+    return replace(measurement, time_ns=time_ns)
 
 
 def _require_same(trial: Trial, walk: Walk, again: Walk, first: int, what: str) -> None:
@@ -135,5 +138,5 @@ def _size(state: Any) -> int:
     return len(pickle.dumps(state))
 
 
-def _bytes(exposure: Exposure) -> int:
-    return exposure.image.nbytes if isinstance(exposure, VideoFrame) else exposure.left.nbytes + exposure.right.nbytes
+def _bytes(exposure: Measurement) -> int:
+    return sum(image.nbytes for image in images_of(exposure).values())

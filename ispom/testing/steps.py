@@ -15,7 +15,7 @@ from ispom.types import (
     Camera,
     Decision,
     DecisionKind,
-    Frame,
+    FrameName,
     Landmarks,
     Rig,
     Status,
@@ -52,7 +52,8 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
         trial.require(kept, what, place)
 
     require(isinstance(step.status, Status), f"has the status {step.status!r}, which is none")
-    require(step.frame in get_args(Frame), f"gives poses of the frame {step.frame!r}, which is none")
+    known = {"world", "rig", "board", "body", *trial.rig.sensors}
+    require(step.frame in known, f"gives poses of the frame {step.frame!r}, which is none")
     timed = step.seconds and all(seconds >= 0 for seconds in step.seconds.values())
     require(timed, "gives no wall time of its stages in Step.seconds")
     pixels = np.asarray(step.residuals_px)
@@ -91,7 +92,7 @@ class _Said:
     """What one run said so far."""
 
     trial: Trial
-    frame: Frame | None = None
+    frame: FrameName | None = None
     poses: dict[int, Pose] = field(default_factory=dict)
     times: set[int] = field(default_factory=set)
     final_ns: int | None = None

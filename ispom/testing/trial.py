@@ -12,7 +12,7 @@ from ispom.estimator import Method
 from ispom.methods import method as registered
 from ispom.methods import with_asked
 from ispom.testing.values import digest
-from ispom.types import Exposure, Rig, Sequence, Step, StereoPair, Trajectory
+from ispom.types import Measurement, Rig, Sequence, Step, Trajectory, images_of
 from ispom.warm_up import flight, flight_rig
 
 
@@ -20,11 +20,11 @@ from ispom.warm_up import flight, flight_rig
 class Numbered:
     """An exposure, and how sentences call it."""
 
-    exposure: Exposure
+    exposure: Measurement
     place: str
     """exposure 12, exposure 12 without texture"""
 
-    def like(self, exposure: Exposure, how: str) -> Numbered:
+    def like(self, exposure: Measurement, how: str) -> Numbered:
         """Another one in its place."""
         return Numbered(exposure, f"{self.place} {how}")
 
@@ -142,5 +142,5 @@ def _digest(built: Built, state: Any, place: str) -> bytes:
         return digest(state)
 
 
-def _images(exposure: Exposure) -> list[Any]:
-    return [exposure.left, exposure.right] if isinstance(exposure, StereoPair) else [exposure.image]
+def _images(exposure: Measurement) -> list[Any]:
+    return list(images_of(exposure).values())

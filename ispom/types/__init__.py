@@ -1,45 +1,85 @@
 """The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
 
-from ispom.types.calibration import EXACT_LENS, EXACT_PAIR, LensSigma, PairSigma
-from ispom.types.camera import Camera, Frame, Image, Rig
-from ispom.types.check import Check, by_key
-from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
-from ispom.types.guess import Guess
-from ispom.types.integration import SegmentFit, SplineFit
-from ispom.types.sequence import Sequence
-from ispom.types.step import Decision, DecisionKind, Status, Step
-from ispom.types.timed_points import TimedPoints
+from ispom.cameras import Camera
+from ispom.types.measurements import (
+    FRAME_KINDS,
+    Frame,
+    GnssFix,
+    Image,
+    ImuSamples,
+    Kind,
+    LaserScan,
+    Measurement,
+    TimedPoints,
+    WheelIncrement,
+    as_grey,
+    colours_at,
+    images_of,
+    is_stereo,
+    is_video,
+    main_image,
+)
+from ispom.types.results import Check, Decision, DecisionKind, Status, Step, by_key
+from ispom.types.rig import (
+    EXACT_LENS,
+    EXACT_PAIR,
+    CameraSensor,
+    FrameName,
+    GnssAntenna,
+    Imu,
+    LaserScanner,
+    LensSigma,
+    PairSigma,
+    Rig,
+    Sensor,
+    WheelOdometer,
+)
+from ispom.types.sequence import Guess, Sequence
 from ispom.types.tracks import Landmarks, Tracks, TrackStatus
-from ispom.types.trajectory import Trajectory
+from ispom.types.trajectory import SegmentFit, SplineFit, Trajectory
 
 __all__ = [
     "EXACT_LENS",
     "EXACT_PAIR",
+    "FRAME_KINDS",
     "Camera",
+    "CameraSensor",
     "Check",
     "Decision",
     "DecisionKind",
-    "Exposure",
     "Frame",
+    "FrameName",
+    "GnssAntenna",
+    "GnssFix",
     "Guess",
     "Image",
+    "Imu",
+    "ImuSamples",
     "Kind",
     "Landmarks",
+    "LaserScan",
+    "LaserScanner",
     "LensSigma",
+    "Measurement",
     "PairSigma",
     "Rig",
     "SegmentFit",
+    "Sensor",
     "Sequence",
     "SplineFit",
     "Status",
     "Step",
-    "StereoPair",
     "TimedPoints",
     "TrackStatus",
     "Tracks",
     "Trajectory",
-    "VideoFrame",
+    "WheelIncrement",
+    "WheelOdometer",
     "as_grey",
     "by_key",
     "colours_at",
+    "images_of",
+    "is_stereo",
+    "is_video",
+    "main_image",
 ]

@@ -2,65 +2,128 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.types.camera import Rig
-from ispom.types.exposure import Exposure, Kind, VideoFrame
-from ispom.types.guess import Guess
+from ispom.cameras import Camera
+from ispom.types.measurements import STEREO, VIDEO, Kind, Measurement, is_video
+from ispom.types.rig import Rig
 from ispom.types.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A focal length that nobody measured; distortion is taken to be none, the principal point to be the middle."""
+
+    focal_px: float
+    sigma: float
+    """Standard deviation, as a share of it."""
+    origin: str
+    """Where it comes from, in words."""
+    aspect: float = 1.0
+    """Width of a pixel, as a share of its height; `focal_px` counts heights."""
+
+    def camera(self, size: tuple[int, int]) -> Camera:
+        """Of images (width, height)."""
+        width, height = size
+        return Camera(width, height, self.focal_px / self.aspect, self.focal_px, (width - 1) / 2, (height - 1) / 2)
+
+    @property
+    def note(self) -> str:
+        """For people: what was assumed, and how sure it is."""
+        pixels = "" if self.aspect == 1 else f", pixels {self.aspect:.4g} times as wide as high"
+        return (
+            f"The camera has no calibration: focal length {self.focal_px:.0f} px +- {100 * self.sigma:.0f} % "
+            f"({self.origin}), no distortion{pixels}."
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Sequence:
-    """A time-ordered list of exposures with its rig; images are read when asked for."""
+    """A time-ordered stream of measurements with their rig; images are read when they are requested."""
 
     name: str
     """What a person recognises: "sim:city seed 0", "KITTI 06"."""
     rig: Rig
     times_ns: NDArray[np.int64]
-    """(N,) not decreasing; a stereo pair comes before the video frame of the same time."""
+    """(N,) not decreasing. At the same time, a stereo frame comes before a video frame, and what other sensors measured
+    before both."""
     kinds: tuple[Kind, ...]
-    """(N,) what exposure i is."""
-    load: Callable[[int], Exposure]
-    """Reads exposure i; InputError where its files are unreadable or of the wrong size. Safe from several threads."""
+    """(N,) the kind of measurement i."""
+    load: Callable[[int], Measurement]
+    """Reads measurement i, from any thread. Raises InputError where its files are unreadable or of the wrong size."""
     truth: Trajectory | None = None
-    """world_from_rig, in the source's own world; may cover only part of the exposures."""
+    """world_from_rig, in the source's own world; may cover only part of the measurements."""
     notes: tuple[str, ...] = ()
     """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
     prepare: Callable[[int], None] | None = None
-    """Renders or fetches ahead from exposure i on, in the background; None where loading is always quick."""
+    """Renders or fetches ahead from measurement i on, in the background; None where loading is always quick."""
     grow: Callable[[int, float | None], Sequence] | None = None
-    """Of a live source: waits for more than N exposures, at most so many seconds (None: until it ends), and gives the
-    sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
+    """Of a live source: waits for more than N measurements, at most so many seconds (None: until it ends), and returns
+    the sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
     stop: Callable[[], None] | None = None
     """Of a live source: ends the recording and frees the camera; what came so far stays."""
     guess: Guess | None = None
     """Of a video camera without a calibration; its note is one of the notes."""
 
+    def __post_init__(self) -> None:
+        """Raises ValueError where kinds are missing, times decrease, or two frames of a kind have the same time: they
+        would have no motion between them."""
+        steps = np.diff(self.times_ns)
+        if len(self.kinds) != len(self.times_ns) or (steps < 0).any():
+            raise ValueError(f"{len(self.times_ns)} times, which must not decrease, with {len(self.kinds)} kinds")
+        for i in np.flatnonzero(steps == 0).tolist():
+            if self.kinds[i] == self.kinds[i + 1] and self.kinds[i] in (VIDEO, STEREO):
+                raise ValueError(f"two {self.kinds[i]} frames have the time {self.times_ns[i]} ns")
+
     def __len__(self) -> int:
         return len(self.times_ns)
 
-    def __getitem__(self, i: int) -> Exposure:
+    def __getitem__(self, i: int) -> Measurement:
         return self.load(i)
 
-    def with_video_later(self, by_s: float, drift: float = 0.0) -> Sequence:
-        """With the stamps of the video increased by so many seconds, and by `drift` of the time since the first one.
+    def with_measurements(self, measurements: Iterable[Measurement]) -> Sequence:
+        """Returns the sequence with measurements of other sensors among its own, in the order of time.
 
-        The truth is stamped like what it is the truth of. A stereo pair comes before the video frame of the same time.
+        The rig must have those sensors. Raises ValueError for a live sequence.
+        """
+        if self.grow is not None:
+            raise ValueError("a live sequence takes in no other measurements")
+        others = tuple(measurements)
+        times_ns = np.concatenate([self.times_ns, np.array([m.time_ns for m in others], np.int64)])
+        order = np.lexsort((np.arange(len(times_ns)) < len(self), times_ns))
+        own_before = np.cumsum(order < len(self))  # own measurements up to each of the new stream
+        kinds = (*self.kinds, *(m.kind for m in others))
+
+        def load(i: int) -> Measurement:
+            at = int(order[i])
+            return self.load(at) if at < len(self) else others[at - len(self)]
+
+        def prepare(i: int) -> None:
+            if self.prepare is not None and own_before[i] < len(self):
+                self.prepare(int(own_before[i]))
+
+        ahead = None if self.prepare is None else prepare
+        return replace(self, times_ns=times_ns[order], kinds=tuple(kinds[i] for i in order), load=load, prepare=ahead)
+
+    def with_video_later(self, by_s: float, drift: float = 0.0) -> Sequence:
+        """Returns the sequence with the stamps of the video increased by `by_s` seconds, and by `drift` of the time
+        since the first one.
+
+        The truth is stamped like what it is the truth of. A stereo frame comes before the video frame of the same time.
         Nothing is fetched ahead.
         """
-        video = np.array([kind == "video" for kind in self.kinds])
+        video = np.array([kind == VIDEO for kind in self.kinds])
         shift_ns = round(by_s * 1e9) + np.rint(drift * (self.times_ns - self.times_ns[0])).astype(np.int64)
         times_ns = self.times_ns + np.where(video, shift_ns, 0)
         order = np.lexsort((video, times_ns))
 
-        def load(i: int) -> Exposure:
-            exposure = self.load(int(order[i]))
-            return replace(exposure, time_ns=int(times_ns[order[i]])) if isinstance(exposure, VideoFrame) else exposure
+        def load(i: int) -> Measurement:
+            measured = self.load(int(order[i]))
+            return replace(measured, time_ns=int(times_ns[order[i]])) if is_video(measured) else measured
 
         truth = self.truth
         if truth is not None:
@@ -70,5 +133,5 @@ class Sequence:
         return replace(self, times_ns=times_ns[order], kinds=kinds, load=load, truth=truth, prepare=None)
 
     def truncated(self, count: int) -> Sequence:
-        """The first `count` exposures."""
+        """Returns the first `count` measurements."""
         return replace(self, times_ns=self.times_ns[:count], kinds=self.kinds[:count])

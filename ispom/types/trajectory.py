@@ -1,15 +1,15 @@
-"""Poses over time."""
+"""Trajectories, and how an integration came to its poses."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ispom.geometry import Array, Pose
-from ispom.types.camera import Frame
+from ispom.types.rig import FrameName
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Trajectory:
     """(N, 3, 3)."""
     translations: Array
     """(N, 3) [m, or the trajectory's own unit]."""
-    frame: Frame = "rig"
+    frame: FrameName = "rig"
 
     def __post_init__(self) -> None:
         n = len(self.times_ns)
@@ -30,11 +30,11 @@ class Trajectory:
             raise ValueError(f"{n} times with {self.rotations.shape} rotations and {self.translations.shape} positions")
 
     @staticmethod
-    def empty(frame: Frame = "rig") -> Trajectory:
+    def empty(frame: FrameName = "rig") -> Trajectory:
         return Trajectory(np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)), frame)
 
     @staticmethod
-    def of(items: list[tuple[int, Pose]], frame: Frame = "rig") -> Trajectory:
+    def of(items: list[tuple[int, Pose]], frame: FrameName = "rig") -> Trajectory:
         """From (time_ns, pose) in any order; of two at the same time the later in the list counts."""
         if not items:
             return Trajectory.empty(frame)
@@ -77,7 +77,7 @@ class Trajectory:
         """Path length, in the unit of the translations."""
         return float(np.linalg.norm(np.diff(self.translations, axis=0), axis=1).sum())
 
-    def moved(self, left: Pose | None = None, right: Pose | None = None, frame: Frame | None = None) -> Trajectory:
+    def moved(self, left: Pose | None = None, right: Pose | None = None, frame: FrameName | None = None) -> Trajectory:
         """Every pose P as left @ P @ right: `left` changes the world, `right` (OLD_from_FRAME) the moving frame."""
         left, right = left or Pose(), right or Pose()
         return Trajectory(
@@ -86,3 +86,55 @@ class Trajectory:
             (self.rotations @ right.translation + self.translations) @ left.rotation.T + left.translation,
             frame or self.frame,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentFit:
+    """A segment of video poses and the two stereo poses that it was fitted to (section 6.3; Fig. 7)."""
+
+    span_ns: tuple[int, int]
+    """The times t_j and t_j+1 of the two stereo exposures."""
+    video: Trajectory
+    """world_from_video in its own world and unit: inside the segment, and the poses that bracket its two ends."""
+    own_ends: Trajectory
+    """(2,) the same, interpolated at both ends."""
+    metric_ends: Trajectory
+    """(2,) world_from_video after the stereo estimator [m], at both ends."""
+    scale: float | None = None
+    """Metres per unit; None where the segment is too short for a ratio of lengths."""
+    turn_rad: float | None = None
+    """Angle between the two segment vectors, once the first orientations agree; None as `scale`."""
+    residual_rad: float = 0.0
+    """The rotation by which the last orientation missed its goal; it is spread over the segment."""
+
+
+@dataclass(frozen=True, eq=False)
+class SplineFit:
+    """A spline through the exposures of a window, before and after its adjustment."""
+
+    times_ns: NDArray[np.int64]
+    """(E,) of the exposures, as stamped."""
+    video: NDArray[np.bool_]
+    """(E,) which of them are the video camera's; the others are stereo pairs."""
+    before: Array
+    """(E, 3) world_from_rig positions [m] of the spline at the exposures, as it was begun with."""
+    after: Array
+    """(E, 3) likewise, adjusted."""
+    knots_ns: NDArray[np.int64]
+    """(K,) when each knot counts most."""
+    knots_before: Array
+    """(K, 3) [m]."""
+    knots_after: Array
+    """(K, 3) [m]."""
+    errors_before: Array
+    """(E,) median error of what was seen at each exposure [standard deviations]; NaN where nothing was."""
+    errors_after: Array
+    """(E,) likewise, adjusted."""
+    cost_before: float
+    cost_after: float
+    iterations: int
+
+    def moved(self, onto: Pose) -> SplineFit:
+        """In another world."""
+        names = ("before", "after", "knots_before", "knots_after")
+        return replace(self, **{name: onto.apply(getattr(self, name)) for name in names})

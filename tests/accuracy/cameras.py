@@ -31,7 +31,7 @@ from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cache import default_folder
 from ispom.simulation.scenario.scenario import scenario_of_words
-from ispom.types import Image, Sequence, Status, StereoPair, VideoFrame
+from ispom.types import Image, Sequence, Status, is_stereo, is_video
 
 FLIGHT = "city?duration_s=3"
 SEEDS = 16
@@ -123,9 +123,9 @@ def write_12_bits(sequence: Sequence, folder: Path) -> None:
 
 def _images(sequence: Sequence, i: int) -> list[tuple[str, Image]]:
     seen = sequence[i]
-    if isinstance(seen, StereoPair):
+    if is_stereo(seen):
         return [("left", seen.left), ("right", seen.right)]
-    assert isinstance(seen, VideoFrame)
+    assert is_video(seen)
     return [("video", seen.image)]
 
 

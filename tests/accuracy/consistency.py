@@ -85,7 +85,7 @@ def _known(sequence: Sequence, seed: int, cameras: str) -> Sequence:
     if cameras == "drawn":
         return miscalibrated(sequence, seed)
     if cameras == "untold":
-        return replace(sequence, rig=replace(sequence.rig, video_sigma=None, pair_sigma=None))
+        return replace(sequence, rig=sequence.rig.changed(video_sigma=None, pair_sigma=None))
     return sequence
 
 
@@ -94,7 +94,7 @@ def _errors(sequence: Sequence, method: str) -> Errors:
     ensemble = build(Config(), (method,), sequence.rig)
     state, given = ensemble.start(), list[Step]()
     for i, kind in enumerate(sequence.kinds):
-        if kind in registered(method).needs:
+        if kind in registered(method).sensors:
             state, steps = ensemble.step(state, sequence[i])
             given += steps
     assert sequence.truth is not None

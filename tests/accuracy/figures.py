@@ -112,7 +112,7 @@ def methods_for(name: str, sequence: Sequence) -> list[str]:
 def measure(name: str, source: str, method: str) -> Figures:
     """Runs one method with its default settings over a whole recording."""
     sequence = opened(name, source)
-    used = [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).needs]
+    used = [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).sensors]
     if sequence.prepare is not None:  # rendering is not part of the time
         for i in used:
             sequence[i]

@@ -10,7 +10,7 @@ from ispom.geometry import Pose
 from ispom.simulation.motions import Motion
 from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
-from ispom.types import Exposure, Frame, Rig, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, FrameName, Measurement, Rig, Trajectory
 
 FilmedMethod = Literal["monocular", "stereo"]
 FILMED_METHODS: tuple[FilmedMethod, ...] = ("monocular", "stereo")
@@ -28,16 +28,16 @@ class Flight:
         """world_from_rig."""
         return self.motion.pose_at(time_ns)
 
-    def truth(self, times_ns: list[int], frame: Frame) -> Trajectory:
+    def truth(self, times_ns: list[int], frame: FrameName) -> Trajectory:
         """Of one of the rig's frames at these times."""
         mount = self.rig.rig_from(frame)
         return Trajectory.of([(t, self.pose_at(t) @ mount) for t in times_ns], frame)
 
-    def exposure(self, renderer: Renderer, time_ns: int, stereo: bool) -> Exposure:
-        names: tuple[Frame, ...] = ("left", "right") if stereo else ("video",)
+    def exposure(self, renderer: Renderer, time_ns: int, stereo: bool) -> Measurement:
+        names: tuple[FrameName, ...] = ("left", "right") if stereo else ("video",)
         images = []
         for name in names:
             camera = self.rig.camera(name)
             sharp = renderer.image(camera, self.pose_at(time_ns) @ self.rig.rig_from(name), 1)
             images.append(exposed(sharp, zlib.crc32(f"{self.seed} {time_ns} {name}".encode()), NOISE_SIGMA))
-        return StereoPair(time_ns, *images) if stereo else VideoFrame(time_ns, images[0])
+        return Frame.stereo(time_ns, *images) if stereo else Frame.video(time_ns, images[0])

@@ -32,7 +32,7 @@ from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.town import build_town
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory
+from ispom.types import Camera, Frame, FrameName, Measurement, Rig, Status, Step, Trajectory, is_stereo
 
 from .flights import FilmedMethod, Flight
 
@@ -99,7 +99,7 @@ class Case:
 
     method: FilmedMethod
     ensemble: Ensemble
-    exposures: list[Exposure]
+    exposures: list[Measurement]
     truth: Trajectory
     """Of the frame whose poses the method gives."""
     states: list[Any]
@@ -108,7 +108,7 @@ class Case:
     final: Trajectory
 
     @staticmethod
-    def of(method: FilmedMethod, rig: Rig, exposures: list[Exposure], truth: Trajectory) -> Case:
+    def of(method: FilmedMethod, rig: Rig, exposures: list[Measurement], truth: Trajectory) -> Case:
         ensemble, states, steps = ensemble_of(method, rig), list[Any](), list[Step]()
         state = ensemble.start()
         for exposure in exposures:
@@ -117,7 +117,7 @@ class Case:
             steps += new
         return Case(method, ensemble, exposures, truth, states, steps, ensemble.finish(state)[method])
 
-    def tried(self, trial: Trial, seen: list[Exposure], truth: Trajectory, seen_again: float) -> Found:
+    def tried(self, trial: Trial, seen: list[Measurement], truth: Trajectory, seen_again: float) -> Found:
         """What the method makes of `seen` after the gap, where the `truth` is this."""
         first = next(i for i, e in enumerate(self.exposures) if e.time_ns >= round(trial.start_s * 1e9))
         state, after, metric = self.states[first], list[Step](), self.method == "stereo"
@@ -155,8 +155,8 @@ def simulated(method: FilmedMethod, place: Place, seed: int) -> Iterator[Found]:
     stereo, city = method == "stereo", place == "city"
     flight = Flight(seed, simulated_rig(SCALES[method]), motion_of("flight" if city else "loop", seed))
     renderer, rate_hz = Renderer((build_city if city else build_town)(seed)), 5.0 if stereo else 15.0
-    side: Frame = "left" if stereo else "video"
-    given: Frame = "rig" if stereo else "video"
+    side: FrameName = "left" if stereo else "video"
+    given: FrameName = "rig" if stereo else "video"
     times = [round(i * 1e9 / rate_hz) for i in range(round((BEFORE_S + max(GAPS_S) + AFTER_S) * rate_hz) + 1)]
     case = Case.of(
         method, flight.rig, [flight.exposure(renderer, t, stereo) for t in times], flight.truth(times, given)
@@ -188,8 +188,8 @@ def driven(method: FilmedMethod, folder: Path) -> Iterator[Found]:
     sequence = open_sequence(str(folder))
     assert sequence.truth is not None
     stereo = method == "stereo"
-    all_pairs = [e for i, k in enumerate(sequence.kinds) if k == "stereo" and isinstance(e := sequence[i], StereoPair)]
-    pairs: dict[int, StereoPair] = {e.time_ns: e for e in all_pairs}
+    all_pairs = [e for i, k in enumerate(sequence.kinds) if k == "stereo" and is_stereo(e := sequence[i])]
+    pairs: dict[int, Frame] = {e.time_ns: e for e in all_pairs}
     kind = "stereo" if stereo else "video"
     exposures = [sequence[i] for i, k in enumerate(sequence.kinds) if k == kind]
     moved = sequence.truth if stereo else sequence.truth.moved(right=sequence.rig.rig_from_video, frame="video")

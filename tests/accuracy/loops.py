@@ -29,7 +29,7 @@ from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.town import LAP_M, SPEED_M_S, build_town
-from ispom.types import Rig, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Rig, Step, Trajectory, is_stereo
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight
 from .terraces import build_terraces
@@ -101,8 +101,8 @@ class Run:
         ensemble = build(config, (method,), rig if method == "stereo" else Rig.single(rig.camera("left")))
         return Run(method, ensemble, ensemble.start(), [])
 
-    def see(self, pair: StereoPair) -> None:
-        exposure = pair if self.method == "stereo" else VideoFrame(pair.time_ns, pair.left)
+    def see(self, pair: Frame) -> None:
+        exposure = pair if self.method == "stereo" else Frame.video(pair.time_ns, pair.left)
         self.state, new = self.ensemble.step(self.state, exposure)
         self.steps += new
 
@@ -122,7 +122,7 @@ def driven(seed: int, returns: bool, methods: Iterable[FilmedMethod], lap: float
     runs = {m: [Run.of(m, flight.rig, loops) for loops in ((True, False) if returns else (True,))] for m in methods}
     for time_ns in times:
         pair = flight.exposure(renderer, time_ns, stereo=True)
-        assert isinstance(pair, StereoPair)
+        assert is_stereo(pair)
         for run in (r for some in runs.values() for r in some):
             run.see(pair)
     return [_judged(flight, times, returns, *some) for some in runs.values()]

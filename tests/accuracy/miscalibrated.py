@@ -12,7 +12,7 @@ from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Array
 from ispom.sequences.rectification import Rectification, remapped
 from ispom.solvers.right_camera import LAG, PAIR, Q1, Q2
-from ispom.types import Exposure, Sequence, StereoPair
+from ispom.types import Measurement, Sequence, is_stereo
 
 SURE = 1e-30
 """Variance with which any error is significant, see corrected_rig."""
@@ -27,12 +27,12 @@ def miscalibrated(sequence: Sequence, seed: int) -> Sequence:
     right_from_left = wrong.rig_from_right.inverse() @ wrong.rig_from_left
     rectification = Rectification.of(wrong.camera("left"), wrong.camera("right"), right_from_left)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         exposure = sequence[i]
-        if not isinstance(exposure, StereoPair):
+        if not is_stereo(exposure):
             return exposure
         left, right = rectification.left_maps, rectification.right_maps
-        return replace(exposure, left=remapped(exposure.left, left), right=remapped(exposure.right, right))
+        return exposure.with_images(left=remapped(exposure.left, left), right=remapped(exposure.right, right))
 
     return replace(sequence, rig=rectification.placed(wrong), load=load)
 

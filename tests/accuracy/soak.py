@@ -40,7 +40,7 @@ TRACKS = {"max_tracks": 80, "max_points": 300}
 
 def scenarios(method: str) -> tuple[Scenario, ...]:
     """Those whose exposures the method uses, all of them."""
-    return tuple(s for s in SCENARIOS if s.kinds == registered(method).needs)
+    return tuple(s for s in SCENARIOS if s.kinds == registered(method).sensors)
 
 
 class Soaked:

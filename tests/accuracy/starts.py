@@ -22,7 +22,7 @@ from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned, ate_m, rms
 from ispom.geometry import rotation_angle_rad
 from ispom.sequences import open_sequence
-from ispom.types import Exposure, Sequence, Status, Trajectory
+from ispom.types import Measurement, Sequence, Status, Trajectory
 
 EVERY = {"handheld": 5, "kitti-06": 1, "kitti-00": 5, "sim:tiny": 5, "sim:city": 6, "sim:indoor": 8}
 """From one start to the next, in frames: of cases of the bench, and of whole simulations."""
@@ -58,14 +58,14 @@ def starts(source: str, last: int | None, every: int) -> Iterator[Started]:
     assert sequence.truth is not None
     truth = sequence.truth.moved(right=sequence.rig.rig_from_video, frame="video")
     video = [i for i, kind in enumerate(sequence.kinds) if kind == "video"]
-    kept = dict[int, Exposure]()
+    kept = dict[int, Measurement]()
     for frame in range(0, len(video[:last]) - AFTER, every):
         kept = {i: e for i, e in kept.items() if i >= video[frame]}
         yield _started(source, sequence, truth, video[frame:], frame, kept)
 
 
 def _started(
-    source: str, sequence: Sequence, truth: Trajectory, video: list[int], frame: int, kept: dict[int, Exposure]
+    source: str, sequence: Sequence, truth: Trajectory, video: list[int], frame: int, kept: dict[int, Measurement]
 ) -> Started:
     ensemble = ensemble_of("monocular", sequence.rig)
     state, mapped = ensemble.start(), None

@@ -9,7 +9,7 @@ import numpy as np
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.solvers.right_camera import OFFSET_X, OFFSET_Y, ROLL
-from ispom.types import StereoPair
+from ispom.types import is_stereo
 from tests.accuracy.miscalibrated import drawn, miscalibrated
 from tests.alone import run
 
@@ -19,7 +19,7 @@ def test_a_pair_is_off_as_drawn(tmp_path: Path) -> None:
     wrong, (pair, lens) = miscalibrated(plain, 0), drawn(plain, 0)
     assert wrong.rig.video is not None and plain.rig.video is not None
     np.testing.assert_allclose(wrong.rig.video.fx / plain.rig.video.fx, 1 - lens[0], rtol=1e-3)
-    pairs = [e for i, k in enumerate(wrong.kinds) if k == "stereo" and isinstance(e := wrong[i], StereoPair)]
+    pairs = [e for i, k in enumerate(wrong.kinds) if k == "stereo" and is_stereo(e := wrong[i])]
     *_, last = run(ModernStereoConfig().build(wrong.rig), pairs)
     found = last.calibration
     sigma = np.sqrt(np.diag(found["pair_covariance"]))

@@ -11,7 +11,7 @@ import pytest
 from ispom_app.features.benchmark import child
 
 from ispom.methods import names
-from ispom.types import StereoPair, VideoFrame
+from ispom.types import is_stereo, is_video
 from tests.accuracy import soak
 from tests.accuracy.__main__ import main
 from tests.app import helpers
@@ -25,11 +25,11 @@ def test_a_sequence_holds_what_the_stream_gives(scenario: Scenario) -> None:
     assert len(sequence) == count and (np.diff(sequence.times_ns) >= 0).all()
     for i, exposure in zip(range(count), islice(scenario.exposures(), count), strict=True):
         assert exposure.time_ns == sequence.times_ns[i]
-        assert isinstance(exposure, StereoPair) == (sequence.kinds[i] == "stereo")
+        assert is_stereo(exposure) == (sequence.kinds[i] == "stereo")
         if i % 97 == 0:
             again = sequence[i]
             assert type(again) is type(exposure)
-            pixels = [e.image if isinstance(e, VideoFrame) else e.left for e in (again, exposure)]
+            pixels = [e.image if is_video(e) else e.left for e in (again, exposure)]
             np.testing.assert_array_equal(*pixels)
 
 
@@ -37,10 +37,10 @@ def test_images_come_again_after_a_round_and_end_where_they_should() -> None:
     moving, blank = (
         next(s for s in SCENARIOS if s.kinds == {"video"} and s.name == n) for n in ("moving", "goes blank")
     )
-    images = [e.image for e in islice(moving.exposures(), LAP + 4) if isinstance(e, VideoFrame)]
+    images = [e.image for e in islice(moving.exposures(), LAP + 4) if is_video(e)]
     np.testing.assert_array_equal(images[3], images[LAP + 3])
     assert (images[3] != images[4]).any()
-    last = [e.image for e in islice(blank.exposures(), STOP + 2) if isinstance(e, VideoFrame)][-1]
+    last = [e.image for e in islice(blank.exposures(), STOP + 2) if is_video(e)][-1]
     assert np.ptp(last) == 0
     ended = next(s for s in SCENARIOS if s.pairs_end).sequence(3 * STOP)
     assert "stereo" in ended.kinds[:STOP] and "stereo" not in ended.kinds[2 * STOP :]

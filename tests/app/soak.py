@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from ispom_app.views.rerun import live, tape
 from ispom_app.views.rerun.recorder import Recorder
 
 from ispom.persistent_list import PersistentList
-from ispom.types import Exposure, Kind, Landmarks, Rig, Sequence, Step, StereoPair, Tracks, Trajectory, VideoFrame
+from ispom.types import Frame, Kind, Landmarks, Measurement, Rig, Sequence, Step, Tracks, Trajectory, is_stereo
 from tests import doubles
 
 EXPOSURES = 20_000
@@ -48,10 +48,10 @@ class Walker:
     def start(self) -> tuple[int, tuple[int, ...], PersistentList[int]]:
         return 0, (), PersistentList()
 
-    def step(self, state, exposure: Exposure, asked=None):
+    def step(self, state, exposure: Measurement, asked=None):
         (count, recent, times), time_ns = state, exposure.time_ns
         rng = np.random.default_rng(count)
-        camera = "left" if isinstance(exposure, StereoPair) else "video"
+        camera = "left" if is_stereo(exposure) else "video"
         place = rng.random((TRACKS, 2)) * (75, 55)
         ids = np.arange(TRACKS) + 10 * count
         xyz = rng.random((POINTS, 3)) * 9
@@ -87,13 +87,13 @@ def sequence(kind_of: Callable[[int], Kind], count: int) -> Sequence:
     texture = np.random.default_rng(0).integers(0, 256, (60, 240), np.uint8)
     kinds = tuple(kind_of(i) for i in range(count))
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         image = texture[:, i % 160 : i % 160 + 80].copy()
-        return VideoFrame(i * FRAME_NS, image) if kinds[i] == "video" else StereoPair(i * FRAME_NS, image, image)
+        return Frame.video(i * FRAME_NS, image) if kinds[i] == "video" else Frame.stereo(i * FRAME_NS, image, image)
 
     small = doubles.rig().left
     assert small is not None
-    pair = replace(doubles.rig(), left=small.scaled(0.5), right=small.scaled(0.5))
+    pair = doubles.rig().changed(left=small.scaled(0.5), right=small.scaled(0.5))
     rig = Rig.single(pair.video) if set(kinds) == {"video"} and pair.video else pair
     return Sequence("soak", rig, np.arange(count) * FRAME_NS, kinds, load)
 

@@ -12,7 +12,7 @@ from ispom_app.cli.main import main
 
 from ispom.methods import method as registered
 from ispom.methods import with_asked
-from ispom.types import Exposure, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Trajectory, is_video
 from tests.alone import ALL
 from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
 from tests.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
@@ -29,13 +29,13 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario: Scenario = next(s for s in SCENARIOS if len(s.kinds) == 2)
     bright = scenario.sequence(EXPOSURES)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         found = bright[i]
         if found.time_ns // FRAME_NS not in DARK:
             return found
-        if isinstance(found, VideoFrame):
+        if is_video(found):
             return replace(found, image=np.zeros_like(found.image))
-        return StereoPair(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
+        return Frame.stereo(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
 
     times = np.unique(bright.times_ns).tolist()
     truth = Trajectory.of([(t, world_from_rig(t // FRAME_NS)) for t in times])

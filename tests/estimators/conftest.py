@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 
 
 @pytest.fixture(scope="session")
@@ -23,5 +23,5 @@ def flight(rendered: Path) -> Sequence:
 
 
 @pytest.fixture(scope="session")
-def exposures(flight: Sequence) -> list[Exposure]:
+def exposures(flight: Sequence) -> list[Measurement]:
     return [flight[i] for i in range(len(flight))]

@@ -12,11 +12,11 @@ from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.estimators.paper.stereo.estimator import StereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Exposure, Sequence, StereoPair, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Sequence, TrackStatus, Trajectory, is_stereo, is_video
 from tests.alone import alone, run
 
 
-def finish(config, name: str, flight: Sequence, exposures: list[Exposure]) -> Trajectory:
+def finish(config, name: str, flight: Sequence, exposures: list[Measurement]) -> Trajectory:
     estimator = alone(name, flight.rig, config)
     state = estimator.start()
     for exposure in exposures:
@@ -32,7 +32,7 @@ def true_positions(flight: Sequence, times_ns: np.ndarray, camera: str) -> np.nd
 
 
 @pytest.mark.parametrize("matching", ["sift", "klt"])
-def test_stereo_is_metric(matching: str, flight: Sequence, exposures: list[Exposure]) -> None:
+def test_stereo_is_metric(matching: str, flight: Sequence, exposures: list[Measurement]) -> None:
     found = finish(StereoConfig(matching=matching), "stereo.paper", flight, exposures)  # type: ignore[arg-type]
     assert len(found) == flight.kinds.count("stereo")
     truth = true_positions(flight, found.times_ns, "rig")
@@ -53,7 +53,7 @@ def test_stereo_is_metric(matching: str, flight: Sequence, exposures: list[Expos
     ids=str,
 )
 def test_monocular_follows_the_shake_up_to_its_scale(
-    changes: dict, flight: Sequence, exposures: list[Exposure]
+    changes: dict, flight: Sequence, exposures: list[Measurement]
 ) -> None:
     found = finish(replace(MonocularConfig(), **changes), "monocular.paper", flight, exposures)
     assert len(found) == flight.kinds.count("video")
@@ -63,7 +63,7 @@ def test_monocular_follows_the_shake_up_to_its_scale(
     assert error < 0.02 * np.linalg.norm(truth[-1] - truth[0])
 
 
-def test_integrated_is_metric_at_every_video_frame(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_integrated_is_metric_at_every_video_frame(flight: Sequence, exposures: list[Measurement]) -> None:
     estimator = alone("integrated.paper", flight.rig)
     state = estimator.start()
     for exposure in exposures:
@@ -79,8 +79,8 @@ def test_integrated_is_metric_at_every_video_frame(flight: Sequence, exposures: 
     assert np.sqrt((error**2).sum(1).mean()) < 0.05
 
 
-def test_standing_still_is_no_motion(flight: Sequence, exposures: list[Exposure]) -> None:
-    pair = next(e for e in exposures if isinstance(e, StereoPair))
+def test_standing_still_is_no_motion(flight: Sequence, exposures: list[Measurement]) -> None:
+    pair = next(e for e in exposures if is_stereo(e))
     still = [replace(pair, time_ns=i * 10**8) for i in range(4)]
     steps = list(run(StereoConfig().build(flight.rig), still))
     for step in steps:
@@ -88,22 +88,22 @@ def test_standing_still_is_no_motion(flight: Sequence, exposures: list[Exposure]
         np.testing.assert_allclose(step.world_from_frame.log(), 0, atol=1e-6)
 
 
-def test_a_turn_without_travel_is_no_key_frame(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_turn_without_travel_is_no_key_frame(flight: Sequence, exposures: list[Measurement]) -> None:
     """Pure rotation has no parallax: the paper's monocular method must wait, not invent a translation."""
-    frame = next(e for e in exposures if isinstance(e, VideoFrame))
+    frame = next(e for e in exposures if is_video(e))
     camera, steps = flight.rig.camera("video"), []
     pinhole = replace(camera, distortion=())
-    rig = replace(flight.rig, video=pinhole)
+    rig = flight.rig.changed(video=pinhole)
     for i in range(12):
         turn = Pose.from_rotvec(np.array([0.002 * i, 0.006 * i, 0.0]), np.zeros(3)).rotation
         homography = pinhole.matrix @ turn @ np.linalg.inv(pinhole.matrix)
         size = (camera.width, camera.height)
-        steps.append(VideoFrame(i * 33_000_000, cv2.warpPerspective(frame.image, homography, size)))  # type: ignore[arg-type]
+        steps.append(Frame.video(i * 33_000_000, cv2.warpPerspective(frame.image, homography, size)))  # type: ignore[arg-type]
     found = list(run(MonocularConfig().build(rig), steps))
     assert [s.key_frame for s in found] == [True] + [False] * 11
 
 
-def test_dropped_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_dropped_tracks_say_why(flight: Sequence, exposures: list[Measurement]) -> None:
     steps = list(run(alone("monocular.paper", flight.rig), exposures))
     reasons = {int(code) for s in steps for code in s.tracks["video"].status}
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.OUT_OF_IMAGE} <= reasons

@@ -10,7 +10,7 @@ import pytest
 
 from ispom.estimators.paper.stereo.estimator import StereoConfig
 from ispom.sequences import open_sequence
-from ispom.types import StereoPair
+from ispom.types import is_stereo
 from tests.alone import run
 
 REAL = Path(__file__).parents[2] / ".." / "shared" / "data" / "euroc_v1_01_start"
@@ -20,7 +20,7 @@ REAL = Path(__file__).parents[2] / ".." / "shared" / "data" / "euroc_v1_01_start
 @pytest.mark.parametrize("matching", ["sift", "klt"])
 def test_a_platform_at_rest_stays_within_a_centimetre(matching: Literal["sift", "klt"]) -> None:
     sequence = open_sequence(str(REAL))
-    pairs = [exposure for i in range(len(sequence)) if isinstance(exposure := sequence[i], StereoPair)]
+    pairs = [exposure for i in range(len(sequence)) if is_stereo(exposure := sequence[i])]
     steps = list(run(StereoConfig(matching=matching).build(sequence.rig), pairs))
     poses = [step.world_from_frame for step in steps]
     assert len(poses) == 20 and None not in poses

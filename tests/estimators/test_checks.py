@@ -9,13 +9,13 @@ import pytest
 
 from ispom.ensemble import build, run
 from ispom.methods import BUILT_IN, Config
-from ispom.types import Check, Decision, Exposure, Sequence, Step, TrackStatus, by_key
+from ispom.types import Check, Decision, Measurement, Sequence, Step, TrackStatus, by_key
 
 CHECKS = {method.name: method.checks for method in BUILT_IN}
 
 
 @pytest.fixture(scope="module")
-def steps(flight: Sequence, exposures: list[Exposure]) -> list[Step]:
+def steps(flight: Sequence, exposures: list[Measurement]) -> list[Step]:
     return [step for found in run(build(Config(), tuple(CHECKS), flight.rig), exposures) for step in found]
 
 

@@ -10,7 +10,7 @@ from ispom.errors import InputError
 from ispom.methods import Config, possible_methods
 from ispom.settings import settings
 from ispom.testing import check_estimator
-from ispom.types import Camera, Exposure, Rig, Sequence, Trajectory
+from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
 from tests.alone import ALL, METHODS, PAPER
 
 
@@ -45,7 +45,7 @@ def test_methods_without_their_cameras_are_refused() -> None:
 
 @pytest.mark.parametrize("names", [METHODS, PAPER], ids=["modern", "paper"])
 def test_an_ensemble_gives_what_each_method_alone_gives(
-    names: tuple[str, ...], flight: Sequence, exposures: list[Exposure]
+    names: tuple[str, ...], flight: Sequence, exposures: list[Measurement]
 ) -> None:
     together = build(Config(), names, flight.rig)
     assert sorted(together.members) == sorted(names)

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ispom.ensemble import build
 from ispom.methods import Config, possible_methods
-from ispom.types import Exposure, Rig, Sequence, Step, Trajectory
+from ispom.types import Measurement, Rig, Sequence, Step, Trajectory
 from tests.doubles import rig
 
 SECONDS = 1.2
@@ -24,7 +24,7 @@ def threads() -> Iterator[None]:
     cv2.setNumThreads(before)
 
 
-def outcome(method: str, rig: Rig, exposures: list[Exposure]) -> tuple[dict[str, Trajectory], list[Step]]:
+def outcome(method: str, rig: Rig, exposures: list[Measurement]) -> tuple[dict[str, Trajectory], list[Step]]:
     ensemble = build(Config(), (method,), rig)
     state, steps = ensemble.start(), list[Step]()
     for exposure in exposures:
@@ -40,7 +40,7 @@ def as_bytes(found: dict[str, Trajectory], steps: list[Step]) -> dict[str, bytes
 
 @pytest.mark.usefixtures("threads")
 @pytest.mark.parametrize("method", possible_methods(rig()))
-def test_same_bytes(method: str, flight: Sequence, exposures: list[Exposure]) -> None:
+def test_same_bytes(method: str, flight: Sequence, exposures: list[Measurement]) -> None:
     short = [e for e in exposures if e.time_ns < SECONDS * 1e9]
     runs = []
     for count in (1, 2):

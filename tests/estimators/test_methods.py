@@ -13,7 +13,7 @@ from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.paper.stereo.estimator import StereoConfig
 from ispom.methods import Config, default_methods, in_order, method, names, possible_methods, with_asked
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 from tests.alone import ALL, METHODS, PAPER
 
 
@@ -53,7 +53,9 @@ def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
 
 
 @pytest.mark.parametrize("installed", [[("orb", "ORB")]], indirect=True)
-def test_another_packages_method_is_one_of_them(installed: None, flight: Sequence, exposures: list[Exposure]) -> None:
+def test_another_packages_method_is_one_of_them(
+    installed: None, flight: Sequence, exposures: list[Measurement]
+) -> None:
     assert names() == (*ALL, "orb") and not methods.faults()
     assert "orb" not in default_methods(flight.rig)
     ensemble = build(Config(), ("orb", "stereo.paper"), flight.rig)
@@ -75,7 +77,7 @@ def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
 
 
 def test_what_two_ask_is_computed_once_and_what_runs_beside_changes_nothing(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     beside = build(Config(), ("monocular", "integrated.paper"), flight.rig)
     assert list(beside.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]

@@ -23,7 +23,7 @@ MEASURED_EVERY = 10
 GROWN = 1.1
 STANDING = ("still", "stops", "pairs end", "goes blank", "video goes blank")
 """Of the scenarios those in which most could pile up."""
-RUNS = [(name, s) for name in ALL for s in SCENARIOS if s.name in STANDING and s.kinds == registered(name).needs]
+RUNS = [(name, s) for name in ALL for s in SCENARIOS if s.name in STANDING and s.kinds == registered(name).sensors]
 
 
 @pytest.mark.parametrize(

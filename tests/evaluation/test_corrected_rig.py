@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -69,4 +67,4 @@ def test_what_is_held_is_not_told() -> None:
 
 def test_a_run_without_corrections_is_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match="no method corrected"):
-        corrected(replace(RIG, video=None), {"pair": np.zeros(PAIR)})
+        corrected(RIG.changed(video=None), {"pair": np.zeros(PAIR)})

@@ -9,7 +9,7 @@ from ispom.evaluation.comparison import compare, measures
 from ispom.evaluation.metrics import errors
 from ispom.evaluation.trajectory_error import alignment_of, error_against_truth, trajectory_error
 from ispom.geometry import Pose
-from ispom.types import Rig, Trajectory
+from ispom.types import Camera, Rig, Trajectory
 
 
 def path(count: int, noise_m: float = 0.0, scale: float = 1.0) -> Trajectory:
@@ -50,7 +50,9 @@ def test_over_some_frames_the_alignment_is_that_of_these_frames() -> None:
 
 
 def test_the_truth_is_carried_to_the_frame_of_the_estimate() -> None:
-    rig = Rig(rig_from_video=Pose(np.eye(3), np.array([0.2, 0.0, 0.0])))
+    rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5)).changed(
+        rig_from_video=Pose(np.eye(3), np.array([0.2, 0.0, 0.0]))
+    )
     truth = path(40)
     video = truth.moved(right=rig.rig_from_video, frame="video")
     error = error_against_truth(video, truth, rig, "none")

@@ -8,7 +8,7 @@ import cv2
 import pytest
 import yaml
 
-from ispom.types import VideoFrame
+from ispom.types import is_video
 from ispom.warm_up import flight, flight_rig
 
 FRAMES = 20
@@ -18,7 +18,7 @@ FRAMES = 20
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of images past a cloud of balls, with its camera."""
     folder, rig = tmp_path_factory.mktemp("recording"), flight_rig()
-    for i, frame in enumerate([e for e in flight(rig) if isinstance(e, VideoFrame)][:FRAMES]):
+    for i, frame in enumerate([e for e in flight(rig) if is_video(e)][:FRAMES]):
         cv2.imwrite(str(folder / f"{i:03d}.png"), frame.image)
     camera = rig.camera("video")
     names = ("width", "height", "fx", "fy", "cx", "cy")

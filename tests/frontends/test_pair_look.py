@@ -10,24 +10,24 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.frontends.pair_look import EXCHANGED, SAME, SIDE_BY_SIDE, halves_note, pair_note, with_look
-from ispom.types import Camera, Exposure, Image, Rig, Sequence, StereoPair, VideoFrame
+from ispom.types import Camera, Frame, Image, Measurement, Rig, Sequence
 
 WIDTH, HEIGHT = 480, 320
 RNG = np.random.default_rng(4)
 TEXTURE = cv2.resize(RNG.integers(0, 256, (HEIGHT // 4, WIDTH // 4 + 30), np.uint8), (WIDTH + 120, HEIGHT))
 
 
-def pair(time_ns: int = 0, lower_px: float = 0.0) -> StereoPair:
+def pair(time_ns: int = 0, lower_px: float = 0.0) -> Frame:
     """Of a ground that is nearer farther down: 4 to 40 px of disparity."""
     x, y = np.meshgrid(np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT, dtype=np.float32))
     disparity = 4 + 36 * y / HEIGHT
     left = cv2.remap(TEXTURE, x + 20, y, cv2.INTER_LINEAR)
     right = cv2.remap(TEXTURE, x + 20 + disparity, y - np.float32(lower_px), cv2.INTER_LINEAR)
-    return StereoPair(time_ns, np.asarray(left, np.uint8), np.asarray(right, np.uint8))
+    return Frame.stereo(time_ns, np.asarray(left, np.uint8), np.asarray(right, np.uint8))
 
 
-def turned(a: Image, b: Image) -> StereoPair:
-    return StereoPair(0, a, b)
+def turned(a: Image, b: Image) -> Frame:
+    return Frame.stereo(0, a, b)
 
 
 def test_a_right_pair_is_not_spoken_of() -> None:
@@ -59,10 +59,10 @@ def test_what_cannot_be_told_is_not_told() -> None:
 
 
 def test_the_note_stands_with_the_others_of_a_sequence() -> None:
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         return turned(pair().right, pair().left)
 
-    def broken(i: int) -> Exposure:
+    def broken(i: int) -> Measurement:
         raise InputError("the file is gone")
 
     rig = Rig.stereo(Camera(WIDTH, HEIGHT, 400, 400, 240, 160), 0.2)
@@ -80,8 +80,8 @@ def test_images_side_by_side_are_told() -> None:
     assert halves_note([beside, beside]) == halves_note([colours]) == SIDE_BY_SIDE
     assert halves_note([pair().left, beside]) == halves_note([pair().left[:, :40]]) == halves_note([]) == ""
 
-    def load(i: int) -> Exposure:
-        return VideoFrame(i, beside)
+    def load(i: int) -> Measurement:
+        return Frame.video(i, beside)
 
     rig = Rig.single(Camera(2 * WIDTH, HEIGHT, 400, 400, 480, 160))
     sequence = Sequence("a film", rig, np.arange(3, dtype=np.int64), ("video",) * 3, load, notes=("first",))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.frontends.tracked_size import TrackedSize
-from ispom.types import Camera, Status, Step, Tracks, VideoFrame
+from ispom.types import Camera, Frame, Status, Step, Tracks, is_video
 
 WIDE = Camera(3840, 2161, 2700.0, 2700.0, 1919.5, 1080.0)
 
 
 def test_images_that_are_small_enough_stay_as_they_are() -> None:
     small = WIDE.scaled(1 / 3)
-    size, frame = TrackedSize.of(small), VideoFrame(0, np.zeros((720, 1280), np.uint8))
+    size, frame = TrackedSize.of(small), Frame.video(0, np.zeros((720, 1280), np.uint8))
     step = Step(0, Status.TRACKING)
     assert size.tracked is small and size.reduced(frame) is frame and size.enlarged(step) is step
 
@@ -21,8 +21,8 @@ def test_large_ones_are_halved_until_they_are() -> None:
     size = TrackedSize.of(WIDE)
     assert (size.tracked.width, size.tracked.height) == (960, 540)
     assert TrackedSize.of(WIDE, 2000).tracked.width == 1920
-    reduced = size.reduced(VideoFrame(7, np.zeros((2161, 3840, 3), np.uint8)))
-    assert isinstance(reduced, VideoFrame) and reduced.image.shape == (540, 960, 3) and reduced.time_ns == 7
+    reduced = size.reduced(Frame.video(7, np.zeros((2161, 3840, 3), np.uint8)))
+    assert is_video(reduced) and reduced.image.shape == (540, 960, 3) and reduced.time_ns == 7
 
 
 def test_an_upright_image_is_tracked_as_large_as_one_that_lies() -> None:

@@ -83,7 +83,7 @@ def test_what_is_written_of_one_camera_is_read_back(lens: str, form: str, tmp_pa
 def test_what_is_written_of_a_pair_is_read_back(lens: str, form: str, tmp_path: Path) -> None:
     """Or it is said, before it is lost, that the format has no poses."""
     left, right = LENSES[lens], replace(LENSES[lens], fx=517.3, cx=322.9)
-    rig = Rig(left=left, right=right, rig_from_right=LEFT_FROM_RIGHT)
+    rig = Rig.of(left=left, right=right, rig_from_right=LEFT_FROM_RIGHT)
     try:
         files = rig_files(rig, form)  # type: ignore[arg-type]
     except InputError as fault:
@@ -104,7 +104,7 @@ def test_what_is_written_of_a_pair_is_read_back(lens: str, form: str, tmp_path: 
 
 
 def test_a_rig_of_three_as_ros_says_what_is_lost(tmp_path: Path) -> None:
-    rig = Rig(PINHOLE, RADTAN, RADTAN, rig_from_right=LEFT_FROM_RIGHT)
+    rig = Rig.of(video=PINHOLE, left=RADTAN, right=RADTAN, rig_from_right=LEFT_FROM_RIGHT)
     assert any("no poses of video" in note for note in left_out(rig, "ros"))
     for name, text in rig_files(rig, "ros").items():
         written(tmp_path / name, text)
@@ -114,7 +114,7 @@ def test_a_rig_of_three_as_ros_says_what_is_lost(tmp_path: Path) -> None:
 
 def test_a_pair_of_ros_that_no_two_lenses_make_is_refused() -> None:
     with pytest.raises(InputError, match="one lens is a fisheye"):
-        rig_files(Rig(left=FISHEYE, right=RADTAN, rig_from_right=LEFT_FROM_RIGHT), "ros")
+        rig_files(Rig.of(left=FISHEYE, right=RADTAN, rig_from_right=LEFT_FROM_RIGHT), "ros")
 
 
 @pytest.mark.parametrize("suffix", ["yml", "yaml", "xml", "json"])
@@ -278,7 +278,7 @@ def test_a_baseline_that_is_not_in_metres_is_named_with_its_unit(
     baseline: float, unit: str | None, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Row 6."""
-    rig = Rig(left=RADTAN, right=RADTAN, rig_from_right=Pose(translation=np.array([baseline, 0, 0])))
+    rig = Rig.of(left=RADTAN, right=RADTAN, rig_from_right=Pose(translation=np.array([baseline, 0, 0])))
     for name, text in rig_files(rig, form).items():  # type: ignore[arg-type]
         written(tmp_path / "in" / name, text)
     assert main(["calibrate", "convert", str(tmp_path / "in"), "--out", str(tmp_path / "rig.yaml")]) == 0
@@ -320,12 +320,12 @@ def test_intrinsics_and_extrinsics_of_opencv_are_given_together(tmp_path: Path) 
 def test_a_rounded_rotation_is_made_orthonormal_in_every_format(digits: int, form: str, tmp_path: Path) -> None:
     """Row 24: one tolerance."""
     turn = np.round(Pose.from_rotvec(np.array([0.3, -0.2, 0.1]), np.zeros(3)).rotation, digits)
-    rig = Rig(left=RADTAN, right=RADTAN, rig_from_right=Pose(turn, np.array([0.12, 0, 0])))
+    rig = Rig.of(left=RADTAN, right=RADTAN, rig_from_right=Pose(turn, np.array([0.12, 0, 0])))
     for name, text in rig_files(rig, form).items():  # type: ignore[arg-type]
         written(tmp_path / name, text)
     found = any_rig((tmp_path,)).rig_from_right.rotation
     assert np.abs(found @ found.T - np.eye(3)).max() < 1e-12 and np.abs(found - turn).max() < 2 * 10.0**-digits
-    wrong = replace(rig, rig_from_right=Pose(turn * 1.01, np.array([0.12, 0, 0])))
+    wrong = rig.changed(rig_from_right=Pose(turn * 1.01, np.array([0.12, 0, 0])))
     for name, text in rig_files(wrong, form).items():  # type: ignore[arg-type]
         written(tmp_path / name, text)
     with pytest.raises(InputError, match="is no rotation"):
@@ -418,7 +418,7 @@ def test_single_coefficients_of_a_camera_file_are_its_distortion(tmp_path: Path)
 
 def test_quaternions_whose_first_number_is_w(tmp_path: Path) -> None:
     """Called so, they are read; else they are mentioned, where they turn a camera upside down."""
-    rig = Rig(left=PINHOLE, right=PINHOLE, rig_from_right=Pose(translation=np.array([0.12, 0, 0])))
+    rig = Rig.of(left=PINHOLE, right=PINHOLE, rig_from_right=Pose(translation=np.array([0.12, 0, 0])))
     text = rig_text(rig).replace("- 0.0\n    - 0.0\n    - 0.0\n    - 1.0", "- 1.0\n    - 0.0\n    - 0.0\n    - 0.0")
     assert text != rig_text(rig)
     wrong, notes = one_rig((written(tmp_path / "rig.yaml", text),))

@@ -71,7 +71,7 @@ def test_round_trip_of_opencv_ros_colmap_and_ours(tmp_path: Path, camera: Camera
     assert all(close(each.camera, found) for each, found in zip(placed, read_colmap_cameras(path), strict=True))
     path.write_text(camera_text(camera))
     assert close(camera, read_camera(path))
-    path.write_text(rig_text(Rig(video=camera, rig_from_video=POSE)))
+    path.write_text(rig_text(Rig.of(video=camera, rig_from_video=POSE)))
     assert close(camera, read_rig(path).camera("video"))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,15 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.files import rig_files
 from ispom.io.calibrations.recognised import any_camera, any_rig
 from ispom.io.rig import rig_text
-from ispom.types import EXACT_PAIR, Camera, LensSigma, Rig
+from ispom.types import EXACT_PAIR, Camera, LaserScanner, LensSigma, Rig
 
 LEFT = Camera(752, 480, 458.654321987, 457.296, 367.215, 248.375, (-0.28340811, 0.07395907, 1.9359e-4, 1.76187114e-5))
 VIDEO = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
-RIG = Rig(
-    VIDEO, LEFT, LEFT,
-    Pose.from_rotvec(np.array([0.02, -0.03, 0.01]), np.array([0.01, -0.045, 0.03])),
-    Pose(translation=np.array([-0.055, 0, 0])),
-    Pose.from_rotvec(np.array([0.0, 0.003, 0.001]), np.array([0.055, 0, 0])),
+RIG = Rig.of(
+    video=VIDEO, left=LEFT, right=LEFT,
+    rig_from_video=Pose.from_rotvec(np.array([0.02, -0.03, 0.01]), np.array([0.01, -0.045, 0.03])),
+    rig_from_left=Pose(translation=np.array([-0.055, 0, 0])),
+    rig_from_right=Pose.from_rotvec(np.array([0.0, 0.003, 0.001]), np.array([0.055, 0, 0])),
 )  # fmt: skip
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "data" / "calibration"
 
@@ -52,9 +51,11 @@ def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> No
     """Where the rig's frame was that of the left camera, too, which other programs have."""
     own, back = tmp_path / "rig.yaml", tmp_path / "back.yaml"
     laser = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6]))
-    at_left = replace(RIG, rig_from_left=Pose(), rig_from_right=RIG.rig_from_left.inverse() @ RIG.rig_from_right)
+    at_left = RIG.changed(rig_from_left=Pose(), rig_from_right=RIG.rig_from_left.inverse() @ RIG.rig_from_right)
     for rig in (RIG, at_left):
-        told = replace(rig, rig_from_laser=laser, video_sigma=LensSigma(1e-3, 2e-3), pair_sigma=EXACT_PAIR)
+        told = rig.changed(
+            laser=LaserScanner(rig_from_sensor=laser), video_sigma=LensSigma(1e-3, 2e-3), pair_sigma=EXACT_PAIR
+        )
         own.write_text(rig_text(told))
         assert main(["calibrate", "convert", str(own), "--out", str(back)]) == 0
         found = any_rig((back,))

@@ -1,6 +1,5 @@
 """rig.yaml: what is written is read back, and mistakes are named."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.rig import read_rig, rig_text
-from ispom.types import Camera, LensSigma, PairSigma, Rig
+from ispom.types import Camera, LaserScanner, LensSigma, PairSigma, Rig
 from tests import doubles
 
 
@@ -24,7 +23,7 @@ def test_a_rig_is_read_back(rig: Rig, tmp_path: Path) -> None:
 
 def test_how_sure_it_is_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> None:
     path, pair = tmp_path / "rig.yaml", PairSigma(0.1, 0.02, 1e-4, 0.003, 2e-4, 0.0)
-    path.write_text(rig_text(replace(doubles.rig(), video_sigma=LensSigma(1e-3, 0.0), pair_sigma=pair)))
+    path.write_text(rig_text(doubles.rig().changed(video_sigma=LensSigma(1e-3, 0.0), pair_sigma=pair)))
     found, text = read_rig(path), path.read_text()
     assert (found.video_sigma, found.pair_sigma) == (LensSigma(1e-3, 0.0), pair)
     for old, new, message in (
@@ -43,7 +42,7 @@ def test_how_sure_it_is_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path
 
 def test_a_laser_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> None:
     path, pose = tmp_path / "rig.yaml", Pose.from_rotvec(np.array([0.1, 0.2, -0.3]), np.array([1.0, 2.0, 3.0]))
-    path.write_text(rig_text(replace(doubles.rig(), rig_from_laser=pose)))
+    path.write_text(rig_text(doubles.rig().changed(laser=LaserScanner(rig_from_sensor=pose))))
     found = read_rig(path).rig_from_laser
     assert found is not None
     np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
@@ -74,7 +73,7 @@ def test_a_laser_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> No
 )
 def test_a_mistake_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
-    path.write_text(rig_text(Rig(video=doubles.rig().video)).replace(old, new, 1))
+    path.write_text(rig_text(Rig.of(video=doubles.rig().video)).replace(old, new, 1))
     with pytest.raises(InputError, match=message) as caught:
         read_rig(path)
     assert str(path) in str(caught.value)

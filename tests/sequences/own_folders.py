@@ -12,19 +12,19 @@ import numpy as np
 from ispom.geometry import Pose
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
-from ispom.types import Camera, Image, Rig, StereoPair, VideoFrame
+from ispom.types import Camera, Image, Rig, is_stereo, is_video
 from ispom.types import Sequence as Recorded
 from tests.sequences.folders import HEIGHT, WIDTH, images
 
 CAMERA = "width: 96\nheight: 64\nfx: 80\nfy: 80\ncx: 47.5\ncy: 31.5\ndistortion: [-0.05, 0.01, 0, 0]\nrate_hz: 20\n"
 RAW = Camera(WIDTH, HEIGHT, 80, 80, 47.5, 31.5, (-0.05, 0.01, 0.0, 0.0))
-RIG = Rig(
-    RAW,
-    RAW,
-    replace(RAW, fx=81.0),
-    Pose.from_rotvec(np.array([0.01, 0, 0]), np.array([0.0, -0.1, 0])),
-    Pose(translation=np.array([-0.25, 0, 0])),
-    Pose.from_rotvec(np.array([0, 0.01, 0]), np.array([0.25, 0.002, 0])),
+RIG = Rig.of(
+    video=RAW,
+    left=RAW,
+    right=replace(RAW, fx=81.0),
+    rig_from_video=Pose.from_rotvec(np.array([0.01, 0, 0]), np.array([0.0, -0.1, 0])),
+    rig_from_left=Pose(translation=np.array([-0.25, 0, 0])),
+    rig_from_right=Pose.from_rotvec(np.array([0, 0.01, 0]), np.array([0.25, 0.002, 0])),
 )
 """Raw cameras, neither level nor parallel."""
 SEQUENCE = """\
@@ -117,9 +117,9 @@ def pair_folder(root: Path, frames: int = 6) -> Path:
 def write_sequence(folder: Path, source: Recorded) -> Path:
     """A sequence of three cameras, with ground truth, as a video file, two folders of images and a sequence.yaml."""
     exposures = [source[i] for i in range(len(source))]
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    pairs = [e for e in exposures if is_stereo(e)]
     assert source.truth is not None
-    write_video(folder / "video.avi", [e.image for e in exposures if isinstance(e, VideoFrame)], 30)
+    write_video(folder / "video.avi", [e.image for e in exposures if is_video(e)], 30)
     write_images(folder / "left", [pair.left for pair in pairs])
     write_images(folder / "right", [pair.right for pair in pairs])
     (folder / "stereo.txt").write_text("".join(f"{pair.time_ns / 1e9:.9f}\n" for pair in pairs))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.sequences import open_sequence
-from ispom.types import Camera, Image, Sequence, StereoPair, VideoFrame
+from ispom.types import Camera, Image, Sequence, is_stereo, is_video
 from tests.sequences import bag_folders, folders, own_folders
 
 MAKERS = {**folders.MAKERS, **own_folders.OWN, **bag_folders.BAGS}
@@ -37,11 +37,11 @@ def test_what_is_loaded_is_what_was_announced(path: str) -> None:
     for i, kind in enumerate(sequence.kinds):
         exposure = sequence[i]
         assert exposure.time_ns == sequence.times_ns[i]
-        if isinstance(exposure, VideoFrame):
+        if is_video(exposure):
             assert kind == "video"
             fits(exposure.image, sequence.rig.video)
         else:
-            assert isinstance(exposure, StereoPair) and kind == "stereo"
+            assert is_stereo(exposure) and kind == "stereo"
             fits(exposure.left, sequence.rig.left)
             fits(exposure.right, sequence.rig.right)
 
@@ -70,7 +70,7 @@ def test_any_order_gives_the_same_images(path: str) -> None:
 
 def content(sequence: Sequence, i: int) -> bytes:
     exposure = sequence[i]
-    if isinstance(exposure, VideoFrame):
+    if is_video(exposure):
         return exposure.image.tobytes()
     return exposure.left.tobytes() + exposure.right.tobytes()
 

@@ -13,7 +13,7 @@ from PIL import Image as Writer
 from ispom.sequences import open_sequence
 from ispom.sequences.images import read_image
 from ispom.sequences.orientation import common_orientation
-from ispom.types import VideoFrame
+from ispom.types import is_video
 from tests.sequences.folders import HEIGHT, WIDTH, images, make_tum
 
 REPORTS = Path(__file__).parents[2].parent / "shared" / "data" / "reports"
@@ -52,7 +52,7 @@ def test_images_of_a_folder_are_all_turned_alike(first: int | None, other: int, 
     assert any("are to be turned differently" in note for note in sequence.notes)
     for i in range(6):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame)
+        assert is_video(exposure)
         raw = cv2.imread(str(tmp_path / f"{i:03d}.jpg"), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         assert raw is not None
         np.testing.assert_array_equal(exposure.image, raw[::-1, ::-1] if turned else raw)
@@ -64,7 +64,7 @@ def test_without_a_calibration_too(tmp_path: Path) -> None:
         photo(tmp_path / f"{i:03d}.jpg", pixels, 6 if i == 0 else 1)
     sequence = open_sequence(str(tmp_path))
     exposure = sequence[0]
-    assert isinstance(exposure, VideoFrame) and exposure.image.shape == (HEIGHT, WIDTH)
+    assert is_video(exposure) and exposure.image.shape == (HEIGHT, WIDTH)
 
 
 def test_images_of_a_list_too(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from ispom.errors import UnreadableImage
 from ispom.sequences.prefetch import AHEAD, prefetched
-from ispom.types import Exposure, VideoFrame
+from ispom.types import Measurement, is_video
 from tests import doubles
 
 SEQUENCE = doubles.sequence(30)
@@ -23,7 +23,7 @@ class Source:
         self.read = threading.Semaphore(0)
         self.allowed = threading.Semaphore(0)
 
-    def load(self, i: int) -> Exposure:
+    def load(self, i: int) -> Measurement:
         self.reads.append((i, threading.current_thread().name.split("_")[0]))
         self.read.release()
         assert self.allowed.acquire(timeout=10)
@@ -32,8 +32,8 @@ class Source:
         return SEQUENCE.load(i)
 
 
-def same(a: Exposure, b: Exposure) -> bool:
-    name = "image" if isinstance(a, VideoFrame) else "right"
+def same(a: Measurement, b: Measurement) -> bool:
+    name = "image" if is_video(a) else "right"
     return a.time_ns == b.time_ns and getattr(a, name).tobytes() == getattr(b, name).tobytes()
 
 

@@ -10,7 +10,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.sequences.formats.kitti import open_kitti
 from ispom.sequences.two_rate import two_rate
-from ispom.types import Image, StereoPair, VideoFrame
+from ispom.types import Image, is_stereo, is_video
 from tests.sequences.kitti_folder import HEIGHT, WIDTH, make_drive
 
 
@@ -20,7 +20,7 @@ def test_every_left_image_is_video_and_some_pairs_are_stereo(tmp_path: Path) -> 
     assert sequence.kinds == ("stereo", *["video"] * 4, "stereo", *["video"] * 2)
     assert (np.diff(sequence.times_ns) >= 0).all()
     pair, frame = sequence[5], sequence[6]
-    assert isinstance(pair, StereoPair) and isinstance(frame, VideoFrame)
+    assert is_stereo(pair) and is_video(frame)
     assert pair.time_ns == frame.time_ns == recording.times_ns[4]
     assert pair.left.shape == (HEIGHT, WIDTH)
     expected = cv2.resize(recording.read("left", 4), (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)

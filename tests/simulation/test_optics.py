@@ -12,9 +12,9 @@ from ispom.frontends.row_search import PointSearch
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cameras import Optics, simulated_rig
 from ispom.simulation.scenario.scenario import scenario_of_words
-from ispom.types import EXACT_PAIR, Frame, Sequence, StereoPair, VideoFrame
+from ispom.types import EXACT_PAIR, FrameName, Sequence, is_stereo, is_video
 
-NAMES: tuple[Frame, ...] = ("video", "left", "right")
+NAMES: tuple[FrameName, ...] = ("video", "left", "right")
 
 
 def opened(words: str, folder: Path) -> Sequence:
@@ -22,7 +22,7 @@ def opened(words: str, folder: Path) -> Sequence:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_portrait_exchanges_the_sides(name: Frame) -> None:
+def test_portrait_exchanges_the_sides(name: FrameName) -> None:
     """What is seen right of the axis in landscape is seen below it."""
     plain, upright = simulated_rig().camera(name), simulated_rig(1.0, Optics(portrait=True)).camera(name)
     assert (upright.width, upright.height) == (plain.height, plain.width)
@@ -31,7 +31,7 @@ def test_portrait_exchanges_the_sides(name: Frame) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_another_width_keeps_the_field_of_view(name: Frame) -> None:
+def test_another_width_keeps_the_field_of_view(name: FrameName) -> None:
     plain, wide = simulated_rig().camera(name), simulated_rig(1.0, Optics(width_px=3840)).camera(name)
     assert (wide.width, wide.height) == (3840, 2880)
     corner, far = ((np.array([[c.width - 0.5, c.height - 0.5]])) for c in (plain, wide))
@@ -66,7 +66,7 @@ def test_a_late_right_camera_is_no_exact_pair(tmp_path: Path) -> None:
 def test_a_pair_of_fisheye_lenses_is_rectified(tmp_path: Path) -> None:
     """Points are found in the same row of the right image."""
     sequence = opened("fisheye=true", tmp_path)
-    pair = next(e for i in range(len(sequence)) if isinstance(e := sequence[i], StereoPair))
+    pair = next(e for i in range(len(sequence)) if is_stereo(e := sequence[i]))
     camera = sequence.rig.camera("left")
     assert camera == sequence.rig.camera("right") and camera.lens == "opencv" and not camera.distortion
     assert pair.left.shape[:2] == (camera.height, camera.width)
@@ -80,7 +80,7 @@ def test_a_pair_of_fisheye_lenses_is_rectified(tmp_path: Path) -> None:
 def test_images_have_the_size_that_is_asked_for(tmp_path: Path) -> None:
     sequence = opened("width_px=100&portrait=true", tmp_path)
     frame = sequence[0]
-    assert isinstance(frame, VideoFrame) and frame.image.shape == (133, 100, 3)
+    assert is_video(frame) and frame.image.shape == (133, 100, 3)
 
 
 def test_a_width_that_is_none(tmp_path: Path) -> None:

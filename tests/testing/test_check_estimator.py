@@ -16,7 +16,7 @@ from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.testing import check_estimator
 from ispom.testing.values import depth, digest
-from ispom.types import Check, Exposure, Rig, Status, Step, Tracks, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Check, Measurement, Rig, Status, Step, Tracks, TrackStatus, Trajectory, is_video
 
 CONTRAST = Check("contrast", "contrast", "requirement")
 CHECK = CONTRAST.of(3, 2)
@@ -51,8 +51,8 @@ class Walker:
     def start(self) -> Any:
         return WalkerState()
 
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
-        assert isinstance(exposure, VideoFrame)
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
+        assert is_video(exposure)
         if exposure.image.std() < 1:
             return state, Step(exposure.time_ns, Status.LOST, "video", seconds={"look": 0.0})
         pose = Pose(translation=np.array([0.0, 0.0, self.config.pace * len(state.poses)]))
@@ -70,7 +70,7 @@ def method(broken: type[Walker] = Walker, config: type = WalkerConfig, **changes
     return Method(
         **{
             "name": "walker",
-            "needs": frozenset({"video"}),
+            "sensors": frozenset({"video"}),
             "config": built,
             "unit": "own",
             "source": "a walk",
@@ -84,7 +84,7 @@ def saying(**what: Any) -> type[Walker]:
     """A walker whose Steps say something else."""
 
     class Saying(Walker):
-        def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+        def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
             after, step = super().step(state, exposure)
             found = {name: value(step, state) if callable(value) else value for name, value in what.items()}
             return after, replace(step, **found)
@@ -92,11 +92,11 @@ def saying(**what: Any) -> type[Walker]:
     return Saying
 
 
-def keeping(counted: Callable[[Walker, Any, Exposure], Any]) -> type[Walker]:
+def keeping(counted: Callable[[Walker, Any, Measurement], Any]) -> type[Walker]:
     """A walker whose State holds something else."""
 
     class Keeping(Walker):
-        def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+        def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
             after, step = super().step(state, exposure)
             return replace(after, counted=counted(self, state, exposure)), step
 
@@ -108,7 +108,7 @@ def revising(time_ns: int, **more: Any) -> type[Walker]:
     return saying(revised=lambda step, _: moved if step.time_ns > 10**9 else Trajectory.empty("video"), **more)
 
 
-def growing_list(walker: Walker, state: WalkerState, _: Exposure) -> list[int]:
+def growing_list(walker: Walker, state: WalkerState, _: Measurement) -> list[int]:
     kept = state.counted or []
     kept.append(len(kept))
     return kept
@@ -124,7 +124,7 @@ class Thawed(Walker):
     def start(self) -> Any:
         return (WalkerState(),)
 
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
         after, step = super().step(state[0], exposure)
         return (after,), step
 
@@ -133,7 +133,7 @@ class Thawed(Walker):
 
 
 class Scribbling(Walker):
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
         found = super().step(state, exposure)
         exposure.image[0, 0] ^= 1  # type: ignore[union-attr]
         return found
@@ -147,14 +147,14 @@ class Impatient(Walker):
 class Counting(Walker):
     """Remembers in itself what belongs into the State."""
 
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
         after, step = super().step(state, exposure)
         self.hidden.append(exposure.time_ns)
         return after, replace(step, residuals_px=np.array([float(len(self.hidden))]))
 
 
 class Afraid(Walker):
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
         if not exposure.image.any():  # type: ignore[union-attr]
             raise ZeroDivisionError("nothing there")
         return super().step(state, exposure)
@@ -163,7 +163,7 @@ class Afraid(Walker):
 class Settled(Walker):
     """Cannot go on from a State of another pace."""
 
-    def step(self, state: Any, exposure: Exposure) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
         if state.counted not in (0, self.config.pace):
             raise ValueError("another pace")
         after, step = super().step(state, exposure)

@@ -7,7 +7,7 @@ from collections import deque
 from threading import Condition
 
 from ispom.errors import UnreadableImage
-from ispom.types import Exposure
+from ispom.types import Measurement
 
 from ..events import Event, Finished, Opened, Pictured, Stepped, blank
 from .history import History
@@ -51,9 +51,9 @@ class Feed:
         """A frame is shown to somebody: where its images, or the other camera's latest, were left out, they come
         as soon as may be."""
         kinds = self.opened.sequence.kinds
-        other = next((i for i in range(index - 1, -1, -1) if kinds[i] != kinds[index]), index)
+        drawn = {next((i for i in range(index, -1, -1) if kinds[i] == kind), index) for kind in ("video", "stereo")}
         with self._news:
-            self._looked_at.extend((other, index))
+            self._looked_at.extend(sorted(drawn))
             self._news.notify()
 
     def request(self, index: int) -> None:
@@ -141,7 +141,7 @@ class Feed:
         self._bare.add(index)
         return record.stepped(blank(self.opened.sequence, index))
 
-    def _read(self, index: int) -> Exposure:
+    def _read(self, index: int) -> Measurement:
         try:
             return self.opened.sequence[index]
         except UnreadableImage:  # it was skipped in the run, too, or went missing since

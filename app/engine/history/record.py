@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ispom.geometry import Similarity
-from ispom.types import Exposure, Kind, Status, Step, VideoFrame
+from ispom.types import Kind, Measurement, Status, Step
 
 from ..events import Stepped
 from .quantities import Row, by_method, step_values
@@ -46,11 +46,10 @@ class ExposureRecord:
         statuses = dict(before.statuses) if before else {}
         for step in event.steps:
             statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method), step.provisional)
-        kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
         return ExposureRecord(
             event.index,
             event.exposure.time_ns,
-            kind,
+            event.exposure.kind,
             event.steps,
             event.placements,
             event.errors_m,
@@ -65,7 +64,7 @@ class ExposureRecord:
             return self.stored
         return {m: step_values(step, self.errors_m.get(m)) for m, step in by_method(self.steps).items()}
 
-    def stepped(self, exposure: Exposure) -> Stepped:
+    def stepped(self, exposure: Measurement) -> Stepped:
         """The event that this record came from, with its frame read again."""
         return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m, self.skipped)
 

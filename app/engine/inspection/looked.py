@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.estimators.modern.lens import Lens
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, Frame, Rig, Sequence, Step
+from ispom.types import Camera, FrameName, Rig, Sequence, Step
 
 from ..history.history import Records
 from ..history.record import ExposureRecord
@@ -40,7 +40,7 @@ def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
     return replace(life, sightings=tuple(found))
 
 
-def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: Frame) -> Pose | None:
+def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: FrameName) -> Pose | None:
     """world_from_camera of a method of the model at the time of a frame; None where it has no pose there."""
     poses, times = model.methods[method].poses, model.times
     row = int(times.rows(np.array([time_ns]))[0])
@@ -80,20 +80,20 @@ class Looked:
         return self.sequence.rig
 
     @cached_property
-    def cameras(self) -> tuple[Frame, ...]:
+    def cameras(self) -> tuple[FrameName, ...]:
         """Those that the rig has and tracks are followed in."""
-        video: tuple[Frame, ...] = ("video",) if self.rig.video is not None else ()
-        left: tuple[Frame, ...] = ("left",) if self.rig.left is not None else ()
+        video: tuple[FrameName, ...] = ("video",) if self.rig.video is not None else ()
+        left: tuple[FrameName, ...] = ("left",) if self.rig.left is not None else ()
         return video + left
 
     @cached_property
-    def _recorded_cameras(self) -> tuple[Frame, ...]:
+    def _recorded_cameras(self) -> tuple[FrameName, ...]:
         """Those of a recording alone, which has no rig."""
         kinds = self.sequence.kinds
         return (("video",) if "video" in kinds else ()) + (("left",) if "stereo" in kinds else ())
 
     @cached_property
-    def pictured(self) -> Frame:
+    def pictured(self) -> FrameName:
         """The camera whose picture is shown."""
         cameras = self.cameras or self._recorded_cameras
         wanted = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
@@ -162,12 +162,12 @@ class Looked:
         residuals = self.of_track.residuals_px if self.of_track is not None else np.zeros(0)
         return max(float(np.median(residuals)) / RAYLEIGH_MEDIAN, 0.05) if len(residuals) else 1.0
 
-    def lens(self, step: Step | None, camera: Frame) -> Lens:
+    def lens(self, step: Step | None, camera: FrameName) -> Lens:
         """A camera as the method had it at this step."""
         extra: Array | None = step.calibration.get("lens") if step is not None and camera == "video" else None
         return Lens(self.of_camera(camera), np.zeros(2) if extra is None else extra)
 
-    def of_camera(self, camera: Frame) -> Camera:
+    def of_camera(self, camera: FrameName) -> Camera:
         return self.rig.camera(camera)
 
     def unit_m(self, method: str) -> float | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.types import Frame, Rig, Step, Tracks, TrackStatus
+from ispom.types import FrameName, Rig, Step, Tracks, TrackStatus
 
 from ..history.history import Records
 from ..history.quantities import by_method
@@ -25,7 +25,7 @@ class Seen:
 
     index: int
     step: Step
-    camera: Frame
+    camera: FrameName
     tracks: Tracks
 
     @property
@@ -59,7 +59,7 @@ class TrackLife:
     """A track up to the frame shown."""
 
     method: str
-    camera: Frame
+    camera: FrameName
     number: int
     sightings: tuple[Sighting, ...]
     """Oldest first; at least one."""
@@ -145,7 +145,7 @@ def nearest(seen: Seen, uv: Array) -> int | None:
     return int(seen.tracks.ids[np.nanargmin(np.linalg.norm(seen.tracks.uv - uv, axis=1))])
 
 
-def camera_pose(step: Step, rig: Rig, camera: Frame) -> Pose | None:
+def camera_pose(step: Step, rig: Rig, camera: FrameName) -> Pose | None:
     """world_from_camera of a step, in its method's world."""
     if step.world_from_frame is None:
         return None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.io.maps import CAMERAS, SceneMap
 from ispom.solvers.multiview.structure import intersected
-from ispom.types import Frame, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory
+from ispom.types import FrameName, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory
 
 _Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
 """Ids (M,) and RGB (M, 3)."""
@@ -23,7 +23,7 @@ class MapCollector:
     Places of landmarks are not kept: what a step says of them holds for the poses of that time, which may be revised.
     """
 
-    camera: Frame | None = None
+    camera: FrameName | None = None
     _colours: list[_Colours] = field(default_factory=list)
     _seen: dict[int, Tracks] = field(default_factory=dict)
 
@@ -33,7 +33,7 @@ class MapCollector:
         placed = np.isfinite(part.landmarks.xyz_in_world).all(axis=1)
         if placed.any():
             self._add_colours(part.landmarks.ids[placed], part.landmarks.rgb[placed])
-        name: Frame | None = next((camera for camera in CAMERAS if camera in part.tracks), None)
+        name: FrameName | None = next((camera for camera in CAMERAS if camera in part.tracks), None)
         if name is not None and part.key_frame:
             tracks = part.tracks[name]
             alive = tracks.status < TrackStatus.LOST

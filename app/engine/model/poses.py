@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 POSES_PER_BLOCK = 100
 QUIET = 200
@@ -103,7 +103,7 @@ class PoseHistory:
     """The latest pose of one method at every frame, in its own world."""
 
     blocks: tuple[PoseBlock, ...] = ()
-    frame: Frame = "rig"
+    frame: FrameName = "rig"
     starts: tuple[int, ...] = ()
     """Rows at which segments of their own begin: nothing joins them to the poses before, nor does a line."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.types import Frame, Status, Step, Trajectory
+from ispom.types import FrameName, Status, Step, Trajectory
 
 from .points import PointMap
 from .poses import POSES_PER_BLOCK, PoseBlock, PoseHistory, Times
@@ -185,5 +185,5 @@ def _points_at(points: PointMap, index: int) -> PointMap:
     return replace(points, blocks=tuple(blocks), count=sum(len(block.ids) for block in blocks))
 
 
-def _single(time_ns: int, pose: Pose, frame: Frame) -> Trajectory:
+def _single(time_ns: int, pose: Pose, frame: FrameName) -> Trajectory:
     return Trajectory(np.array([time_ns]), pose.rotation[None], pose.translation[None], frame)

@@ -12,7 +12,7 @@ import numpy as np
 from ispom.evaluation import metrics
 from ispom.io.tum import tum_text
 from ispom.methods import method as registered
-from ispom.types import Frame, Rig, Trajectory
+from ispom.types import FrameName, Rig, Trajectory
 
 from ...presentation.texts import ALIGNED, computing_time, length, length_unit, lengths
 from ..outputs import json_text
@@ -20,7 +20,7 @@ from .run_folder import segment_file, trajectory_file
 from .statistics import RunStatistics
 
 
-def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | None = 1.0) -> Trajectory:
+def in_frame(trajectory: Trajectory, rig: Rig, frame: FrameName, unit_m: float | None = 1.0) -> Trajectory:
     """world_from_FRAME of world_from_OTHER, in the trajectory's own unit of `unit_m` metres.
 
     The lever arm is metric: where the unit is unknown (None) only the orientation is turned, and positions stay those

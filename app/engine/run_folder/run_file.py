@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -103,7 +104,7 @@ def run_file(
         dict(options),
         dict(config),
         list(sequence.notes),
-        {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
+        {"video": 0, "stereo": 0, **Counter(sequence.kinds)},
         round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0,
         images_sha256,
         {"python": platform.python_version(), **versions()},

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.types import Status, StereoPair
+from ispom.types import Status, images_of
 
 from ..events import Stepped
 
@@ -31,7 +31,7 @@ class RunStatistics:
 
     def add(self, event: Stepped) -> None:
         seen = event.exposure
-        for image in (seen.left, seen.right) if isinstance(seen, StereoPair) else (seen.image,):
+        for image in images_of(seen).values():
             self.images.update(f"{seen.time_ns} {image.shape}\n".encode())
             self.images.update(np.ascontiguousarray(image))
         self.skipped += [event.skipped] if event.skipped else []

@@ -15,7 +15,8 @@ from typing import Any, get_args
 
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
-from ispom.types import Decision, DecisionKind, Frame, Status
+from ispom.io.rig import NAME
+from ispom.types import Decision, DecisionKind, FrameName, Status
 
 from ..history.quantities import POSE, STEP_QUANTITIES, check_values, finite
 from ..history.quantity import Value
@@ -38,7 +39,7 @@ class StoredStep:
     exposure: int
     time_ns: int
     method: str
-    frame: Frame
+    frame: FrameName
     said: Mapping[str, Value]
     """By key: quantities, checks, the pose as POSE (absent without one), and digests."""
     seconds: Mapping[str, float]
@@ -114,7 +115,7 @@ def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record
         _require_pose(path, line, row, [said[name] for name in POSE])
     if said["status"] not in set(Status):
         raise _wrong(path, line, "status", row)
-    if row["frame"] not in get_args(Frame):
+    if not NAME.fullmatch(row["frame"]):
         raise _wrong(path, line, "frame", row)
     exposure, time_ns = (_whole(path, line, row, name) for name in ("exposure", "time_ns"))
     seconds = {

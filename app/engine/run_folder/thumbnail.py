@@ -6,21 +6,22 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.types import Image, Sequence, StereoPair
+from ispom.types import Image, Sequence, main_image
 
 WIDTH_PX, QUALITY = 160, 80
 
 
 def thumbnail(sequence: Sequence, count: int) -> bytes | None:
     """JPEG of the frame in the middle of the first `count`; None where there is none, or it cannot be read."""
-    if not count:
+    drawn = [i for i, kind in enumerate(sequence.kinds[:count]) if kind in ("video", "stereo")]
+    if not drawn:
         return None
+    middle = min(drawn, key=lambda i: abs(2 * i - (count - 1)))
     try:
-        exposure = sequence[(count - 1) // 2]
+        shown = main_image(sequence[middle])
     except InputError:
         return None
-    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
-    return jpeg(image, QUALITY, WIDTH_PX)
+    return None if shown is None else jpeg(shown[1], QUALITY, WIDTH_PX)
 
 
 def jpeg(image: Image, quality: int, most_px: int | None = None) -> bytes:

@@ -65,7 +65,7 @@ def measured(case: Case, method: str, runs: int, pair: tuple[Path, ...]) -> dict
         "peak_mb": peak,
         **accuracy,
         "poses": len(trajectory),
-        "asked": sequence.kinds[: asked[-1] + 1].count("video" if "video" in registered(method).needs else "stereo"),
+        "asked": sequence.kinds[: asked[-1] + 1].count("video" if "video" in registered(method).sensors else "stereo"),
         "lost": lost,
     }
 
@@ -77,7 +77,7 @@ def ensemble_of(method: str, rig: Rig) -> Ensemble:
 
 def _asked(sequence: Sequence, method: str) -> list[int]:
     """The frames that it uses; no others are decoded."""
-    return [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).needs]
+    return [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).sensors]
 
 
 def _run(ensemble: Ensemble, method: str, sequence: Sequence, asked: list[int]) -> tuple[Times, Trajectory, int]:

@@ -70,7 +70,7 @@ def moved_rig(options: Calibrate) -> FromMotion:
     rig_from_video = sequence.rig.rig_from_left @ found.video_from_left.inverse()
     path = expanded(options.images[0])
     filmed = filmed_rig(path, placed=False) if exists(path) and looks_described(path) else sequence.rig
-    return FromMotion(sequence, replace(filmed, rig_from_video=rig_from_video), rough, found, len(left) - 1)
+    return FromMotion(sequence, filmed.changed(rig_from_video=rig_from_video), rough, found, len(left) - 1)
 
 
 def _started(left: Course, video: Course, most_s: float) -> Start:
@@ -117,7 +117,7 @@ def _refined(sequence: Sequence, rough: HandEye) -> list[Part]:
     """What the integration says about the rig in each part of the recording."""
     place = sequence.rig.rig_from_left @ rough.video_from_left.inverse()
     moved = sequence.with_video_later(rough.offset_s)
-    rig = replace(sequence.rig, rig_from_video=place)
+    rig = sequence.rig.changed(rig_from_video=place)
     config = Config(
         {
             "integrated": ModernIntegratedConfig(

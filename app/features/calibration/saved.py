@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +121,5 @@ def _with_usual_frame(rig: Rig) -> Rig:
     """The rig at the middle of the baseline (Fig. 6), not in the left camera as other programs have it."""
     left, right = rectifying(rig.rig_from_right.inverse() @ rig.rig_from_left)
     new_from_old = left @ rig.rig_from_left.inverse()
-    laser = None if rig.rig_from_laser is None else new_from_old @ rig.rig_from_laser
-    video = new_from_old @ rig.rig_from_video
-    return replace(rig, rig_from_left=left, rig_from_right=right, rig_from_video=video, rig_from_laser=laser)
+    moved = {f"rig_from_{name}": new_from_old @ sensor.rig_from_sensor for name, sensor in rig.sensors.items()}
+    return rig.changed(**{**moved, "rig_from_left": left, "rig_from_right": right})

@@ -17,7 +17,7 @@ from ispom.geometry import Pose
 from ispom.settings import check
 from ispom.simulation.board import Picture
 from ispom.simulation.calibrating import FilmedBoard, How
-from ispom.types import Frame, Rig
+from ispom.types import FrameName, Rig
 
 from .images import CAMERAS, Source
 
@@ -49,7 +49,7 @@ def simulated(what: str, given: Path, target: Target) -> Simulated:
 
 
 def _source(film: FilmedBoard, camera: str) -> Source:
-    name: Frame = camera  # type: ignore[assignment]
+    name: FrameName = camera  # type: ignore[assignment]
     names = tuple(f"{i:03d}" for i in range(film.how.views))
     return Source(camera, Path(NAME), names, None, lambda i: film.image(name, int(i)))
 

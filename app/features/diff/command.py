@@ -14,7 +14,7 @@ from typing import Any
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
 from ispom.io.tum import read_tum
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 from ...engine.differences.compare import (
     ORIENTATION,
@@ -71,7 +71,7 @@ def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def final_divergences(
-    a: Path, b: Path, methods: tuple[str, ...], frame: Frame, tolerance: float
+    a: Path, b: Path, methods: tuple[str, ...], frame: FrameName, tolerance: float
 ) -> Iterator[Divergence]:
     """Of each method whose final trajectories differ: the first pose that does. InputError where one is unreadable."""
     for method in methods:
@@ -145,7 +145,7 @@ def diff(options: Diff) -> int:
 
 
 def _found(
-    a: Path, b: Path, methods: tuple[str, ...], frames: tuple[Frame, Frame], tolerance: float
+    a: Path, b: Path, methods: tuple[str, ...], frames: tuple[FrameName, FrameName], tolerance: float
 ) -> Iterator[Divergence]:
     with run_rows(a) as left, run_rows(b) as right:
         yield from divergences(left, right, methods, tolerance)

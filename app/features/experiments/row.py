@@ -63,7 +63,7 @@ def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[st
     entry, length_m = report["methods"][method], report.get("path_length_m")
     plain = {key: entry[key] for key in entry if isinstance(entry[key], int | float | None)}
     per_m = 100 / length_m if length_m else None
-    exposures = sum(written.exposures.get(kind, 0) for kind in registered(method).needs)
+    exposures = sum(written.exposures.get(kind, 0) for kind in registered(method).sensors)
     return {
         **plain,
         "path_length_m": length_m,

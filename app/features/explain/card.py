@@ -127,7 +127,7 @@ def cards(
         if earlier is not None and step is not None:
             found[name] = _card(step, earlier, record.index)
         else:
-            needs = " or ".join(sorted(registered(name).needs))
+            needs = " or ".join(sorted(registered(name).sensors))
             found[name] = Card(colours.label(name), _css(name), waiting(name, needs), "waiting", "", None, (), None)
     order = {name: place for place, name in enumerate(methods)}
     return sorted(found.values(), key=lambda card: order.get(card.verdict.method, len(order)))

@@ -18,7 +18,7 @@ from ispom.io.tum import read_tum, seconds_text, tum_text
 from ispom.io.whole import require_no_links, write_whole
 from ispom.methods import method as registered
 from ispom.methods import names
-from ispom.types import Frame, Trajectory
+from ispom.types import FrameName, Trajectory
 
 from ...engine.outputs import claim_folder
 from ...engine.run_folder.run_file import read_run_file
@@ -75,7 +75,7 @@ def _methods(options: Export) -> list[str]:
     return [m for m in present if not options.methods or m in options.methods]
 
 
-def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
+def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
     """The files of one method by name, and what they hold."""
     if options.format == "colmap":
         return _colmap(options, method)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections import Counter
 from datetime import datetime
 from pathlib import Path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.frontends.pair_look import MIXED_UP
-from ispom.methods import default_methods, in_order, require_cameras, with_asked
+from ispom.methods import default_methods, in_order, require_sensors, with_asked
 from ispom.sequences.address import without_secrets
-from ispom.types import Sequence
+from ispom.types import FRAME_KINDS, Sequence
 
 from ...engine import warmup
 from ...engine.conditions.evaluate import Until, require_run, until
@@ -68,7 +69,7 @@ def completed(
 def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
     """The methods to run; InputError where the rig lacks the camera of the asked frame."""
     methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
-    require_cameras(methods, sequence.rig)
+    require_sensors(methods, sequence.rig)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods
@@ -128,5 +129,7 @@ def _print(job: Job) -> None:
     ended, path = str(job.watch), job.folder.path
     notes = map(printable, (*job.playback.sequence.notes, *([ended] if ended else [])))
     happened = map(printable, event_lines(job.events.log.events, EVENTS))
-    lines = [*notes, summary(json.loads((path / METRICS).read_text())), *happened, printable(f"in {path}")]
+    others = Counter(kind for kind in job.playback.sequence.kinds if kind not in FRAME_KINDS)
+    sensors = [f"other sensors: {', '.join(f'{n} {kind}' for kind, n in sorted(others.items()))}"] if others else []
+    lines = [*notes, *sensors, summary(json.loads((path / METRICS).read_text())), *happened, printable(f"in {path}")]
     sys.stdout.write("\n".join(lines) + "\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ispom.errors import UnreadableImage
-from ispom.types import StereoPair
+from ispom.types import is_stereo
 
 from ...session.current_run import CurrentRun
 from ...session.state import State
@@ -27,5 +27,5 @@ def depth_of(pair: int, state: State, run: CurrentRun) -> Iterable[Entry]:
         exposure = run.opened.sequence[pair]
     except UnreadableImage:
         return ()
-    assert isinstance(exposure, StereoPair)
+    assert is_stereo(exposure)
     return depth_entries(exposure, run.history[pair].steps, run.opened.sequence.rig, state[Layers].hidden)

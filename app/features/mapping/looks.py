@@ -19,7 +19,7 @@ from ispom.reconstruction.fusion import Fusion, FusionSettings
 from ispom.reconstruction.model import Mesh, Points
 from ispom.reconstruction.plane_sweep import PlaneSweep, undistorted
 from ispom.solvers.trajectory.continuous import Between, known_at, poses_at
-from ispom.types import Camera, Image, Kind, Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import Camera, Image, Kind, Measurement, Sequence, Trajectory, is_stereo, is_video
 
 from .options import From
 
@@ -99,7 +99,7 @@ def _of_pairs(sequence: Sequence, path: Trajectory, settings: DenseSettings) -> 
             pair = _read(sequence, int(exposures[n]))
             if pair is None:
                 return None
-            assert isinstance(pair, StereoPair)
+            assert is_stereo(pair)
             depth = DenseStereo().depth(pair.left, pair.right, camera, rig.baseline_m, settings.max_depth_m)
             return Look(pair.left, depth, camera, poses.pose(n) @ rig.rig_from_left)
 
@@ -122,7 +122,7 @@ def _of_video(sequence: Sequence, path: Trajectory, settings: DenseSettings) -> 
     def making(n: int, others: NDArray[np.intp]) -> Making:
         def made() -> Look | None:
             frames = [_read(sequence, int(exposures[k])) for k in (n, *others)]
-            images = [undistorted(f.image, camera) for f in frames if isinstance(f, VideoFrame)]
+            images = [undistorted(f.image, camera) for f in frames if f is not None and is_video(f)]
             if len(images) < len(frames):
                 return None
             (image, ideal), rest = images[0], images[1:]
@@ -148,7 +148,7 @@ def _poses(path: Trajectory, times_ns: NDArray[np.int64], between: Between) -> t
     return known_at(path, times_ns), poses_at(path, times_ns, between)
 
 
-def _read(sequence: Sequence, exposure: int) -> StereoPair | VideoFrame | None:
+def _read(sequence: Sequence, exposure: int) -> Measurement | None:
     try:
         return sequence[exposure]
     except UnreadableImage:

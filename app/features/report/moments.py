@@ -13,7 +13,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import Image, StereoPair, TrackStatus
+from ispom.types import Image, TrackStatus, main_image
 
 from ...presentation import colours
 from ...presentation.texts import computing_time, length
@@ -145,8 +145,10 @@ def _reread(run: Run, wanted: set[int]) -> dict[int, bytes]:
     found = {}
     for index in sorted(wanted):
         if 0 <= index < len(sequence):
-            exposure = sequence[index]
-            image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
+            shown = main_image(sequence[index])
+            if shown is None:
+                continue
+            image = shown[1]
             bgr = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR if image.ndim == 2 else cv2.COLOR_RGB2BGR)
             found[index] = _small(np.asarray(bgr, np.uint8), None)
     return found

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks, TrackStatus
+from ispom.types import FrameName, Image, Step, Tracks, TrackStatus, main_image
 
 from ...engine.history.record import ExposureRecord, with_parts
 from ...engine.run_folder.thumbnail import jpeg
@@ -24,7 +24,7 @@ def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes
     if not 0 <= index < len(run.history):
         return None
     try:
-        camera, image = image_of(run.playback.sequence[index])
+        camera, image = main_image(run.playback.sequence[index]) or ("video", None)
     except InputError:
         camera, image = _recorded(run, index)
     if image is None or not image.size:
@@ -33,7 +33,7 @@ def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes
     return jpeg(drawn, QUALITY, width)
 
 
-def _tracks(run: CurrentRun, index: int, method: str, camera: Frame, image: Image) -> Tracks | None:
+def _tracks(run: CurrentRun, index: int, method: str, camera: FrameName, image: Image) -> Tracks | None:
     """Those of the method, or else those that the recording has of the camera."""
     found = tracks_of(run.history[index], method, camera)
     if found is None and run.recorded is not None:
@@ -43,18 +43,13 @@ def _tracks(run: CurrentRun, index: int, method: str, camera: Frame, image: Imag
     return found
 
 
-def _recorded(run: CurrentRun, index: int) -> tuple[Frame, Image | None]:
+def _recorded(run: CurrentRun, index: int) -> tuple[FrameName, Image | None]:
     """From the recording of a run whose source is gone."""
-    camera: Frame = "left" if run.history[index].kind == "stereo" else "video"
+    camera: FrameName = "left" if run.history[index].kind == "stereo" else "video"
     return camera, run.recorded.image(camera, index) if run.recorded is not None else None
 
 
-def image_of(exposure: Exposure) -> tuple[Frame, Image]:
-    """The camera whose tracks are drawn, and its image."""
-    return ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
-
-
-def tracks_of(record: ExposureRecord, method: str, camera: Frame) -> Tracks | None:
+def tracks_of(record: ExposureRecord, method: str, camera: FrameName) -> Tracks | None:
     """Those that a method used at a frame, its own or those of a method that it builds on."""
     steps = tuple[Step, ...](step for step in record.steps if step.method == method)
     return next((s.tracks[camera] for s in with_parts(steps) if camera in s.tracks), None)

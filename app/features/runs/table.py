@@ -86,7 +86,7 @@ def located(report: Mapping[str, Any], frames: Mapping[str, int]) -> dict[str, f
     """By method, the share of frames with a pose, from a metrics.json and the number of frames of each kind."""
     found = {}
     for name, entry in _entries(report).items():
-        count = sum(n for kind, n in frames.items() if isinstance(n, int) and kind in method(name).needs)
+        count = sum(n for kind, n in frames.items() if isinstance(n, int) and kind in method(name).sensors)
         if count and isinstance(known := entry.get("located"), int):
             found[name] = min(max(known / count, 0.0), 1.0)
     return found

@@ -59,5 +59,5 @@ def compared(
 
 def at_own_stamps(method: str, rerun: Trajectory, wrong: Perturbation) -> Trajectory:
     """With the stamps of the run: those of the video are later in the rerun."""
-    late_ns = round(wrong.clock_ms * 1e6) if "video" in registered(method).needs else 0
+    late_ns = round(wrong.clock_ms * 1e6) if "video" in registered(method).sensors else 0
     return replace(rerun, times_ns=rerun.times_ns - late_ns)

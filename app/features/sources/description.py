@@ -50,6 +50,10 @@ def described(sequence: Sequence) -> list[str]:
     if rig.left is not None:
         what = f"baseline {rig.baseline_m:.4g} m, " if rig.has_stereo else ""
         lines += _camera("stereo", rig.left, what + _rate(sequence.times_ns[kinds == "stereo"], "pairs"))
+    for name, sensor in rig.sensors.items():
+        if name not in ("video", "left", "right"):
+            what = _rate(sequence.times_ns[kinds == sensor.kind], "measurements")
+            lines += _camera(name, rig.camera(name), what) if name in rig.cameras else [_line(name, what)]
     lines.append(_line("span", _span(sequence.times_ns)))
     lines += [_line("gaps", text) for text in _gaps(sequence)]
     lines.append(_line("truth", _truth(sequence.truth, sequence.times_ns)))
@@ -64,8 +68,8 @@ def _line(name: str, text: str) -> str:
 def _camera(name: str, camera: Camera, what: str) -> list[str]:
     coefficients = ", ".join(f"{k:.4g}" for k in camera.distortion)
     distortion = f"distortion {coefficients}" if coefficients else "no distortion"
-    if camera.lens == "fisheye":
-        distortion = f"fisheye, {distortion}"
+    if camera.lens != "opencv":
+        distortion = f"{camera.lens}, {distortion}"
     calibration = f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px, {distortion}"
     return [_line(name, f"{camera.width} x {camera.height} px, {what}"), _line("", calibration)]
 

@@ -74,7 +74,7 @@ class StageNews:
         rig, methods = run.opened.sequence.rig, run.opened.methods
         if not methods or (rig.video or rig.left) is None:
             return {}
-        method = max(methods, key=lambda m: len(registered(m).needs))
+        method = max(methods, key=lambda m: len(registered(m).sensors))
         steps = (s for i in range(state.index, max(state.index - LOOKED_BACK, -1), -1) for s in run.history[i].steps)
         step = next((s for s in steps if s.method == method and s.world_from_frame is not None), None)
         if step is None or step.world_from_frame is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Similarity
-from ispom.types import Frame
+from ispom.types import FrameName
 
 from ...engine.inspection.selection import Selection
 from ...engine.inspection.sightings import camera_pose, nearest, seen_by
@@ -52,7 +52,7 @@ def meaning(
 
 def _in_image(run: CurrentRun, camera: str, index: int, shown_uv: Array) -> Selection:
     """The track nearest to the click."""
-    name: Frame = "video" if camera == "video" else "left"
+    name: FrameName = "video" if camera == "video" else "left"
     frame = latest_of_each_camera(run.opened.sequence.kinds, index).get(camera)
     seen = seen_by(run.history[frame], camera=name) if frame is not None else None
     shape = run.opened.sequence.rig.camera(name)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
+from ispom.types import Image, Sequence, Tracks, TrackStatus, main_image
 
 from ...engine.inspection.colouring import SCALES, Colouring, palette
 from ...engine.inspection.looked import Looked
@@ -65,11 +65,10 @@ def _recorded(looked: Looked, views: RecordedViews | None) -> RecordedTracks | N
 def image_of(sequence: Sequence, index: int) -> Image | None:
     """The video image or the left one of a frame; None where it cannot be read again."""
     try:
-        exposure = sequence[index]
+        shown = main_image(sequence[index])
     except InputError:
         return None
-    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
-    return image if image.size else None
+    return shown[1] if shown is not None and shown[1].size else None
 
 
 def line_of(looked: Looked) -> EpipolarLine | None:

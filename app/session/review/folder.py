@@ -15,7 +15,7 @@ from ispom.io.files import exists
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
 from ispom.methods import Config, method, with_asked
-from ispom.types import Frame, Rig, Sequence, Trajectory
+from ispom.types import FrameName, Rig, Sequence, Trajectory
 
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder, Playback
@@ -101,7 +101,7 @@ def _playback(
     return Playback(sequence, methods, config, builder, run.earlier)
 
 
-def _truth(folder: Path, rig: Rig, frame: Frame) -> Trajectory | None:
+def _truth(folder: Path, rig: Rig, frame: FrameName) -> Trajectory | None:
     """world_from_rig."""
     if not exists(folder / TRUTH):
         return None

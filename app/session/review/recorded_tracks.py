@@ -16,7 +16,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from rerun.chunk import LazyStore, RrdReader
 
-from ispom.types import Frame, Image, TrackStatus
+from ispom.types import FrameName, Image, TrackStatus
 
 from ...engine.inspection.colouring import SCALES, Colouring
 from ...views.rerun.coloured import path_of
@@ -52,7 +52,7 @@ class RecordedViews:
         self._lock = Lock()
         self._known: OrderedDict[tuple[str, int, str], RecordedTracks | None] = OrderedDict()
 
-    def tracks(self, camera: Frame, index: int, by: Colouring = "state") -> RecordedTracks | None:
+    def tracks(self, camera: FrameName, index: int, by: Colouring = "state") -> RecordedTracks | None:
         """None where the frame has no tracks of this camera in the recording."""
         key = (camera, index, by)
         with self._lock:
@@ -63,7 +63,7 @@ class RecordedViews:
                 self._known.popitem(last=False)
             return self._known[key]
 
-    def image(self, camera: Frame, index: int) -> Image | None:
+    def image(self, camera: FrameName, index: int) -> Image | None:
         """The image as it was recorded, at `shown_scale`; None where there is none."""
         with self._lock:
             row = self._row(f"/{camera}/image", index, "EncodedImage:blob")
@@ -75,7 +75,7 @@ class RecordedViews:
             return None
         return np.asarray(found if found.ndim == 2 else cv2.cvtColor(found, cv2.COLOR_BGR2RGB), np.uint8)
 
-    def _read_tracks(self, camera: Frame, index: int, by: Colouring) -> RecordedTracks | None:
+    def _read_tracks(self, camera: FrameName, index: int, by: Colouring) -> RecordedTracks | None:
         entity = f"/{path_of(camera, by)}" if by in SCALES else f"/{camera}/tracks"
         row = self._row(entity, index, "Points2D:positions", "Points2D:class_ids")
         if row is None or row["Points2D:positions"] is None or row["Points2D:class_ids"] is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
@@ -15,7 +16,7 @@ from ispom.errors import InputError
 from ispom.geometry import Pose, Similarity
 from ispom.methods import method as registered
 from ispom.methods import names
-from ispom.types import Frame, Kind, Rig, Status, Step
+from ispom.types import FrameName, Kind, Rig, Status, Step
 
 from ...engine.history.quantities import POSE
 from ...engine.history.record import ExposureRecord, MethodStatus
@@ -37,7 +38,7 @@ class Exposures:
     """(N,)."""
     used: NDArray[np.bool_]
     """(N,) whether the folder tells; the others, which no method used, are put between their neighbours."""
-    frames: Mapping[str, Frame] = field(default_factory=dict)
+    frames: Mapping[str, FrameName] = field(default_factory=dict)
     """By method: whose poses its steps have."""
 
 
@@ -46,17 +47,21 @@ def exposures(folder: Path, rig: Rig) -> Exposures:
     latest_ns = 0
     times: dict[int, int] = {}
     kinds: dict[int, Kind] = {}
-    frames: dict[str, Frame] = {}
+    frames: dict[str, FrameName] = {}
+    steppers: dict[int, set[str]] = defaultdict(set)
     with stored_steps(folder) as steps:
         for step in steps:
-            if step.exposure >= MOST or (times and step.time_ns < latest_ns):
+            known = step.frame in rig.sensors or step.frame in ("world", "rig", "video", "left", "right")
+            if step.exposure >= MOST or (times and step.time_ns < latest_ns) or not known:
                 place = f"{folder / STEPS}: frame {step.exposure}"
                 raise InputError(f"{place} is not as `ispom run` writes it: run again")
             latest_ns = times[step.exposure] = step.time_ns
             frames[step.method] = step.frame
-            needs = registered(step.method).needs if step.method in names() else frozenset()
-            if len(needs) == 1:
-                kinds.setdefault(step.exposure, *needs)  # methods that run inside others come after them
+            if step.method in names():
+                steppers[step.exposure].add(step.method)
+    for exposure, methods in steppers.items():
+        if (kind := _kind(methods, set(frames))) is not None:
+            kinds[exposure] = kind
     indices = np.arange(max(times, default=-1) + 1)
     known = np.array(sorted(times), np.int64)
     found = [times[i] for i in known.tolist()]
@@ -68,6 +73,16 @@ def exposures(folder: Path, rig: Rig) -> Exposures:
         np.isin(indices, known),
         frames,
     )
+
+
+def _kind(methods: set[str], ran: set[str]) -> Kind | None:
+    """The kind of a measurement on which these methods stepped, of those that ran; None where several are possible."""
+    possible = frozenset.intersection(*(registered(method).sensors for method in methods))
+    others = frozenset[Kind]().union(*(registered(m).sensors for m in ran - methods if m in names()))
+    for kinds in (possible, possible - others):
+        if len(kinds) == 1:
+            return next(iter(kinds))
+    return None
 
 
 def _between(indices: NDArray[np.int64], known: NDArray[np.int64], times_ns: list[int]) -> NDArray[np.int64]:
@@ -110,7 +125,7 @@ def _record(
     before: ExposureRecord | None,
 ) -> ExposureRecord:
     errors_m = {s.method: float(s.said["error_m"]) for s in said if s.said["error_m"] is not None}  # type: ignore[arg-type]
-    own = [s for s in said if s.method in methods and of.kinds[index] in registered(s.method).needs]
+    own = [s for s in said if s.method in methods and of.kinds[index] in registered(s.method).sensors]
     steps = tuple(map(_step, own))
     statuses = dict(before.statuses) if before is not None else {}
     statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method), step.provisional) for step in steps}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.reconstruction.depth import DenseStereo
-from ispom.types import Rig, Step, StereoPair
+from ispom.types import Frame, Rig, Step
 
 from . import entities
 from .batch import Entry
@@ -24,12 +24,12 @@ POINT_PX = 1.0
 """Half width on the screen."""
 
 
-def depth_entries(pair: StereoPair, steps: Sequence[Step], rig: Rig, hidden: Collection[str] = ()) -> Iterator[Entry]:
+def depth_entries(pair: Frame, steps: Sequence[Step], rig: Rig, hidden: Collection[str] = ()) -> Iterator[Entry]:
     """At most one: the points of the pair, below the metric method that uses most sensors of those with a pose at the
     pair that are not `hidden`."""
     posed = [s for s in steps if s.world_from_frame is not None and s.method not in hidden]
     metric = [s for s in posed if registered(s.method).unit == "metric"]
-    step = max(metric, key=lambda s: len(registered(s.method).needs), default=None)
+    step = max(metric, key=lambda s: len(registered(s.method).sensors), default=None)
     if step is None or step.world_from_frame is None or not pair.left.size or not pair.right.size:
         return
     xyz_in_left, rgb = depth_points(pair, rig)
@@ -38,7 +38,7 @@ def depth_entries(pair: StereoPair, steps: Sequence[Step], rig: Rig, hidden: Col
     yield Entry(f"world/{step.method}/depth", drawn)
 
 
-def depth_points(pair: StereoPair, rig: Rig) -> tuple[Array, NDArray[np.uint8]]:
+def depth_points(pair: Frame, rig: Rig) -> tuple[Array, NDArray[np.uint8]]:
     """Points (N, 3) in the left camera [m] and their colours (N, 3), spread evenly over the image. Large images are
     matched at the size at which they are shown."""
     height, width = pair.left.shape[:2]

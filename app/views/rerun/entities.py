@@ -16,7 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, Frame, Image, Rig, Step, Tracks, TrackStatus
+from ispom.types import Camera, FrameName, Image, Rig, Step, Tracks, TrackStatus
 
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
@@ -272,10 +272,10 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
     return frame_from_camera.apply(np.stack([*strip, top_left]))
 
 
-def outlines(rig: Rig, frame: Frame, size: float, main_camera: bool) -> Array:
+def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Array:
     """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
-    main: Frame = "video" if rig.video is not None else "left"
-    names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    main: FrameName = "video" if rig.video is not None else "left"
+    names: tuple[FrameName, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
     frame_from_rig = rig.rig_from(frame).inverse()
     return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 

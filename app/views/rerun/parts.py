@@ -34,7 +34,7 @@ from .streams import APPLICATION
 Part = tuple[str, str]
 """Path of an entity, and the archetype of these of its components."""
 CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right")}
-"""The cameras whose images are drawn, by the kind of a frame."""
+"""The cameras whose images are drawn, by the kind of a frame; other measurements are not drawn."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
 STAGE = "stage"
 """Entity and timeline that tell which message the viewer took in last."""
@@ -63,7 +63,7 @@ def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
     for kind in set(kinds):
         at = next((i for i in range(min(index, len(kinds) - 1), -1, -1) if kinds[i] == kind), None)
         if at is not None:
-            found |= dict.fromkeys(CAMERAS[kind], at)
+            found |= dict.fromkeys(CAMERAS.get(kind, ()), at)
     return found
 
 

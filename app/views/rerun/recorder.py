@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterator
 import rerun as rr
 
 from ispom.geometry import Similarity
-from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks
+from ispom.types import FrameName, Step, Tracks, is_stereo, main_image
 
 from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
 from ...engine.history.record import with_parts
@@ -100,10 +100,11 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         yield from self._pictured(event)
-        name = _image(event.exposure)[0]
-        seen = _seen(event, name)
-        if seen is None:
+        main = main_image(event.exposure)
+        seen = None if main is None else _seen(event, main[0])
+        if main is None or seen is None:
             return
+        name = main[0]
         self._coloured.learn(seen)
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), seen.tracks][-entities.TRAIL_LENGTH - 1 :]
@@ -114,15 +115,15 @@ class Recorder:
 
     def _pictured(self, event: Stepped | Pictured) -> Iterator[Entry]:
         """Its images, where they can be read (still)."""
-        name, image = _image(event.exposure)
-        if image.size:
+        name, image = main_image(event.exposure) or ("", None)
+        if image is not None and image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
             yield from self._world.picture(name, image, event.steps)
-        if isinstance(event.exposure, StereoPair) and event.exposure.right.size:
+        if is_stereo(event.exposure) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
 
     def _depth(self, event: Stepped) -> Iterator[Entry]:
-        if not isinstance(event.exposure, StereoPair) or not (self._depth_path or self._has_depth()):
+        if not is_stereo(event.exposure) or not (self._depth_path or self._has_depth()):
             return
         drawn = depth_entries(event.exposure, event.steps, self.opened.sequence.rig) if self._has_depth() else ()
         entry = next(iter(drawn), None)
@@ -161,12 +162,7 @@ class Recorder:
         return entities.summary(steps, self.first_ns, units_m)
 
 
-def _image(exposure: Exposure) -> tuple[Frame, Image]:
-    """The camera whose image is drawn, and that."""
-    return ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
-
-
-def _seen(event: Stepped | Pictured, camera: Frame) -> Seen | None:
+def _seen(event: Stepped | Pictured, camera: FrameName) -> Seen | None:
     """The tracks that a method, or one inside it, has in this camera."""
     step = next((s for s in with_parts(event.steps) if camera in s.tracks), None)
     return None if step is None else Seen(event.index, step, camera, step.tracks[camera])

@@ -9,7 +9,7 @@ import rerun as rr
 
 from ispom.geometry import Array, Pose, Similarity
 from ispom.methods import method as registered
-from ispom.types import Frame, Image, Step, StereoPair, Trajectory
+from ispom.types import FrameName, Image, Step, Trajectory
 
 from ...engine.events import Finished, Opened, Stepped
 from ...engine.model.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
@@ -39,7 +39,7 @@ class World:
         self.model = RunModel.start(opened.methods)
         self.placements: dict[str, Similarity] = {}
         self._sizes: dict[str, DrawnSize] = {}
-        self._drawn_frames: dict[str, Frame] = {}
+        self._drawn_frames: dict[str, FrameName] = {}
         """Of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
         self._drawn_keys: dict[str, PoseHistory] = {}
@@ -50,18 +50,18 @@ class World:
         """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
-        self._frustum_lines: dict[tuple[Frame, float, bool], Array] = {}
+        self._frustum_lines: dict[tuple[FrameName, float, bool], Array] = {}
         """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
         self._beside = BesideLog(opened)
         self._errors: set[str] = set()
         """Methods whose error is drawn now."""
         rig = opened.sequence.rig
-        self._viewing: tuple[str, Frame] | None = None
+        self._viewing: tuple[str, FrameName] | None = None
         """The method in whose frustum the image of a camera is drawn: the one that needs most cameras."""
         self._view_pose: Pose | None = None
         """Of that camera in its latest frame, in the method's world; None where it has none."""
         if opened.methods and (rig.video or rig.left) is not None:
-            most = max(opened.methods, key=lambda m: len(registered(m).needs))
+            most = max(opened.methods, key=lambda m: len(registered(m).sensors))
             self._viewing = most, "video" if rig.video is not None else "left"
 
     def opening(self) -> Iterator[Entry]:
@@ -100,7 +100,7 @@ class World:
             yield from self._error(step)
         yield from self._view(event)
 
-    def picture(self, camera: Frame, image: Image, steps: Iterable[Step]) -> Iterator[Entry]:
+    def picture(self, camera: FrameName, image: Image, steps: Iterable[Step]) -> Iterator[Entry]:
         """The image in the frustum, where that is of this camera and has a pose."""
         posed = (s.method for s in steps if s.world_from_frame is not None)
         if self._viewing is not None and self._viewing[1] == camera and self._viewing[0] in posed:
@@ -205,7 +205,7 @@ class World:
         if self._viewing is None:
             return
         rig, (method, camera) = self._opened.sequence.rig, self._viewing
-        if isinstance(event.exposure, StereoPair) == (camera == "left"):
+        if event.exposure.kind == ("stereo" if camera == "left" else "video"):
             step = next((s for s in event.steps if s.method == method), None)
             pose = step.world_from_frame if step is not None else None
             frame = step.frame if step is not None else "rig"
@@ -219,7 +219,7 @@ class World:
     def _camera(self, method: str) -> Entry:
         frame = self.model.methods[method].poses.frame
         colour = colours.PROVISIONAL if method in self._provisional else colours.of(method)
-        main = "video" in registered(method).needs
+        main = "video" in registered(method).sensors
         return Entry(f"world/{method}/camera", self._frusta(frame, self._size(method).camera, colour, main))
 
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
@@ -262,11 +262,11 @@ class World:
         self._sizes[method] = size
         return size is not before
 
-    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
+    def _outlines(self, frame: FrameName, size: float, main_camera: bool) -> Array:
         """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
         if (key := (frame, size, main_camera)) not in self._frustum_lines:
             self._frustum_lines[key] = entities.outlines(self._opened.sequence.rig, *key)
         return self._frustum_lines[key]
 
-    def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
+    def _frusta(self, frame: FrameName, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
         return entities.lines(self._outlines(frame, size, main_camera), colour, 1.0)

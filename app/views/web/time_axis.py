@@ -22,6 +22,8 @@ from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State
 
+CODES = {"video": "v", "stereo": "s"}
+"""Letters of the kinds in the page's axis; `o` for measurements of other sensors."""
 SLICE = 500
 """Frames at which a condition is asked for one message; each takes some 10 microseconds."""
 
@@ -79,7 +81,10 @@ class AxisNews:
         if start == self._read:
             return {}
         times_ms = (sequence.times_ns[start : self._read] - sequence.times_ns[0]) // 1_000_000
-        return {"times_ms": times_ms.tolist(), "kinds": "".join(kind[0] for kind in sequence.kinds[start : self._read])}
+        return {
+            "times_ms": times_ms.tolist(),
+            "kinds": "".join(CODES.get(kind, "o") for kind in sequence.kinds[start : self._read]),
+        }
 
     def _results(self, run: CurrentRun, methods: tuple[str, ...]) -> dict[str, Any]:
         start, self._computed = self._computed, len(run.series)

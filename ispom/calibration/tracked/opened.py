@@ -11,7 +11,7 @@ import numpy as np
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
 from ispom.calibration.tracked.tracks import key_tracks
 from ispom.errors import InputError
-from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
+from ispom.types import Camera, Guess, Image, Sequence, is_video
 
 MOST_IMAGES, MOST_VIEWS = 600, 45
 BETTER = 0.8
@@ -32,7 +32,7 @@ def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int 
     if found is not None and told(guess, found):
         origin = f"from the motion in {found.views} of its images"
         surer = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
-        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=surer)
+        sequence = replace(sequence, rig=sequence.rig.changed(video=rounded(found.camera)), guess=surer)
     return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
 
 
@@ -102,5 +102,5 @@ def _images(sequence: Sequence, most: int) -> Iterator[Image]:
             exposure = sequence[i]
         except InputError:
             continue
-        if isinstance(exposure, VideoFrame):
+        if is_video(exposure):
             yield exposure.image

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from ispom.estimators.program import plain
 from ispom.estimators.program.pipe import Pipe, ProgramFault
-from ispom.types import Check, DecisionKind, Frame
+from ispom.types import Check, DecisionKind, FrameName
 
 VERSION = 1
 HELLO = json.dumps({"type": "hello", "version": VERSION}).encode() + b"\n"
@@ -24,7 +24,7 @@ class Description:
     """See examples/external_program/README.md for each."""
 
     saves: bool
-    frame: Frame
+    frame: FrameName
     unit: Literal["metric", "own"]
     grey: bool
     source: str

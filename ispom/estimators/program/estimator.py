@@ -24,7 +24,7 @@ from ispom.estimators.program.pipe import Pipe, ProgramFault
 from ispom.estimators.program.store import STORE, Kept
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Exposure, Frame, Rig, Step, Tracks, TrackStatus, Trajectory
+from ispom.types import FrameName, Measurement, Rig, Step, Tracks, TrackStatus, Trajectory, images_of
 
 STATE_BYTES = 256 << 20
 """The largest state that a program may save."""
@@ -41,7 +41,7 @@ class State:
     seen: PersistentList[Kept] = PersistentList()
     """The exposures, where the program saves no state."""
     poses: PersistentList[tuple[int, Pose]] = PersistentList()
-    frame: Frame = "rig"
+    frame: FrameName = "rig"
     tracks: Mapping[str, Tracks] = field(default_factory=dict)
     """By camera, those of its last exposure that had not ended."""
     ids: Mapping[str, int] = field(default_factory=dict)
@@ -72,14 +72,14 @@ class Program:
     def start(self) -> State:
         return State()
 
-    def step(self, state: State, exposure: Exposure) -> tuple[State, Step]:
+    def step(self, state: State, exposure: Measurement) -> tuple[State, Step]:
         """InputError, which names the program's last line on standard error, for whatever is wrong with it."""
         begun = perf_counter()
         try:
             running = self._at(state)
             content = requests.step(state.count, exposure, running.described.grey)
             answer, saved = _exchange(running, content)
-            cameras = {name: self._rig.camera(name) for name in requests.images_of(exposure)}  # type: ignore[arg-type]
+            cameras = {name: self._rig.camera(name) for name in images_of(exposure)}  # type: ignore[arg-type]
             found = read_step(answer, exposure.time_ns, running.described.checks, cameras, state.tracks, state.ids)
             found = replace(found, frame=running.described.frame, seconds={"program": perf_counter() - begun})
             after = self._after(state, found, content, saved)

@@ -13,7 +13,7 @@ from ispom.estimators.program.pipe import Pipe, ProgramFault
 from ispom.types import Kind
 
 
-def program_method(config: type[ProgramConfig], needs: Iterable[Kind]) -> Method:
+def program_method(config: type[ProgramConfig], sensors: Iterable[Kind]) -> Method:
     """The method of a program, which is started once to ask what it does; InputError where it does not say."""
     pipe = Pipe(config.command, config().timeout_s)
     try:
@@ -23,4 +23,4 @@ def program_method(config: type[ProgramConfig], needs: Iterable[Kind]) -> Method
         raise InputError(explained(config, fault, "when it was greeted", pipe)) from None
     finally:
         pipe.stop()
-    return Method(config.name, frozenset(needs), config, found.unit, found.source, checks=found.checks)
+    return Method(config.name, frozenset(sensors), config, found.unit, found.source, checks=found.checks)

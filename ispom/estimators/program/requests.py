@@ -10,14 +10,7 @@ import numpy as np
 import yaml
 
 from ispom.io.rig import rig_text
-from ispom.types import Exposure, Image, Rig, VideoFrame, as_grey
-
-
-def images_of(exposure: Exposure) -> Mapping[str, Image]:
-    """By camera."""
-    if isinstance(exposure, VideoFrame):
-        return {"video": exposure.image}
-    return {"left": exposure.left, "right": exposure.right}
+from ispom.types import Measurement, Rig, as_grey, images_of
 
 
 def start(rig: Rig, settings: Mapping[str, Any]) -> bytes:
@@ -28,7 +21,7 @@ def restore(saved: bytes) -> bytes:
     return _line({"type": "restore", "state_bytes": len(saved)}) + saved
 
 
-def step(index: int, exposure: Exposure, grey: bool) -> bytes:
+def step(index: int, exposure: Measurement, grey: bool) -> bytes:
     """`index` counts the exposures that this method was given, from 0."""
     images = {name: as_grey(image) if grey else image for name, image in images_of(exposure).items()}
     raw = [np.ascontiguousarray(image).tobytes() for image in images.values()]

@@ -64,8 +64,7 @@ class Perturbation:
         of what is wrong, so that the methods correct that as far as their settings let them."""
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
         wrong_pair, wrong_video = (any(n.startswith(of) for n in self.said) for of in (("pair", "baseline"), "video"))
-        found = replace(
-            rig,
+        found = rig.changed(
             video_sigma=None if wrong_video else rig.video_sigma,
             pair_sigma=None if wrong_pair else rig.pair_sigma,
         )
@@ -74,14 +73,14 @@ class Perturbation:
                 pose = rig.rig_from(name)
                 away = (1 + self.baseline_percent / 100) * (pose.translation - middle)
                 camera = self.of_camera(rig.camera(name), name)
-                found = replace(found, **{name: camera, f"rig_from_{name}": Pose(pose.rotation, middle + away)})
+                found = found.changed(**{name: camera, f"rig_from_{name}": Pose(pose.rotation, middle + away)})
         if rig.video is None:
             return found
         turn = Pose.from_rotvec(np.radians([self.turn_x_deg, self.turn_y_deg, self.turn_z_deg]), np.zeros(3))
         shift = Pose(translation=np.array([self.shift_x_m, self.shift_y_m, self.shift_z_m]))
         # A video camera alone is the rig: it has no place on it.
         placed = shift @ rig.rig_from_video @ turn if rig.has_stereo else rig.rig_from_video
-        return replace(found, video=self.of_camera(rig.video, "video"), rig_from_video=placed)
+        return found.changed(video=self.of_camera(rig.video, "video"), rig_from_video=placed)
 
     def of_sequence(self, sequence: Sequence) -> Sequence:
         """The same images with the rig, and the clock of the video, as the perturbed calibration has them."""

@@ -12,7 +12,7 @@ from ispom.geometry import Array, Pose
 from ispom.io.maps import SceneMap
 from ispom.solvers.right_camera import BOTH, COLUMNS, PAIR, by_column, by_row, drift
 from ispom.solvers.window.prior import LENS
-from ispom.types import Frame, Rig
+from ispom.types import FrameName, Rig
 
 MIN_DEPTH = 1e-6
 GROSS = 1e3
@@ -39,7 +39,7 @@ class Scene:
     """Key frames, points, and where the one saw the other."""
 
     rig: Rig
-    camera: Frame
+    camera: FrameName
     """video, or left for the pair."""
     times_ns: NDArray[np.int64]
     """(K,)."""

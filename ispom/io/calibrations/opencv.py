@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.camera_info import ImageSize, camera_info, matrix_key, values
@@ -99,6 +100,7 @@ def _pose(path: Path, content: dict[Any, Any], suffix: str) -> Pose | None:
 
 
 def _interior(camera: Camera, matrix: str, distortion: str, n: str = "") -> list[str]:
+    require_opencv(camera, "OpenCV")
     coefficients = np.array(camera.distortion or (0.0,) * 4)[:, None]
     named = [f"distortion_model{n}: fisheye"] if camera.lens == "fisheye" else []
     return [_matrix(matrix, camera.matrix), _matrix(distortion, coefficients), *named]

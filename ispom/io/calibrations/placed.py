@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import doubts, usable
 from ispom.io.mapping import finite_numbers
 from ispom.io.rotations import rotation_of
 from ispom.types import Camera
-from ispom.types.camera import Lens
 
 HOMOGENEOUS = 1e-6
 """The last row of a rigid motion is 0 0 0 1, to this."""
@@ -64,8 +64,7 @@ def camera_from(
     if lens == "opencv":
         used = len(np.trim_zeros(distortion, "b"))
         distortion = [*distortion, *(0.0,) * 8][: next(count for count in (0, 4, 5, 8) if count >= used)]
-    kind: Lens = "fisheye" if lens == "fisheye" else "opencv"
-    camera = Camera(int(width), int(height), *intrinsics, distortion=tuple(distortion), lens=kind)
+    camera = Camera(int(width), int(height), *intrinsics, distortion=tuple(distortion), lens=lens)
     return usable(camera, f"{path}: {where}")
 
 
@@ -89,6 +88,7 @@ def pose_of(path: Path, where: str, value: Any) -> Pose:
 
 def distortion_name(camera: Camera, names: dict[str, str], program: str, most: int) -> str:
     """The format's name of the lens; InputError where it has none that holds all coefficients."""
+    require_opencv(camera, program)
     if any(camera.distortion[most:]):
         raise InputError(
             f"{program} has no lens with {len(camera.distortion)} coefficients: calibrate with --model radtan, "

@@ -95,9 +95,9 @@ def one_rig(
     fields: dict[str, object] = {}
     for name, each in zip(called, cameras, strict=True):
         fields |= {name: each.camera, f"rig_from_{name}": each.pose}
-    rig = Rig(**fields)  # type: ignore[arg-type]
+    rig = Rig.of(**fields)  # type: ignore[arg-type]
     for file in found:
-        rig = rig if file.rig is None else file.rig.beside(rig)
+        rig = rig if file.rig is None else rig.with_others_of(file.rig)
     notes = tuple(dict.fromkeys(note for each in cameras for note in each.notes))
     return rig, (*notes, *_pair_notes(paths[0], rig, notes))
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.calibrations.opencv import read_opencv
@@ -43,6 +44,7 @@ def read_ros(path: Path) -> Camera:
 
 def _text(each: Placed, rectification: Array, projection: Array) -> str:
     camera = each.camera
+    require_opencv(camera, "ROS")
     model, count = "plumb_bob", 5
     if camera.lens == "fisheye":
         model, count = "equidistant", 4

@@ -37,7 +37,7 @@ from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
 from ispom.sequences.stream import Stream, clock_of, named_file, size_of
-from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Kind, Measurement, Rig, Sequence, Trajectory
 
 FILE = "sequence.yaml"
 ENTRIES = ("name", "rig", "video", "left", "right", "truth")
@@ -147,17 +147,17 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
     plan: list[tuple[int, Kind, int]] = [(t, "video", i) for i, t in enumerate(video.times_ns.tolist())]
     notes = video.notes
     if stereo is None:
-        rig = rig.beside(Rig(video=rig.video, rig_from_video=rig.rig_from_video))
+        rig = rig.changed(left=None, right=None)
     else:
         rig, notes = stereo.rig, notes + stereo.notes
         both: list[tuple[int, Kind, int]] = [(t, "stereo", i) for i, t in enumerate(stereo.times_ns.tolist())]
         plan = sorted(both + plan)  # a stereo pair comes before the video frame of the same time, as in the alphabet
 
-    def load(exposure: int) -> Exposure:
+    def load(exposure: int) -> Measurement:
         time_ns, kind, i = plan[exposure]
         if stereo is None or kind == "video":
-            return VideoFrame(time_ns, video.read(i))
-        return StereoPair(time_ns, stereo.read("left", i), stereo.read("right", i))
+            return Frame.video(time_ns, video.read(i))
+        return Frame.stereo(time_ns, stereo.read("left", i), stereo.read("right", i))
 
     times_ns = np.array([t for t, _, _ in plan], np.int64)
     found = truth_at(truth, np.unique(times_ns)) if truth is not None else None

@@ -21,7 +21,7 @@ from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, sche
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.spool import Spool
 from ispom.sequences.stream import size_of
-from ispom.types import Camera, Exposure, Image, Rig, Sequence, VideoFrame
+from ispom.types import Camera, Frame, Image, Measurement, Rig, Sequence
 
 PATIENCE_S = 10.0
 """A source that can't be opened for so long, or gives no image for so long, has failed."""
@@ -119,8 +119,8 @@ class _Live:
             stop=self._stop,
         )
 
-    def _load(self, i: int) -> Exposure:
-        return VideoFrame(int(self._times_ns[i]), self._spool.read(i))
+    def _load(self, i: int) -> Measurement:
+        return Frame.video(int(self._times_ns[i]), self._spool.read(i))
 
     def _stop(self) -> None:
         self._stopping = True

@@ -23,7 +23,7 @@ from ispom.simulation.process import render_pool
 from ispom.simulation.route import Route, route_name
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
 from ispom.simulation.source import Source
-from ispom.types import Exposure, Image, Rig, Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Image, Measurement, Rig, Sequence, Trajectory
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def open_simulated(
     source, stamps = Source(*shaping, *asked), Timing(duration_s).exposures()
     rig, rectified = _rectified(source.rig)
     if world.right_late_ms:
-        rig = replace(rig, pair_sigma=None)
+        rig = rig.changed(pair_sigma=None)
     path = motion_of(source.motion, seed)
     other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
@@ -171,11 +171,11 @@ def open_simulated(
         ImageCache.open(cache_dir or default_folder(), source_key(*shaping, *libraries, *other)),
     )
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         (time_ns, kind), image = stamps[i], ahead.get(i)
         if kind == "video":
-            return VideoFrame(time_ns, image)
-        return StereoPair(time_ns, *rectified(*np.split(image, 2)))
+            return Frame.video(time_ns, image)
+        return Frame.stereo(time_ns, *rectified(*np.split(image, 2)))
 
     return Sequence(
         f"sim:{name} seed {seed}" + (", motion blur" if motion_blur else ""),
@@ -195,5 +195,5 @@ def _rectified(rig: Rig) -> tuple[Rig, Callable[[Image, Image], tuple[Image, Ima
     if left.lens != "fisheye":
         return rig, lambda *images: images
     found = Rectification.of(left, right, rig.rig_from_right.inverse() @ rig.rig_from_left)
-    told = replace(rig, left=found.camera, right=found.camera)
+    told = rig.changed(left=found.camera, right=found.camera)
     return told, lambda a, b: (remapped(a, found.left_maps), remapped(b, found.right_maps))

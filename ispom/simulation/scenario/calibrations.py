@@ -14,7 +14,7 @@ import numpy as np
 from ispom.geometry import Pose, so3_exp
 from ispom.settings import Range
 from ispom.simulation.scenario.fault import Spell, with_images
-from ispom.types import Camera, Frame, Image, Sequence
+from ispom.types import Camera, FrameName, Image, Sequence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +33,9 @@ class WrongLens:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         if self.camera == "video":
-            return replace(sequence, rig=replace(rig, video=self.told(rig.camera("video")), video_sigma=None))
+            return replace(sequence, rig=rig.changed(video=self.told(rig.camera("video")), video_sigma=None))
         left, right = (self.told(rig.camera(name)) for name in ("left", "right"))
-        return replace(sequence, rig=replace(rig, left=left, right=right, pair_sigma=None))
+        return replace(sequence, rig=rig.changed(left=left, right=right, pair_sigma=None))
 
     def told(self, camera: Camera) -> Camera:
         factor = 1 + self.focal_percent / 100
@@ -60,7 +60,7 @@ class WrongBaseline:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig, factor = sequence.rig, 1 + self.percent / 100
         left, right = (replace(p, translation=factor * p.translation) for p in (rig.rig_from_left, rig.rig_from_right))
-        return replace(sequence, rig=replace(rig, rig_from_left=left, rig_from_right=right, pair_sigma=None))
+        return replace(sequence, rig=rig.changed(rig_from_left=left, rig_from_right=right, pair_sigma=None))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,12 +79,12 @@ class WrongPair(Spell):
         was_from_is = so3_exp(np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg]))
         homography = matrix @ was_from_is @ np.linalg.inv(matrix)
 
-        def change(image: Image, _: Frame, __: int) -> Image:
+        def change(image: Image, _: FrameName, __: int) -> Image:
             flags, size = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, image.shape[1::-1]
             seen = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             return np.asarray(seen, np.uint8)
 
-        unsure = replace(sequence, rig=replace(sequence.rig, pair_sigma=None))
+        unsure = replace(sequence, rig=sequence.rig.changed(pair_sigma=None))
         return with_images(unsure, change, self, "right")
 
 
@@ -98,7 +98,7 @@ class WrongShutter:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         video, left, right = (self.told(rig.camera(name)) for name in ("video", "left", "right"))
-        told = replace(rig, video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
+        told = rig.changed(video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
         return replace(sequence, rig=told)
 
     def told(self, camera: Camera) -> Camera:
@@ -120,4 +120,4 @@ class WrongMount:
         turn = np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg])
         was_from_told = Pose.from_rotvec(turn, np.array([self.x_m, self.y_m, self.z_m]))
         rig = sequence.rig
-        return replace(sequence, rig=replace(rig, rig_from_video=rig.rig_from_video @ was_from_told))
+        return replace(sequence, rig=rig.changed(rig_from_video=rig.rig_from_video @ was_from_told))

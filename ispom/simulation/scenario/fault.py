@@ -11,10 +11,10 @@ import numpy as np
 
 from ispom.settings import Range
 from ispom.simulation.cameras import NOISE_SIGMA
-from ispom.types import Exposure, Frame, Image, Sequence, StereoPair, VideoFrame
+from ispom.types import Frame, FrameName, Image, Measurement, Sequence
 
 Cameras = Literal["all", "video", "left", "right"]
-Change = Callable[[Image, Frame, int], Image]
+Change = Callable[[Image, FrameName, int], Image]
 """The image of a camera at a time [ns] to another one of the same size."""
 
 
@@ -42,18 +42,16 @@ class Spell:
 def with_images(sequence: Sequence, change: Change, spell: Spell, cameras: Cameras = "all") -> Sequence:
     """With the images of these cameras changed, during the spell."""
 
-    def changed(image: Image, camera: Frame, time_ns: int) -> Image:
+    def changed(image: Image, camera: FrameName, time_ns: int) -> Image:
         return change(image, camera, time_ns) if cameras in ("all", camera) else image
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         seen = sequence.load(i)
         if not spell.covers(sequence, seen.time_ns):
             return seen
-        if isinstance(seen, StereoPair):
-            left = changed(seen.left, "left", seen.time_ns)
-            right = changed(seen.right, "right", seen.time_ns)
-            return replace(seen, left=left, right=right)
-        return VideoFrame(seen.time_ns, changed(seen.image, "video", seen.time_ns))
+        if not isinstance(seen, Frame):
+            return seen
+        return seen.with_images(**{name: changed(image, name, seen.time_ns) for name, image in seen.images.items()})
 
     return replace(sequence, load=load)
 

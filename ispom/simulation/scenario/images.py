@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.settings import Range
 from ispom.simulation.scenario.fault import Cameras, Spell, random_of, read_out, with_images
-from ispom.types import Frame, Image, Sequence
+from ispom.types import FrameName, Image, Sequence
 
 COVERED = 10.0
 """Grey level of what covers a lens."""
@@ -26,7 +26,7 @@ class Darkness(Spell):
     """Of the light that is left."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        def change(image: Image, camera: Frame, time_ns: int) -> Image:
+        def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             return read_out(np.float32(self.factor) * image, self.factor, "darkness", seed, camera, time_ns)
 
         return with_images(sequence, change, self)
@@ -45,7 +45,7 @@ class ExposureJumps(Spell):
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         first_ns = int(sequence.times_ns[0])
 
-        def change(image: Image, camera: Frame, time_ns: int) -> Image:
+        def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             period = int((time_ns - first_ns) * 1e-9 / self.every_s)
             if period % 2 == 0:
                 return image
@@ -65,7 +65,7 @@ class Defocus(Spell):
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         kept = 1 / (2 * np.sqrt(np.pi) * self.sigma_px)  # of white noise, after the blur
 
-        def change(image: Image, camera: Frame, time_ns: int) -> Image:
+        def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), self.sigma_px)
             return read_out(np.asarray(blurred), min(1.0, float(kept)), "defocus", seed, camera, time_ns)
 
@@ -81,7 +81,7 @@ class Blocked(Spell):
     """Of the image's columns, from the left."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        def change(image: Image, camera: Frame, time_ns: int) -> Image:
+        def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             covered, width = image.copy(), round(self.share * image.shape[1])
             dark = np.full((len(image), width, 3), COVERED, np.float32)
             covered[:, :width] = read_out(dark, 0.0, "blocked", seed, camera, time_ns)
@@ -100,9 +100,9 @@ class Rain(Spell):
     """Of a drop, of the image's width."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        masks: dict[tuple[Frame, int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        masks: dict[tuple[FrameName, int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
-        def change(image: Image, camera: Frame, time_ns: int) -> Image:
+        def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             key = (camera, *image.shape[:2])
             if key not in masks:
                 masks[key] = self.drawn(key, seed)
@@ -113,7 +113,7 @@ class Rain(Spell):
 
         return with_images(sequence, change, self)
 
-    def drawn(self, key: tuple[Frame, int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def drawn(self, key: tuple[FrameName, int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of a camera's image (H, W): where its drops are, and the pixels that they show."""
         camera, height, width = key
         y, x = np.mgrid[:height, :width].astype(np.float32)

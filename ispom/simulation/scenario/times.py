@@ -10,7 +10,7 @@ import numpy as np
 from ispom.settings import Range
 from ispom.simulation.faults import with_video_clock
 from ispom.simulation.scenario.fault import Spell, random_of
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class Repeated(Spell):
             last = last if i in again else i
             shown[i] = last
 
-        def load(i: int) -> Exposure:
+        def load(i: int) -> Measurement:
             seen = sequence.load(int(shown[i]))
             return replace(seen, time_ns=int(sequence.times_ns[i]))
 

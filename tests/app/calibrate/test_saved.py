@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,7 @@ def test_a_line_delay_that_is_left_out_is_told(
     form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, optics in (("rolling", Optics(rolling_ns=20_000_000)), ("still", Optics())):
-        rig = replace(simulated_rig(1.0, optics), video=None, video_sigma=None, pair_sigma=None)
+        rig = simulated_rig(1.0, optics).changed(video=None, video_sigma=None, pair_sigma=None)
         (tmp_path / f"{name}.yaml").write_text(rig_text(rig))
     convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
     assert main(convert) == 0
@@ -35,7 +34,7 @@ def test_a_line_delay_that_is_left_out_is_told(
 def test_how_sure_it_is_is_told_to_be_left_out(
     form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    alone = replace(simulated_rig(), left=None, right=None, pair_sigma=None)
+    alone = simulated_rig().changed(left=None, right=None, pair_sigma=None)
     (tmp_path / "rig.yaml").write_text(rig_text(alone))
     convert = ["calibrate", "convert", str(tmp_path / "rig.yaml"), "--out", str(tmp_path / out)]
     assert main([*convert, "--format", form]) == 0
@@ -58,7 +57,7 @@ def test_rig_yaml_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_a_name_of_several_lines_stays_in_the_comment(form: str, tmp_path: Path) -> None:
     """Its second line was one of the file's: it could not be read, or said something else."""
     given, out = tmp_path / "roof\nfx: 3.yaml", tmp_path / f"rig.{'yml' if form == 'opencv' else 'yaml'}"
-    rig = replace(simulated_rig(), video=None)
+    rig = simulated_rig().changed(video=None)
     given.write_text(rig_text(rig))
     assert main(["calibrate", "convert", str(given), "--format", form, "--out", str(out)]) == 0
     assert main(["calibrate", "convert", str(out), "--out", str(tmp_path / "again.yaml")]) == 0

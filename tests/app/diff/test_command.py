@@ -16,7 +16,7 @@ from ispom_app.cli.main import main
 from ispom_app.engine.run_folder.run_folder import DECISIONS, MARKER
 
 from ispom.sequences import open_sequence
-from ispom.types import Trajectory, VideoFrame
+from ispom.types import Trajectory, is_video
 from tests.app import helpers
 from tests.rounds import FRAME_NS, SCENARIOS, world_from_rig
 from tests.sequences.kitti_folder import make_drive
@@ -33,7 +33,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for i in range(len(sequence)):
         if sequence.kinds[i] == "video" and len(times) < EXPOSURES:
             exposure = sequence[i]
-            assert isinstance(exposure, VideoFrame)
+            assert is_video(exposure)
             image = exposure.image if exposure.image.ndim == 2 else cv2.cvtColor(exposure.image, cv2.COLOR_RGB2BGR)
             cv2.imwrite(str(folder / f"{len(times):03d}.png"), image)
             times.append(exposure.time_ns / 1e9)

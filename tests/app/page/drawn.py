@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ispom.types import Exposure, StereoPair
+from ispom.types import Measurement, is_stereo
 
 SAME = 0.4
 """Correlation from which on an image is the frame's, where no other fits better: tracks lie on it, and its pixels are
 on no grid. Of other noise it is 0.05."""
 
 
-def image_of(exposure: Exposure) -> np.ndarray:
-    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
+def image_of(exposure: Measurement) -> np.ndarray:
+    image = exposure.left if is_stereo(exposure) else exposure.image
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 

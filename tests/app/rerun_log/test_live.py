@@ -24,7 +24,7 @@ from ispom_app.views.rerun.recorder import Recorder
 from ispom_app.views.rerun.stored_tape import StoredTape
 from rerun.chunk import RrdReader
 
-from ispom.types import Exposure, StereoPair
+from ispom.types import Measurement, is_stereo
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -107,9 +107,9 @@ def assert_drawn(source: SceneSource, run: Playback, index: int, folder: Path) -
         assert len(found[f"/{camera}/tracks"].column("Points2D:positions")[0]) > 0
 
 
-def distance(pixels: np.ndarray, exposure: Exposure, camera: str) -> float:
+def distance(pixels: np.ndarray, exposure: Measurement, camera: str) -> float:
     """Mean difference of brightness: of colours that are noise, JPEG keeps little."""
-    stereo = isinstance(exposure, StereoPair)
+    stereo = is_stereo(exposure)
     image = exposure.image if not stereo else exposure.left if camera == "left" else exposure.right
     drawn, own = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(int) for each in (pixels.reshape(image.shape), image))
     return float(np.abs(drawn - own).mean())

@@ -28,7 +28,7 @@ from rerun.chunk import RrdReader
 
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, Similarity
-from ispom.types import Camera, Rig, StereoPair, Tracks, TrackStatus, VideoFrame
+from ispom.types import Camera, Rig, Tracks, TrackStatus, is_stereo, is_video
 from tests import doubles
 from tests.alone import ALL, METHODS
 from tests.app import helpers
@@ -82,7 +82,7 @@ def test_every_thing_that_the_page_shows_is_there(recorded):
     wanted += [f"plots/{kind}/{m}" for m in METHODS for kind in ("error", "inliers", "residual", "ms")]
     wanted += [f"plots/scale/{m}/transferred" for m in METHODS]
     assert not set(wanted) - set(rows)
-    videos = [event for event in stepped if isinstance(event.exposure, VideoFrame)]
+    videos = [event for event in stepped if is_video(event.exposure)]
     assert len(column(rows["video/image"], "blob")) == len(videos)
     assert len(column(rows["left/image"], "blob")) == len(stepped) - len(videos)
 
@@ -118,7 +118,7 @@ def test_truth_is_never_ahead_of_the_cursor(recorded):
 
 
 def stepped_truth(event, stepped):
-    stereo = next(e for e in stepped if isinstance(e.exposure, StereoPair))
+    stereo = next(e for e in stepped if is_stereo(e.exposure))
     start = doubles.pose_at(stereo.exposure.time_ns)
     return (start.inverse() @ doubles.pose_at(event.exposure.time_ns)).translation
 
@@ -127,7 +127,7 @@ def test_images_are_jpeg_in_true_colours(recorded):
     rows, stepped, _ = recorded
     data = np.frombuffer(bytes(column(rows["video/image"], "blob")[0][0]), np.uint8)
     shown = cv2.cvtColor(cv2.imdecode(data, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
-    image = next(e.exposure.image for e in stepped if isinstance(e.exposure, VideoFrame))
+    image = next(e.exposure.image for e in stepped if is_video(e.exposure))
     assert shown.shape == image.shape
     assert_allclose(shown.mean((0, 1)), image.mean((0, 1)), atol=4)
 
@@ -157,7 +157,7 @@ def test_what_moves_by_itself_is_drawn_as_long_as_it_is_told(run):
         steps = tuple(replace(s, other_motion=moved if i == at else {}) for i, s in enumerate(first.steps))
         return replace(event, steps=steps, **video)
 
-    assert isinstance(first.exposure, VideoFrame)
+    assert is_video(first.exposure)
     batches = [recorder.batch(told(e, m)) for e, m in ((first, {}), (second, {"video": some}), (third, {}))]
     drawn = [[e.value for e in batch.entries if e.path == "video/moving"] for batch in batches]  # type: ignore[union-attr]
     assert [len(values) for values in drawn] == [0, 1, 1] and isinstance(drawn[2][0], rr.Clear)
@@ -316,7 +316,7 @@ def test_the_image_in_the_frustum_is_where_the_camera_is_and_has_no_size_without
         pinhole = of["world/view/monocular", rr.Pinhole]
         depth = pinhole.image_plane_distance.as_arrow_array()[0].as_py()
         pictured = ("world/view/monocular/video", rr.EncodedImage) in of
-        found.append((isinstance(event.exposure, VideoFrame), depth, pictured))
+        found.append((is_video(event.exposure), depth, pictured))
         if pictured:
             (own,) = (s.world_from_frame for s in steps if s.method == "monocular")
             moved = of["world/view/monocular", rr.Transform3D].translation.as_arrow_array().to_pylist()[0]

@@ -17,7 +17,7 @@ from ispom.errors import InputError
 from ispom.geometry import Similarity
 from ispom.methods import Config
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.types import Exposure, Sequence, Step, StereoPair, TrackStatus, VideoFrame
+from ispom.types import Frame, Measurement, Sequence, Step, TrackStatus, is_video
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -32,13 +32,13 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
     """1.8 s of sim:tiny with a dark stretch; each frame made once."""
     bright = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=1.8)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         found = bright[i]
         if not DARK_NS[0] <= found.time_ns < DARK_NS[1]:
             return found
-        if isinstance(found, VideoFrame):
+        if is_video(found):
             return replace(found, image=np.zeros_like(found.image))
-        return StereoPair(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
+        return Frame.stereo(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
 
     return replace(bright, load=cache(load))
 

@@ -13,7 +13,7 @@ from ispom_app.features.headless.options import Run
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.tum import read_tum
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -22,7 +22,7 @@ from tests.app import helpers
 def spoilt(*bad: int) -> Sequence:
     whole = doubles.sequence(150)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         if i in bad:
             raise UnreadableImage(f"image {i} is not a whole image: restore it")
         return whole.load(i)
@@ -52,7 +52,7 @@ def test_a_second_in_less_than_two_hundred_ends_it() -> None:
 
 
 def test_a_wrong_image_still_ends_it() -> None:
-    def load(_: int) -> Exposure:
+    def load(_: int) -> Measurement:
         raise InputError("image 0 is 20 x 10, not 80 x 60: restore it")
 
     run = Playback(replace(doubles.sequence(150), load=load), METHODS, builder=helpers.build)

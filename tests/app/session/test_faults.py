@@ -24,7 +24,7 @@ from ispom_app.views.rerun.file_recording import FileRecording
 from ispom.errors import InputError
 from ispom.io.whole import part_of
 from ispom.methods import Config
-from ispom.types import Exposure, Sequence
+from ispom.types import Measurement, Sequence
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import build, opener, started, wait_for
@@ -40,7 +40,7 @@ class Gate:
     def __call__(self, source: str) -> Sequence:
         sequence = opener(source)
 
-        def load(i: int) -> Exposure:
+        def load(i: int) -> Measurement:
             if i == self.at:
                 self.reached.set()
                 assert self.opened.wait(20)

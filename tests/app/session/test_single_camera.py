@@ -21,7 +21,7 @@ from ispom_app.views.web.messages import message_of
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.io.tum import tum_text
 from ispom.sequences import open_sequence
-from ispom.types import Sequence, VideoFrame
+from ispom.types import Sequence, is_video
 from tests.app import helpers
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
@@ -35,7 +35,7 @@ def write_tum(folder: Path) -> Path:
     for i, kind in enumerate(tiny.kinds):
         if kind == "video":
             frame = tiny[i]
-            assert isinstance(frame, VideoFrame)
+            assert is_video(frame)
             name = f"rgb/{frame.time_ns / 1e9:.6f}.png"
             cv2.imwrite(str(folder / name), frame.image if frame.image.ndim == 2 else frame.image[..., ::-1])
             rows.append(f"{frame.time_ns / 1e9:.6f} {name}\n")

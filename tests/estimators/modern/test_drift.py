@@ -10,21 +10,21 @@ import pytest
 from ispom.estimators.modern.integrated.covariance import DRIFT_SHARE, newest_covariance
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair
+from ispom.types import Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import alone
 
 LAST = 3
 """Pairs seen; the video goes on for 1.7 s."""
 
 
-def without_pairs(exposures: list[Exposure]) -> list[Exposure]:
+def without_pairs(exposures: list[Measurement]) -> list[Measurement]:
     """After so many."""
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
-    return [e for e in exposures if not isinstance(e, StereoPair) or e.time_ns < pairs[LAST].time_ns]
+    pairs = [e for e in exposures if is_stereo(e)]
+    return [e for e in exposures if not is_stereo(e) or e.time_ns < pairs[LAST].time_ns]
 
 
 @pytest.fixture(scope="module")
-def walked(flight: Sequence, exposures: list[Exposure]) -> list[tuple[ModernIntegratedState, Step]]:
+def walked(flight: Sequence, exposures: list[Measurement]) -> list[tuple[ModernIntegratedState, Step]]:
     estimator = alone("integrated", flight.rig)
     state, seen = estimator.start(), []
     for exposure in without_pairs(exposures):

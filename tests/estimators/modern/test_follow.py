@@ -9,12 +9,12 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernM
 from ispom.estimators.modern.motions import Follow, Moving, preferred
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.geometry import Array, Pose
-from ispom.types import Camera, Image, Rig, Step, StereoPair, VideoFrame
+from ispom.types import Camera, Frame, Image, Rig, Step
 from tests.estimators.modern.waved_card import FX, LARGE, LARGER, SIZE, leaving
 
 BASELINE_M = 0.3
 CAMERA = Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2)
-RIG = Rig(CAMERA, CAMERA, CAMERA, rig_from_right=Pose(np.eye(3), np.array([BASELINE_M, 0.0, 0.0])))
+RIG = Rig.of(video=CAMERA, left=CAMERA, right=CAMERA, rig_from_right=Pose(np.eye(3), np.array([BASELINE_M, 0.0, 0.0])))
 STILL, STEP_M = 8, 0.05
 
 
@@ -29,7 +29,7 @@ def by_pairs(follow: Follow, moves: list[int], card: Image) -> list[Step]:
     for i, moved in enumerate(moves):
         left = left_at(i)
         right = RIG.rig_from_right.inverse() @ left
-        pair = StereoPair(i * 100_000_000, leaving(left, moved, card), leaving(right, moved, card))
+        pair = Frame.stereo(i * 100_000_000, leaving(left, moved, card), leaving(right, moved, card))
         state, step = estimator.step(state, pair)
         steps.append(step)
     return steps
@@ -72,7 +72,7 @@ def filmed(follow: Follow) -> list[Step]:
     state, steps = estimator.start(), []
     for i in range(66):
         pose = Pose(np.eye(3), np.array([0.5 - 0.025 * i, 0.0, 0.0]))
-        state, step = estimator.step(state, VideoFrame(i * 50_000_000, leaving(pose, (70 - i) // 2, LARGER)))
+        state, step = estimator.step(state, Frame.video(i * 50_000_000, leaving(pose, (70 - i) // 2, LARGER)))
         steps.append(step)
     return steps
 

@@ -13,7 +13,7 @@ from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
 from ispom.simulation.faults import with_late_video, with_turned_video
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo, is_video
 from tests.alone import Alone, alone
 
 
@@ -21,7 +21,7 @@ def estimator_of(flight: Sequence, **changes: object) -> Alone:
     return alone("integrated", flight.rig, ModernIntegratedConfig(**changes))  # type: ignore[arg-type]
 
 
-def walk(estimator: Alone, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+def walk(estimator: Alone, exposures: list[Measurement]) -> tuple[list, list[Step]]:
     states, steps = [estimator.start()], []
     for exposure in exposures:
         state, step = estimator.step(states[-1], exposure)
@@ -36,7 +36,7 @@ def estimator(flight: Sequence) -> Alone:
 
 
 @pytest.fixture(scope="module")
-def walked(estimator: Alone, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+def walked(estimator: Alone, exposures: list[Measurement]) -> tuple[list, list[Step]]:
     return walk(estimator, exposures)
 
 
@@ -125,7 +125,7 @@ def same(a: Trajectory, b: Trajectory) -> bool:
 
 
 def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(
-    estimator: Alone, walked: tuple[list, list[Step]], exposures: list[Exposure]
+    estimator: Alone, walked: tuple[list, list[Step]], exposures: list[Measurement]
 ) -> None:
     states, before = walked[0], cv2.getNumThreads()
     middle = len(exposures) // 2
@@ -141,17 +141,17 @@ def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(
 
 
 def test_a_dark_video_is_lost_and_found_again_while_the_pairs_go_on(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     estimator = estimator_of(flight)
-    dark = [i for i in range(30, 42) if isinstance(exposures[i], VideoFrame)]
+    dark = [i for i in range(30, 42) if is_video(exposures[i])]
     broken = [
-        VideoFrame(e.time_ns, np.full_like(e.image, 128)) if i in dark and isinstance(e, VideoFrame) else e
+        Frame.video(e.time_ns, np.full_like(e.image, 128)) if i in dark and is_video(e) else e
         for i, e in enumerate(exposures)
     ]
     states, steps = walk(estimator, broken)
     assert {s.status for i, s in enumerate(steps) if i in dark} == {Status.LOST}
-    pairs = [s for s, e in zip(steps, broken, strict=True) if isinstance(e, StereoPair)]
+    pairs = [s for s, e in zip(steps, broken, strict=True) if is_stereo(e)]
     assert all(s.status is Status.TRACKING for s in pairs) and steps[-1].status is Status.TRACKING
     found = estimator.finish(states[-1])
     assert flight.truth is not None and found.times_ns.tolist() == video_times(flight)
@@ -160,14 +160,14 @@ def test_a_dark_video_is_lost_and_found_again_while_the_pairs_go_on(
     assert np.linalg.norm(error - truth, axis=1).max() < 0.15
 
 
-def test_standing_still_needs_no_special_case(flight: Sequence, exposures: list[Exposure]) -> None:
-    pair = next(e for e in exposures if isinstance(e, StereoPair))
-    frame = next(e for e in exposures if isinstance(e, VideoFrame))
-    still: list[Exposure] = []
+def test_standing_still_needs_no_special_case(flight: Sequence, exposures: list[Measurement]) -> None:
+    pair = next(e for e in exposures if is_stereo(e))
+    frame = next(e for e in exposures if is_video(e))
+    still: list[Measurement] = []
     for i in range(25):
         if i % 6 == 0:
-            still.append(StereoPair(i * 33_000_000, pair.left, pair.right))
-        still.append(VideoFrame(i * 33_000_000 + 5_000_000, frame.image))
+            still.append(Frame.stereo(i * 33_000_000, pair.left, pair.right))
+        still.append(Frame.video(i * 33_000_000 + 5_000_000, frame.image))
     estimator = estimator_of(flight)
     states, steps = walk(estimator, still)
     found = estimator.finish(states[-1])
@@ -179,7 +179,7 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     shift = np.array([0.02, -0.015, 0.017])
     faulty = with_turned_video(with_late_video(flight, 0.02), np.array([0.6, -0.6, 0.53]))
     video = faulty.rig.rig_from_video
-    faulty = replace(faulty, rig=replace(faulty.rig, rig_from_video=Pose(video.rotation, video.translation + shift)))
+    faulty = replace(faulty, rig=faulty.rig.changed(rig_from_video=Pose(video.rotation, video.translation + shift)))
     estimator = estimator_of(faulty, estimate_clock=True, estimate_rig=True)
     states, steps = walk(estimator, [faulty[i] for i in range(len(faulty))])
     found = states[-1]["integrated"].window.rig
@@ -193,13 +193,15 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     assert decisions["video_turned"].passed and "+-" in str(decisions["video_shifted"])
 
 
-def test_after_a_gap_it_is_where_the_stereo_method_found_its_way(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_after_a_gap_it_is_where_the_stereo_method_found_its_way(
+    flight: Sequence, exposures: list[Measurement]
+) -> None:
     """Stereo finds a pair again by descriptors, whose points the joint window does not know."""
     assert flight.truth is not None
     begin_ns = exposures[0].time_ns
     seen = [e for e in exposures if not 1.1e9 <= e.time_ns - begin_ns <= 1.9e9]
     _, steps = walk(estimator_of(flight), seen)
-    pair = next(i for i, e in enumerate(seen) if isinstance(e, StereoPair) and e.time_ns - begin_ns > 1.9e9)
+    pair = next(i for i, e in enumerate(seen) if is_stereo(e) and e.time_ns - begin_ns > 1.9e9)
     assert steps[pair].parts[0].world_from_frame is not None
     assert steps[pair].status is Status.TRACKING
     later = [s for s in steps[pair:] if s.world_from_frame is not None]

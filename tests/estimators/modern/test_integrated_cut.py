@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory
+from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo
 from tests.alone import Alone, alone
 
 LIGHT_S, DARK_S, OTHER_S = 1.4, 1.5, 1.4
 
 
-def dark(exposure: Exposure, number: int) -> Exposure:
+def dark(exposure: Measurement, number: int) -> Measurement:
     """The same exposure under a cap: the sensor's noise alone."""
 
     def image(of: np.ndarray) -> np.ndarray:
         light = np.random.default_rng((number, of.size)).normal(12, 2, of.shape)
         return np.clip(light, 0, 255).astype(np.uint8)
 
-    if isinstance(exposure, StereoPair):
-        return StereoPair(exposure.time_ns, image(exposure.left), image(exposure.right))
-    return replace(exposure, image=image(exposure.image))
+    if is_stereo(exposure):
+        return Frame.stereo(exposure.time_ns, image(exposure.left), image(exposure.right))
+    return exposure.with_images(video=image(exposure.image))
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def other(flight: Sequence, rendered: Path) -> Sequence:
 
 
 @pytest.fixture(scope="module")
-def cut(flight: Sequence, other: Sequence) -> list[Exposure]:
+def cut(flight: Sequence, other: Sequence) -> list[Measurement]:
     start = int(flight.times_ns[0])
     first = [flight[i] for i in range(len(flight)) if flight.times_ns[i] - start < LIGHT_S * 1e9]
     under = [flight[i] for i in range(len(flight)) if flight.times_ns[i] - start < DARK_S * 1e9]
@@ -48,7 +48,7 @@ def cut(flight: Sequence, other: Sequence) -> list[Exposure]:
 
 
 @pytest.fixture(scope="module")
-def gone_through(flight: Sequence, cut: list[Exposure]) -> tuple[Alone, dict, list[Step]]:
+def gone_through(flight: Sequence, cut: list[Measurement]) -> tuple[Alone, dict, list[Step]]:
     estimator = alone("integrated", flight.rig)
     state, steps = estimator.start(), []
     for exposure in cut:

@@ -11,10 +11,10 @@ import pytest
 from ispom.estimators.modern.integrated.covariance import by_lens
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array
-from ispom.types import Exposure, Sequence, Step, StereoPair
+from ispom.types import Measurement, Sequence, Step, is_stereo
 from tests.alone import alone
 
-Asked = list[tuple[Exposure, dict[str, Step]]]
+Asked = list[tuple[Measurement, dict[str, Step]]]
 CHANGED = np.array([2e-3, -4e-3])
 """A focal length that is 0.2 % longer, as the first minutes find it."""
 
@@ -27,7 +27,7 @@ def test_places_change_with_the_lens_as_finite_differences_say() -> None:
 
 
 @pytest.fixture(scope="module")
-def asked(flight: Sequence, exposures: list[Exposure]) -> Asked:
+def asked(flight: Sequence, exposures: list[Measurement]) -> Asked:
     """What the methods that it asks say up to the fourth pair."""
     ensemble = alone("integrated", flight.rig).ensemble
     members = {name: member for name, member in ensemble.members.items() if name != "integrated"}
@@ -41,8 +41,8 @@ def asked(flight: Sequence, exposures: list[Exposure]) -> Asked:
     return found
 
 
-def places_of_pairs(exposures: list[Exposure]) -> list[int]:
-    return [i for i, e in enumerate(exposures) if isinstance(e, StereoPair)]
+def places_of_pairs(exposures: list[Measurement]) -> list[int]:
+    return [i for i, e in enumerate(exposures) if is_stereo(e)]
 
 
 def walked(flight: Sequence, asked: Asked, lens: Mapping[int, Array]) -> tuple[list[Step], list[Array]]:

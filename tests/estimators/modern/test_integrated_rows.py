@@ -19,7 +19,7 @@ from ispom.types import Camera, Rig
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
 RIG_FROM_VIDEO = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, 0.2]))
-RIG = replace(Rig.stereo(CAMERA, 0.4), video=CAMERA, rig_from_video=RIG_FROM_VIDEO)
+RIG = Rig.stereo(CAMERA, 0.4).changed(video=CAMERA, rig_from_video=RIG_FROM_VIDEO)
 FRAME_S, PAIR_S, COUNT = 1 / 30, 1 / 3, 150
 
 

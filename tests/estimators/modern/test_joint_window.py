@@ -10,11 +10,11 @@ from ispom.ensemble import build
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.methods import Config
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo, is_video
 
 
 def walked(
-    flight: Sequence, exposures: list[Exposure], config: ModernIntegratedConfig
+    flight: Sequence, exposures: list[Measurement], config: ModernIntegratedConfig
 ) -> tuple[ModernIntegratedState, list[Step], Trajectory]:
     ensemble = build(Config().with_settings("integrated", config), ("integrated",), flight.rig)
     state, steps = ensemble.start(), []
@@ -24,11 +24,11 @@ def walked(
     return state["integrated"], steps, ensemble.finish(state)["integrated"]
 
 
-def pairs_at(exposures: list[Exposure], wanted: set[int]) -> list[Exposure]:
+def pairs_at(exposures: list[Measurement], wanted: set[int]) -> list[Measurement]:
     """The video, and of the pairs those of these numbers."""
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    pairs = [e for e in exposures if is_stereo(e)]
     kept = [pairs[i] for i in wanted]
-    return [e for e in exposures if isinstance(e, VideoFrame) or any(e is k for k in kept)]
+    return [e for e in exposures if is_video(e) or any(e is k for k in kept)]
 
 
 def errors_m(found: Trajectory, flight: Sequence) -> np.ndarray:
@@ -39,12 +39,12 @@ def errors_m(found: Trajectory, flight: Sequence) -> np.ndarray:
 
 
 def test_pairs_farther_apart_than_the_window_has_views_are_adjusted_together(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     given = pairs_at(exposures, {0, 5})
     state, steps, found = walked(flight, given, ModernIntegratedConfig(max_views=40))
-    pairs = [e.time_ns for e in given if isinstance(e, StereoPair)]
-    inside = [e.time_ns for e in given if isinstance(e, VideoFrame) and pairs[0] <= e.time_ns <= pairs[1]]
+    pairs = [e.time_ns for e in given if is_stereo(e)]
+    inside = [e.time_ns for e in given if is_video(e) and pairs[0] <= e.time_ns <= pairs[1]]
     assert len(inside) > 40 >= len(state.window.views)
     assert {"views", "joint_cost"} <= {d.key for s in steps for d in s.decisions}
     assert found.times_ns.tolist() == inside
@@ -52,7 +52,7 @@ def test_pairs_farther_apart_than_the_window_has_views_are_adjusted_together(
     assert errors_m(found, flight).max() < max(0.02, 1.5 * errors_m(whole, flight).max())
 
 
-def test_where_pairs_end_the_window_and_its_points_stay_as_many(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_where_pairs_end_the_window_and_its_points_stay_as_many(flight: Sequence, exposures: list[Measurement]) -> None:
     given = pairs_at(exposures, {0, 1})
     ensemble = build(
         Config().with_settings("integrated", ModernIntegratedConfig(max_views=40)), ("integrated",), flight.rig
@@ -67,25 +67,25 @@ def test_where_pairs_end_the_window_and_its_points_stay_as_many(flight: Sequence
     assert max(points) == 0
 
 
-def test_one_bad_time_stamp_makes_no_thousand_knots(flight: Sequence, exposures: list[Exposure]) -> None:
-    frames = [i for i, e in enumerate(exposures) if isinstance(e, VideoFrame)]
+def test_one_bad_time_stamp_makes_no_thousand_knots(flight: Sequence, exposures: list[Measurement]) -> None:
+    frames = [i for i, e in enumerate(exposures) if is_video(e)]
     given = list(exposures)
     late, before = exposures[frames[25]], exposures[frames[25] - 1]
-    assert isinstance(late, VideoFrame)
-    given[frames[25]] = VideoFrame(before.time_ns + 100_000, late.image)
+    assert is_video(late)
+    given[frames[25]] = Frame.video(before.time_ns + 100_000, late.image)
     _, steps, _ = walked(flight, given, ModernIntegratedConfig())
     told = [d.consequence for s in steps for d in s.decisions if d.key == "joint_cost"]
     knots = [int(re.search(r"(\d+) knots", text)[1]) for text in told]  # type: ignore[index]
     assert knots and max(knots) < 100
 
 
-def test_video_below_5_hz_has_a_pose_from_the_first_pair_on(flight: Sequence, exposures: list[Exposure]) -> None:
-    frames = [e for e in exposures if isinstance(e, VideoFrame)][::7]
+def test_video_below_5_hz_has_a_pose_from_the_first_pair_on(flight: Sequence, exposures: list[Measurement]) -> None:
+    frames = [e for e in exposures if is_video(e)][::7]
     assert frames[1].time_ns - frames[0].time_ns > 200_000_000
-    given = [e for e in exposures if isinstance(e, StereoPair) or any(e is f for f in frames)]
-    first = next(i for i, e in enumerate(given) if isinstance(e, StereoPair))
+    given = [e for e in exposures if is_stereo(e) or any(e is f for f in frames)]
+    first = next(i for i, e in enumerate(given) if is_stereo(e))
     _, steps, found = walked(flight, given, ModernIntegratedConfig())
     assert all(s.status is Status.TRACKING and s.world_from_frame is not None for s in steps[first:])
-    last_ns = max(e.time_ns for e in given if isinstance(e, StereoPair))
+    last_ns = max(e.time_ns for e in given if is_stereo(e))
     inside = [f.time_ns for f in frames if given[first].time_ns <= f.time_ns <= last_ns]
     assert found.times_ns.tolist() == inside

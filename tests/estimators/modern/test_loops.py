@@ -23,7 +23,7 @@ from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
 from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
-from ispom.types import StereoPair
+from ispom.types import Frame
 from tests.estimators.modern.loop_bench import EYE, STEP_M, Driven, Facades, driven, wrong
 
 SINGLE = replace(EYE, baseline=0.0)
@@ -287,7 +287,7 @@ def test_a_rendered_lap_comes_back_to_its_start() -> None:
         for name in ("left", "right"):
             sharp = renderer.image(rig.camera(name), pose @ rig.rig_from(name), 1)
             images.append(exposed(sharp, 1000 * i + len(name), NOISE_SIGMA))
-        pair = StereoPair(round(2e9 * i / SPEED_M_S), *images)
+        pair = Frame.stereo(round(2e9 * i / SPEED_M_S), *images)
         state, step = on.step(state, pair)
         plain, other = off.step(plain, pair)
         assert step.world_from_frame is not None and other.world_from_frame is not None

@@ -16,7 +16,7 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose, so3_log
 from ispom.sequences import open_sequence
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Exposure, Rig, Sequence, Status, Step, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Frame, Measurement, Rig, Sequence, Status, Step, TrackStatus, Trajectory, is_video
 from tests.alone import run
 from tests.estimators.test_contract import same
 
@@ -24,8 +24,8 @@ DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
 @pytest.fixture(scope="module")
-def frames(exposures: list[Exposure]) -> list[VideoFrame]:
-    return [e for e in exposures if isinstance(e, VideoFrame)]
+def frames(exposures: list[Measurement]) -> list[Frame]:
+    return [e for e in exposures if is_video(e)]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def estimator(flight: Sequence) -> ModernMonocular:
     return ModernMonocularConfig().build(flight.rig)
 
 
-def finish(estimator: ModernMonocular, frames: list[VideoFrame]) -> tuple[Trajectory, list[Step]]:
+def finish(estimator: ModernMonocular, frames: list[Frame]) -> tuple[Trajectory, list[Step]]:
     state, steps = estimator.start(), []
     for frame in frames:
         state, step = estimator.step(state, frame)
@@ -42,7 +42,7 @@ def finish(estimator: ModernMonocular, frames: list[VideoFrame]) -> tuple[Trajec
 
 
 @pytest.fixture(scope="module")
-def walked(estimator: ModernMonocular, frames: list[VideoFrame]) -> tuple[Trajectory, list[Step]]:
+def walked(estimator: ModernMonocular, frames: list[Frame]) -> tuple[Trajectory, list[Step]]:
     return finish(estimator, frames)
 
 
@@ -85,7 +85,7 @@ def test_every_key_frame_tells_how_far_its_unit_may_have_drifted(walked: tuple[T
     assert all(s.scale_sigma is None for s in walked[1] if not s.key_frame)
 
 
-def test_an_earlier_state_can_be_stepped_on_from(estimator: ModernMonocular, frames: list[VideoFrame]) -> None:
+def test_an_earlier_state_can_be_stepped_on_from(estimator: ModernMonocular, frames: list[Frame]) -> None:
     state, states = estimator.start(), []
     for frame in frames[:40]:
         states.append(state)
@@ -97,7 +97,7 @@ def test_an_earlier_state_can_be_stepped_on_from(estimator: ModernMonocular, fra
 
 
 def test_threads_change_nothing(
-    estimator: ModernMonocular, frames: list[VideoFrame], walked: tuple[Trajectory, list[Step]]
+    estimator: ModernMonocular, frames: list[Frame], walked: tuple[Trajectory, list[Step]]
 ) -> None:
     before = cv2.getNumThreads()
     try:
@@ -107,15 +107,15 @@ def test_threads_change_nothing(
         cv2.setNumThreads(before)
 
 
-def turned(frame: VideoFrame, rig: Rig, turn: np.ndarray, time_ns: int) -> VideoFrame:
+def turned(frame: Frame, rig: Rig, turn: np.ndarray, time_ns: int) -> Frame:
     """The image after a rotation second_from_first of the camera."""
     camera = rig.camera("video")
     homography = camera.matrix @ turn @ np.linalg.inv(camera.matrix)
-    return VideoFrame(time_ns, cv2.warpPerspective(frame.image, homography, (camera.width, camera.height)))  # type: ignore[arg-type]
+    return Frame.video(time_ns, cv2.warpPerspective(frame.image, homography, (camera.width, camera.height)))  # type: ignore[arg-type]
 
 
-def test_a_turn_on_the_spot_keeps_the_place(flight: Sequence, frames: list[VideoFrame]) -> None:
-    rig = replace(flight.rig, video=replace(flight.rig.camera("video"), distortion=()))
+def test_a_turn_on_the_spot_keeps_the_place(flight: Sequence, frames: list[Frame]) -> None:
+    rig = flight.rig.changed(video=replace(flight.rig.camera("video"), distortion=()))
     turns = [Pose.from_rotvec(np.array([0.002 * i, 0.006 * i, 0.0]), np.zeros(3)).rotation for i in range(12)]
     steps = list(
         run(
@@ -157,12 +157,12 @@ def test_a_plane_starts_a_map(flight: Sequence) -> None:
     assert np.linalg.norm(so3_log(turn)) < 0.01
 
 
-def blanked(frames: list[VideoFrame], first: int, count: int) -> list[VideoFrame]:
+def blanked(frames: list[Frame], first: int, count: int) -> list[Frame]:
     dark = np.zeros_like(frames[0].image)
     return [replace(f, image=dark) if first <= i < first + count else f for i, f in enumerate(frames)]
 
 
-def test_a_few_dark_frames_are_bridged(estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence) -> None:
+def test_a_few_dark_frames_are_bridged(estimator: ModernMonocular, frames: list[Frame], flight: Sequence) -> None:
     found, steps = finish(estimator, blanked(frames, 30, 3))
     assert [s.status for s in steps[30:33]] == [Status.LOST] * 3
     assert all(s.status is Status.TRACKING for s in steps[33:])
@@ -170,7 +170,7 @@ def test_a_few_dark_frames_are_bridged(estimator: ModernMonocular, frames: list[
 
 
 def test_a_place_is_known_again_after_a_dark_stretch(
-    estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence
+    estimator: ModernMonocular, frames: list[Frame], flight: Sequence
 ) -> None:
     found, steps = finish(estimator, blanked(frames, 25, 20))
     assert [s.status for s in steps[25:45]] == [Status.LOST] * 20
@@ -185,7 +185,7 @@ def test_a_place_is_known_again_after_a_dark_stretch(
 
 
 def test_a_long_loss_starts_a_new_map_in_the_old_world(
-    estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence
+    estimator: ModernMonocular, frames: list[Frame], flight: Sequence
 ) -> None:
     other = [replace(f, image=np.ascontiguousarray(f.image[:, ::-1])) for f in frames[35:]]  # a place never seen before
     found, steps = finish(estimator, [*blanked(frames[:35], 25, 10), *other])
@@ -212,18 +212,18 @@ def test_a_first_view_of_a_board_is_not_taken_for_its_mirrored_one(estimator: Mo
     if not (DATA / "handheld_board").exists():
         pytest.skip("no ../shared/data/handheld_board here")
     sequence = open_sequence(str(DATA / "handheld_board")).truncated(60)
-    truth, frames = video_truth(sequence), [e for i in range(60) if isinstance(e := sequence[i], VideoFrame)]
+    truth, frames = video_truth(sequence), [e for i in range(60) if is_video(e := sequence[i])]
     for factor, still in cases:
         camera = sequence.rig.camera("video").scaled(factor)
         size, step_ns = (camera.width, camera.height), frames[1].time_ns - frames[0].time_ns
         images = [np.asarray(cv2.resize(f.image, size, interpolation=cv2.INTER_AREA), np.uint8) for f in frames]
-        played = [VideoFrame(frames[0].time_ns - (still - i) * step_ns, images[0]) for i in range(still)]
-        played += [VideoFrame(f.time_ns, image) for f, image in zip(frames, images, strict=True)]
+        played = [Frame.video(frames[0].time_ns - (still - i) * step_ns, images[0]) for i in range(still)]
+        played += [Frame.video(f.time_ns, image) for f, image in zip(frames, images, strict=True)]
         found, _ = finish(ModernMonocularConfig().build(Rig.single(camera)), played)
         assert ate(found.select(found.times_ns >= frames[0].time_ns), truth)[0] < 0.004
 
 
-def test_brightness_may_change_at_once(estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence) -> None:
+def test_brightness_may_change_at_once(estimator: ModernMonocular, frames: list[Frame], flight: Sequence) -> None:
     flickering = [replace(f, image=(f.image * (1.0, 0.7, 0.85)[i % 3]).astype(np.uint8)) for i, f in enumerate(frames)]
     found, steps = finish(estimator, flickering[:40])
     assert sum(s.status is Status.LOST for s in steps) == 0 and len(found) == 40
@@ -235,7 +235,7 @@ def golden(folder: str, count: int) -> tuple[Trajectory, Sequence]:
         pytest.skip(f"no ../shared/data/{folder} here")
     sequence = open_sequence(str(DATA / folder)).truncated(count)
     estimator = ModernMonocularConfig().build(sequence.rig)
-    frames = [e for i in range(len(sequence)) if isinstance(e := sequence[i], VideoFrame)]
+    frames = [e for i in range(len(sequence)) if is_video(e := sequence[i])]
     return finish(estimator, frames)[0], sequence
 
 
@@ -259,21 +259,21 @@ def test_tracks_that_end_say_why(walked: tuple[Trajectory, list[Step]]) -> None:
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.OUT_OF_IMAGE, TrackStatus.LOST} <= reasons
 
 
-def test_images_without_texture_give_no_map(estimator: ModernMonocular, frames: list[VideoFrame]) -> None:
+def test_images_without_texture_give_no_map(estimator: ModernMonocular, frames: list[Frame]) -> None:
     steps = list(run(estimator, [replace(f, image=np.full_like(f.image, 128)) for f in frames[:8]]))
     assert {s.status for s in steps} == {Status.INITIALISING}
 
 
 def test_a_video_of_three_times_the_size_is_as_accurate(
-    flight: Sequence, frames: list[VideoFrame], walked: tuple[Trajectory, list[Step]]
+    flight: Sequence, frames: list[Frame], walked: tuple[Trajectory, list[Step]]
 ) -> None:
     """4K and the like: tracked at a bounded width, with the same error in degrees."""
     camera = flight.rig.camera("video").scaled(3)
     large = [
-        VideoFrame(f.time_ns, cv2.resize(f.image, (camera.width, camera.height), interpolation=cv2.INTER_CUBIC))  # type: ignore[arg-type]
+        Frame.video(f.time_ns, cv2.resize(f.image, (camera.width, camera.height), interpolation=cv2.INTER_CUBIC))  # type: ignore[arg-type]
         for f in frames[:40]
     ]
-    found, steps = finish(ModernMonocularConfig().build(replace(flight.rig, video=camera)), large)
+    found, steps = finish(ModernMonocularConfig().build(flight.rig.changed(video=camera)), large)
     plain = walked[0].select(np.isin(walked[0].times_ns, found.times_ns))
     truth = video_truth(flight)
     assert len(found) == 40 and ate(found, truth)[0] < 1.5 * ate(plain, truth)[0] + 1e-4

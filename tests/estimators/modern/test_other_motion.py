@@ -13,7 +13,7 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.frontends.klt import Klt
 from ispom.geometry import Pose
-from ispom.types import Camera, Decision, Rig, Status, Step, TrackStatus, VideoFrame
+from ispom.types import Camera, Decision, Frame, Rig, Status, Step, TrackStatus
 from tests.estimators.modern import waved_card
 from tests.estimators.modern.waved_card import FX, SIZE, texture
 
@@ -107,12 +107,12 @@ def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> No
 
 def flown(frames: int, waved: bool) -> list[Step]:
     """A camera that moves past two walls, and a card before them that moves by itself or hangs still."""
-    rig = Rig(Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2))
+    rig = Rig.single(Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2))
     estimator = ModernMonocular(rig, ModernMonocularConfig(max_tracks=300))
     state, steps = estimator.start(), []
     for i in range(frames):
         image = waved_card.seen(Pose(np.eye(3), np.array([1 - 0.05 * i, 0.0, 0.0])), i, waved)
-        state, step = estimator.step(state, VideoFrame(i * 50_000_000, image))
+        state, step = estimator.step(state, Frame.video(i * 50_000_000, image))
         steps.append(step)
     return steps
 

@@ -15,7 +15,7 @@ from ispom.sequences.rectification import Rectification, remapped
 from ispom.simulation.filming import board_poses
 from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.town import build_town, on_route
-from ispom.types import Camera, Image, Rig, Step, StereoPair, as_grey
+from ispom.types import Camera, Frame, Image, Rig, Step, as_grey
 from tests.calibration.corners import seen_by, views_of
 
 LEFT = Camera(828, 266, 526.7, 528.0, 414.7, 131.2, (-0.33, 0.13, 0.0011, -0.0006, -0.025))
@@ -64,7 +64,7 @@ def error_percent(rectification: Rectification, self_calibration: bool) -> tuple
     state, steps = estimator.start(), []
     for i, (left, right) in enumerate(images()):
         pair = remapped(left, rectification.left_maps), remapped(right, rectification.right_maps)
-        state, step = estimator.step(state, StereoPair(i * 100_000_000, *pair))
+        state, step = estimator.step(state, Frame.stereo(i * 100_000_000, *pair))
         steps.append(step)
     found = estimator.finish(state).translations
     true = SCALE * np.stack([world_from_left(i).translation for i in range(PAIRS)])

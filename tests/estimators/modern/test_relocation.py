@@ -22,12 +22,17 @@ from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Camera, Exposure, Frame, Rig, Sequence, Status, Step, StereoPair, Tracks, VideoFrame
+from ispom.types import Camera, Frame, FrameName, Measurement, Rig, Sequence, Status, Step, Tracks, is_stereo, is_video
 from tests.alone import alone
 
 
 def walked(
-    estimator: Estimator, given: list[Exposure], taken_ns: list[int], flight: Sequence, camera: Frame, before: int
+    estimator: Estimator,
+    given: list[Measurement],
+    taken_ns: list[int],
+    flight: Sequence,
+    camera: FrameName,
+    before: int,
 ) -> tuple[list[Step], np.ndarray]:
     """The steps, and how far the final poses (N,) are from where the images were taken [m]: aligned by the first ones,
     nan without a pose."""
@@ -48,27 +53,27 @@ def walked(
 
 
 def stereo(
-    flight: Sequence, exposures: list[Exposure], order: list[int], relocalise: bool = True
+    flight: Sequence, exposures: list[Measurement], order: list[int], relocalise: bool = True
 ) -> tuple[list[Step], np.ndarray]:
     """Pairs in this order, at the times of a steady rig; negative ones upside down: another place."""
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
-    every, given = pairs[1].time_ns - pairs[0].time_ns, list[Exposure]()
+    pairs = [e for e in exposures if is_stereo(e)]
+    every, given = pairs[1].time_ns - pairs[0].time_ns, list[Measurement]()
     for i, j in enumerate(order):
         images = pairs[abs(j)].left, pairs[abs(j)].right
-        given.append(StereoPair(pairs[0].time_ns + i * every, *(v[::-1].copy() if j < 0 else v for v in images)))
+        given.append(Frame.stereo(pairs[0].time_ns + i * every, *(v[::-1].copy() if j < 0 else v for v in images)))
     taken_ns = [pairs[abs(j)].time_ns for j in order]
     return walked(ModernStereoConfig(relocalise=relocalise).build(flight.rig), given, taken_ns, flight, "rig", 4)
 
 
-def test_a_pair_after_a_gap_is_located_by_what_both_sides_show(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_pair_after_a_gap_is_located_by_what_both_sides_show(flight: Sequence, exposures: list[Measurement]) -> None:
     steps, error_m = stereo(flight, exposures, [0, 1, 2, 3, 7])
     assert steps[-1].status is Status.TRACKING and not any(s.restarted for s in steps)
     assert error_m[-1] < 0.03, "of 1.9 m"
     assert len(steps[-1].residuals_px) > 40
 
 
-def test_a_pair_that_a_turn_displaced_keeps_its_points(flight: Sequence, exposures: list[Exposure]) -> None:
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+def test_a_pair_that_a_turn_displaced_keeps_its_points(flight: Sequence, exposures: list[Measurement]) -> None:
+    pairs = [e for e in exposures if is_stereo(e)]
     estimator = ModernStereoConfig().build(flight.rig)
     state = estimator.start()
     for pair in pairs[:4]:
@@ -83,55 +88,55 @@ def test_a_pair_that_a_turn_displaced_keeps_its_points(flight: Sequence, exposur
 
 
 def test_a_rig_that_was_carried_off_is_found_at_any_earlier_key_frame(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     steps, error_m = stereo(flight, exposures, [0, 1, 2, 3, 4, 5, 6, 7, -3, 0, 1])
     assert [s.status for s in steps[8:]] == [Status.LOST, Status.TRACKING, Status.TRACKING]
     assert not any(s.restarted for s in steps) and error_m[9:].max() < 0.03
 
 
-def test_one_thing_that_stands_elsewhere_as_well_is_no_place(flight: Sequence, exposures: list[Exposure]) -> None:
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+def test_one_thing_that_stands_elsewhere_as_well_is_no_place(flight: Sequence, exposures: list[Measurement]) -> None:
+    pairs = [e for e in exposures if is_stereo(e)]
     height, width = pairs[3].left.shape[:2]
     rows, columns = slice(height // 3, height // 2), np.arange(width // 5, width // 5 + width // 8)
     elsewhere = []
     for image, seen in ((pairs[7].left, pairs[3].left), (pairs[7].right, pairs[3].right)):
         elsewhere.append(image[::-1].copy())
         elsewhere[-1][rows, columns + width // 2] = seen[rows, columns]
-    given = [*pairs[:4], replace(pairs[4], left=elsewhere[0], right=elsewhere[1])]
+    given = [*pairs[:4], pairs[4].with_images(left=elsewhere[0], right=elsewhere[1])]
     steps, _ = walked(
         ModernStereoConfig().build(flight.rig), list(given), [p.time_ns for p in pairs[:5]], flight, "rig", 4
     )
     assert steps[-1].status is Status.LOST and len(steps[3].residuals_px) > 40
 
 
-def test_where_nothing_is_seen_again_a_segment_begins(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_where_nothing_is_seen_again_a_segment_begins(flight: Sequence, exposures: list[Measurement]) -> None:
     steps, _ = stereo(flight, exposures, [0, 1, 2, 3, -4, -5, -6, -7])
     assert [i for i, s in enumerate(steps) if s.restarted] == [6]
     assert steps[-1].status is Status.TRACKING
 
 
 def video(
-    flight: Sequence, exposures: list[Exposure], order: list[int], relocalise: bool = True
+    flight: Sequence, exposures: list[Measurement], order: list[int], relocalise: bool = True
 ) -> tuple[list[Step], np.ndarray]:
     """Frames in this order at a steady rate; negative ones upside down."""
-    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    frames = [e for e in exposures if is_video(e)]
     images = [frames[abs(j)].image[::-1].copy() if j < 0 else frames[j].image for j in order]
-    given = list[Exposure](VideoFrame(frames[i].time_ns, image) for i, image in enumerate(images))
+    given = list[Measurement](Frame.video(frames[i].time_ns, image) for i, image in enumerate(images))
     taken_ns = [frames[abs(j)].time_ns for j in order]
     estimator = ModernMonocularConfig(relocalise=relocalise).build(flight.rig)
     return walked(estimator, given, taken_ns, flight, "video", 36)
 
 
-def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, exposures: list[Measurement]) -> None:
     steps, error_m = video(flight, exposures, [*range(36), *range(66, 72)])
     assert {s.status for s in steps[36:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
     assert error_m[36:].max() < 0.05, "of 1.4 m"
 
 
-def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, exposures: list[Measurement]) -> None:
     """Tracks without a place get one by it, the poses stay; where no frame is missing nothing changes."""
-    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    frames = [e for e in exposures if is_video(e)]
     estimator = ModernMonocularConfig().build(flight.rig)
     state = estimator.start()
     for frame in frames[:36]:
@@ -152,7 +157,7 @@ def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, expos
 
 
 def test_a_frame_that_keeps_few_of_its_tracks_is_located_by_descriptors_as_well(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     """43 tracks of 245 agree with a pose, all at one side: by them alone it was up to 12 cm off."""
     steps, error_m = video(flight, exposures, [*range(24), *range(62, 68)])
@@ -163,11 +168,11 @@ def test_a_frame_that_keeps_few_of_its_tracks_is_located_by_descriptors_as_well(
 
 @pytest.mark.parametrize("more", [0, 1])
 def test_one_thing_that_few_points_show_elsewhere_is_no_place(
-    flight: Sequence, exposures: list[Exposure], more: int, monkeypatch: pytest.MonkeyPatch
+    flight: Sequence, exposures: list[Measurement], more: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A strip of the last image: 31 points agree with a pose that nothing foretold, and `more` are needed."""
     monkeypatch.setattr(relocate, "SURE", 31 + more)
-    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    frames = [e for e in exposures if is_video(e)]
     height, width = frames[0].image.shape[:2]
     rows, columns = slice(height // 4, height * 5 // 12), np.arange(width // 12, width * 7 // 12)
     elsewhere = frames[66].image[::-1].copy()
@@ -224,7 +229,7 @@ def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sigh
 
 
 def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     steps, error_m = video(flight, exposures, [*range(60), -30, -31, *range(14, 18)])
     assert [s.status for s in steps[60:]] == [*[Status.LOST] * 2, *[Status.TRACKING] * 4]
@@ -233,7 +238,7 @@ def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
 
 
 def test_a_start_from_a_turn_that_is_interrupted_is_a_segment_of_its_own(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     steps, _ = video(flight, exposures, [*[2] * 5, *range(-30, -60, -1)])
     assert [i for i, s in enumerate(steps) if s.restarted] == [5]
@@ -241,14 +246,14 @@ def test_a_start_from_a_turn_that_is_interrupted_is_a_segment_of_its_own(
 
 
 def test_a_blind_start_of_stereo_is_told_by_the_integration_that_follows_it(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
-    begin_ns = [e for e in exposures if isinstance(e, StereoPair)][3].time_ns
+    begin_ns = [e for e in exposures if is_stereo(e)][3].time_ns
     ensemble, steps = alone("integrated", flight.rig), list[Step]()
     state = ensemble.start()
     for exposure in exposures:
         if exposure.time_ns > begin_ns:
-            names = ("image",) if isinstance(exposure, VideoFrame) else ("left", "right")
+            names = ("image",) if is_video(exposure) else ("left", "right")
             exposure = replace(exposure, **{name: getattr(exposure, name)[::-1].copy() for name in names})  # noqa: PLW2901
         state, step = ensemble.step(state, exposure)
         steps.append(step)
@@ -264,13 +269,13 @@ def test_a_pose_by_points_that_the_last_key_frame_did_not_see_is_no_surer_than_t
     np.testing.assert_array_equal(known.of_pose(np.arange(10, 14), xyz, xyz[:, :2], motion, 0.001), np.eye(6))
 
 
-def test_the_same_images_are_found_the_same(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_the_same_images_are_found_the_same(flight: Sequence, exposures: list[Measurement]) -> None:
     (a, _), (b, _) = (stereo(flight, exposures, [0, 1, 2, 3, 7]) for _ in range(2))
     assert a[-1].world_from_frame is not None and b[-1].world_from_frame is not None
     assert np.array_equal(a[-1].world_from_frame.matrix, b[-1].world_from_frame.matrix)
 
 
-def test_without_relocalisation_it_is_plain_odometry(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_without_relocalisation_it_is_plain_odometry(flight: Sequence, exposures: list[Measurement]) -> None:
     steps, _ = stereo(flight, exposures, [0, 1, 2, 3, 4, 5, 6, 7, -3, 0, 1], relocalise=False)
     assert [s.status for s in steps[8:10]] == [Status.LOST] * 2 and steps[10].restarted
     steps, _ = video(flight, exposures, [*range(60), -30, -31, *range(14, 18)], relocalise=False)

@@ -11,35 +11,35 @@ from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.integrated.locate import LATE_PAIRS, located
 from ispom.estimators.modern.integrated.right_fits import right_fits
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Tracks, TrackStatus
+from ispom.types import Frame, Measurement, Sequence, Status, Step, Tracks, TrackStatus, is_stereo
 from tests.alone import alone, run
 
 FROM_S = 1.3
 """By then four pairs were taken."""
 
 
-def broken(exposures: list[Exposure], how: str) -> list[Exposure]:
+def broken(exposures: list[Measurement], how: str) -> list[Measurement]:
     """From FROM_S on."""
     since = exposures[0].time_ns + int(FROM_S * 1e9)
-    frozen = next(e.right for e in reversed(exposures) if isinstance(e, StereoPair) and e.time_ns < since)
+    frozen = next(e.right for e in reversed(exposures) if is_stereo(e) and e.time_ns < since)
 
-    def changed(pair: StereoPair) -> StereoPair:
+    def changed(pair: Frame) -> Frame:
         if how == "exchanged":
-            return replace(pair, left=pair.right, right=pair.left)
-        return replace(pair, right=frozen if how == "frozen" else np.full_like(frozen, 12))
+            return pair.with_images(left=pair.right, right=pair.left)
+        return pair.with_images(right=frozen if how == "frozen" else np.full_like(frozen, 12))
 
-    return [changed(e) if isinstance(e, StereoPair) and e.time_ns >= since else e for e in exposures]
+    return [changed(e) if is_stereo(e) and e.time_ns >= since else e for e in exposures]
 
 
 @pytest.mark.parametrize("how", ["covered", "frozen", "exchanged"])
 def test_pairs_whose_right_image_does_not_fit_are_passed_over_and_the_video_goes_on(
-    flight: Sequence, exposures: list[Exposure], how: str
+    flight: Sequence, exposures: list[Measurement], how: str
 ) -> None:
     assert flight.truth is not None
     seen = broken(exposures, how)
     steps = list(run(alone("integrated", flight.rig), seen))
     since = exposures[0].time_ns + int(FROM_S * 1e9)
-    pairs = [s for s, e in zip(steps, seen, strict=True) if isinstance(e, StereoPair)]
+    pairs = [s for s, e in zip(steps, seen, strict=True) if is_stereo(e)]
     assert all(s.status is Status.TRACKING for s in pairs if s.time_ns < since)
     after = [s for s in pairs if s.time_ns >= since]
     assert all(s.status is Status.LOST and s.world_from_frame is None for s in after[:3])
@@ -58,7 +58,7 @@ def test_pairs_whose_right_image_does_not_fit_are_passed_over_and_the_video_goes
 
 
 def test_a_gap_in_pairs_is_bridged_by_points_that_were_adjusted_and_by_no_others(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     """A view at the window's end, seen again later."""
     estimator = alone("integrated", flight.rig)

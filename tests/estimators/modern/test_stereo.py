@@ -12,16 +12,16 @@ from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoC
 from ispom.evaluation.kitti import kitti_errors
 from ispom.frontends import sift
 from ispom.sequences import open_sequence
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory
+from ispom.types import Frame, Measurement, Sequence, Status, Step, TrackStatus, Trajectory, is_stereo
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 ABSENT = "the shared recordings are not here"
 
 
-def run(estimator: ModernStereo, exposures: list[Exposure]) -> tuple[Trajectory, list[Step]]:
+def run(estimator: ModernStereo, exposures: list[Measurement]) -> tuple[Trajectory, list[Step]]:
     state, steps = estimator.start(), []
     for exposure in exposures:
-        if isinstance(exposure, StereoPair):
+        if is_stereo(exposure):
             state, step = estimator.step(state, exposure)
             steps.append(step)
     return estimator.finish(state), steps
@@ -34,14 +34,14 @@ def errors_m(found: Trajectory, truth: Trajectory) -> np.ndarray:
     return np.array([np.linalg.norm((placed @ p).translation - q.translation) for p, q in pairs])
 
 
-def test_the_simulated_flight_is_metric(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_the_simulated_flight_is_metric(flight: Sequence, exposures: list[Measurement]) -> None:
     found, steps = run(ModernStereoConfig().build(flight.rig), exposures)
     assert flight.truth is not None and len(found) == flight.kinds.count("stereo")
     assert errors_m(found, flight.truth).max() < 0.006 * flight.truth.length
     assert all(s.covariance is not None and np.linalg.eigvalsh(s.covariance)[0] > 0 for s in steps[2:])
 
 
-def test_threads_of_opencv_change_nothing(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_threads_of_opencv_change_nothing(flight: Sequence, exposures: list[Measurement]) -> None:
     before, found = cv2.getNumThreads(), []
     try:
         for threads in (1, 2):
@@ -53,18 +53,18 @@ def test_threads_of_opencv_change_nothing(flight: Sequence, exposures: list[Expo
     assert np.array_equal(found[0].rotations, found[1].rotations)
 
 
-def pairs_of(exposures: list[Exposure]) -> list[StereoPair]:
-    return [e for e in exposures if isinstance(e, StereoPair)]
+def pairs_of(exposures: list[Measurement]) -> list[Frame]:
+    return [e for e in exposures if is_stereo(e)]
 
 
-def in_time(pairs: list[StereoPair], order: list[int]) -> list[Exposure]:
+def in_time(pairs: list[Frame], order: list[int]) -> list[Measurement]:
     """Pairs in this order at the times of a steady rig; -1 is a white wall."""
     every, grey = pairs[1].time_ns - pairs[0].time_ns, np.full_like(pairs[0].left, 128)
     images = [(grey, grey) if j < 0 else (pairs[j].left, pairs[j].right) for j in order]
-    return [StereoPair(pairs[0].time_ns + i * every, *both) for i, both in enumerate(images)]
+    return [Frame.stereo(pairs[0].time_ns + i * every, *both) for i, both in enumerate(images)]
 
 
-def way_errors_m(steps: list[Step], pairs: list[StereoPair], order: list[int], truth: Trajectory) -> np.ndarray:
+def way_errors_m(steps: list[Step], pairs: list[Frame], order: list[int], truth: Trajectory) -> np.ndarray:
     """Of the steps with a pose: distances from where the pairs were taken."""
     true = [truth.at(pairs[max(j, 0)].time_ns) for j in order]
     both = [(s.world_from_frame, q) for s, q in zip(steps, true, strict=True) if s.world_from_frame is not None]
@@ -74,7 +74,7 @@ def way_errors_m(steps: list[Step], pairs: list[StereoPair], order: list[int], t
 
 
 @pytest.mark.parametrize("blank", [2, 3, 10])
-def test_a_white_wall_is_lost_and_recovered_from(blank: int, flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_white_wall_is_lost_and_recovered_from(blank: int, flight: Sequence, exposures: list[Measurement]) -> None:
     pairs = pairs_of(exposures)
     order = [0, 1, 2, *[-1] * blank, *range(3, len(pairs))]
     found, steps = run(ModernStereoConfig().build(flight.rig), in_time(pairs, order))
@@ -84,17 +84,19 @@ def test_a_white_wall_is_lost_and_recovered_from(blank: int, flight: Sequence, e
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2, 5, 6], [0] * 5 + [1, 2, 3], [0, 1, 2] + [3] * 4 + [4, 5]])
-def test_jumps_and_stops_are_followed(order: list[int], flight: Sequence, exposures: list[Exposure]) -> None:
+def test_jumps_and_stops_are_followed(order: list[int], flight: Sequence, exposures: list[Measurement]) -> None:
     pairs = pairs_of(exposures)
     _, steps = run(ModernStereoConfig().build(flight.rig), in_time(pairs, order))
     assert all(s.status is Status.TRACKING for s in steps[1:]) and flight.truth is not None
     assert way_errors_m(steps, pairs, order, flight.truth).max() < 0.015 * flight.truth.length
 
 
-def test_changes_of_exposure_are_followed(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_changes_of_exposure_are_followed(flight: Sequence, exposures: list[Measurement]) -> None:
     pairs, gains = pairs_of(exposures), (1.0, 0.7, 1.2, 0.6, 1.1, 0.8, 1.0, 0.6)
-    dimmed: list[Exposure] = [
-        StereoPair(p.time_ns, *(np.clip(g * v, 0, 255).astype(np.uint8) for g, v in ((a, p.left), (0.85 * a, p.right))))
+    dimmed: list[Measurement] = [
+        Frame.stereo(
+            p.time_ns, *(np.clip(g * v, 0, 255).astype(np.uint8) for g, v in ((a, p.left), (0.85 * a, p.right)))
+        )
         for p, a in zip(pairs, gains, strict=False)
     ]
     found, steps = run(ModernStereoConfig().build(flight.rig), dimmed)
@@ -102,12 +104,12 @@ def test_changes_of_exposure_are_followed(flight: Sequence, exposures: list[Expo
     assert flight.truth is not None and errors_m(found, flight.truth).max() < 0.015 * flight.truth.length
 
 
-def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence, exposures: list[Measurement]) -> None:
     pairs = pairs_of(exposures)
     grey = np.full_like(pairs[0].left, 128)
-    turned = [StereoPair(p.time_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
+    turned = [Frame.stereo(p.time_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
     config = ModernStereoConfig(max_lost_pairs=0)
-    given: list[Exposure] = [*pairs[:3], StereoPair(pairs[3].time_ns, grey, grey), *turned]
+    given: list[Measurement] = [*pairs[:3], Frame.stereo(pairs[3].time_ns, grey, grey), *turned]
     found, steps = run(config.build(flight.rig), given)
     assert steps[3].status is Status.LOST and steps[4].status is Status.INITIALISING
     assert any(d.key == "lost_pairs" for d in steps[4].decisions)
@@ -122,13 +124,13 @@ def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence,
     assert sigma_m[2] < 0.05 and min(sigma_m[4:]) > 0.4 * gone
 
 
-def test_half_a_minute_of_darkness_is_no_jump(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_half_a_minute_of_darkness_is_no_jump(flight: Sequence, exposures: list[Measurement]) -> None:
     pairs = pairs_of(exposures)
     dark, second_ns = np.full_like(pairs[0].left, 3), 1_000_000_000
     begin_ns, other = pairs[2].time_ns, [(p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[3:6]]
-    given: list[Exposure] = [*pairs[:3]]
-    given += [StereoPair(begin_ns + i * second_ns, dark, dark) for i in range(1, 30)]
-    given += [StereoPair(begin_ns + 30 * second_ns + i * second_ns // 10, *both) for i, both in enumerate(other)]
+    given: list[Measurement] = [*pairs[:3]]
+    given += [Frame.stereo(begin_ns + i * second_ns, dark, dark) for i in range(1, 30)]
+    given += [Frame.stereo(begin_ns + 30 * second_ns + i * second_ns // 10, *both) for i, both in enumerate(other)]
     _, steps = run(ModernStereoConfig().build(flight.rig), given)
     assert {s.status for s in steps[3:32]} == {Status.LOST}
     before, last, now = (steps[i].world_from_frame for i in (1, 2, 32))
@@ -141,7 +143,7 @@ def test_half_a_minute_of_darkness_is_no_jump(flight: Sequence, exposures: list[
 
 
 def test_points_in_sight_are_found_again_where_the_motion_was_not_foreseen(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     """At three pairs a second a hand's shake is not: tracked from the last image alone, a third to a half was found."""
     _, steps = run(ModernStereoConfig().build(flight.rig), exposures)
@@ -151,7 +153,7 @@ def test_points_in_sight_are_found_again_where_the_motion_was_not_foreseen(
         assert (in_sight == TrackStatus.ALIVE).mean() > 0.9
 
 
-def test_ended_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_ended_tracks_say_why(flight: Sequence, exposures: list[Measurement]) -> None:
     _, steps = run(ModernStereoConfig(max_error_px=0.5).build(flight.rig), exposures)
     seen = {int(s) for step in steps for s in step.tracks["left"].status}
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.REPROJECTION} <= seen
@@ -185,10 +187,10 @@ def test_fast_and_without_a_road_the_disparities_offset_is_found(bend_px: float)
         out[road:] = cv2.GaussianBlur(image, (0, 0), 8)[road:]
         return out
 
-    moved: list[Exposure] = [
-        StereoPair(p.time_ns, blank(p.left), blank(np.asarray(cv2.remap(p.right, u, v, cv2.INTER_CUBIC), np.uint8)))
+    moved: list[Measurement] = [
+        Frame.stereo(p.time_ns, blank(p.left), blank(np.asarray(cv2.remap(p.right, u, v, cv2.INTER_CUBIC), np.uint8)))
         for p in pairs
-        if isinstance(p, StereoPair)
+        if is_stereo(p)
     ]
     found, steps = run(ModernStereoConfig().build(sequence.rig), moved)
     assert sequence.truth is not None and all(s.status is Status.TRACKING for s in steps[1:])
@@ -205,12 +207,12 @@ def test_a_drone_at_rest_stays_where_it_is() -> None:
 
 
 def test_what_was_not_seen_in_half_a_minute_of_darkness_stays_unknown(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     pairs, gap_ns = pairs_of(exposures), 30_000_000_000
     dark = np.full_like(pairs[0].left, 128)
-    elsewhere = [StereoPair(p.time_ns + gap_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
-    given: list[Exposure] = [*pairs[:3], StereoPair(pairs[3].time_ns + gap_ns, dark, dark), *elsewhere]
+    elsewhere = [Frame.stereo(p.time_ns + gap_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
+    given: list[Measurement] = [*pairs[:3], Frame.stereo(pairs[3].time_ns + gap_ns, dark, dark), *elsewhere]
     _, steps = run(ModernStereoConfig(max_lost_pairs=0).build(flight.rig), given)
     assert [s.status for s in steps[3:6]] == [Status.LOST, Status.INITIALISING, Status.TRACKING]
     first, *later = [s.covariance for s in steps[4:]]
@@ -223,14 +225,14 @@ def test_what_was_not_seen_in_half_a_minute_of_darkness_stays_unknown(
 
 
 def test_in_the_dark_nothing_is_described(
-    flight: Sequence, exposures: list[Exposure], monkeypatch: pytest.MonkeyPatch
+    flight: Sequence, exposures: list[Measurement], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pairs, described = pairs_of(exposures), []
     rng, describe = np.random.default_rng(0), sift.detect_and_describe
     monkeypatch.setattr(sift, "detect_and_describe", lambda image, most: described.append(1) or describe(image, most))
     shape = pairs[0].left.shape
     night = [np.clip(rng.normal(6, 1.5, shape), 0, 255).astype(np.uint8) for _ in range(4)]
-    dark = [StereoPair(pairs[i].time_ns, night[0], night[i - 3]) for i in (3, 4, 5, 6)]
+    dark = [Frame.stereo(pairs[i].time_ns, night[0], night[i - 3]) for i in (3, 4, 5, 6)]
     _, steps = run(ModernStereoConfig().build(flight.rig), [*pairs[:3], *dark])
     assert [s.status for s in steps[3:]] == [Status.LOST] * 4 and not described
     assert steps[3].decisions[-1].value == 0 and not steps[3].decisions[-1].passed

@@ -10,23 +10,23 @@ import pytest
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.geometry import Pose
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair
+from ispom.types import Frame, Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import run
 
 
-def pairs_of(exposures: list[Exposure]) -> list[StereoPair]:
-    return [e for e in exposures if isinstance(e, StereoPair)]
+def pairs_of(exposures: list[Measurement]) -> list[Frame]:
+    return [e for e in exposures if is_stereo(e)]
 
 
-def exchanged(pair: StereoPair) -> StereoPair:
-    return replace(pair, left=pair.right, right=pair.left)
+def exchanged(pair: Frame) -> Frame:
+    return pair.with_images(left=pair.right, right=pair.left)
 
 
 def says(step: Step, key: str) -> bool:
     return any(d.key == key and d.failed for d in step.decisions)
 
 
-def test_exchanged_images_are_no_start_and_told(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_exchanged_images_are_no_start_and_told(flight: Sequence, exposures: list[Measurement]) -> None:
     """Its own wrong matches made a map of them now and then, and a start at rest in another place."""
     steps = list(run(ModernStereoConfig().build(flight.rig), [exchanged(p) for p in pairs_of(exposures)]))
     assert {s.status for s in steps} == {Status.INITIALISING}
@@ -35,7 +35,7 @@ def test_exchanged_images_are_no_start_and_told(flight: Sequence, exposures: lis
 
 @pytest.mark.parametrize("count", [1, 5])
 def test_images_exchanged_later_are_lost_and_told_until_they_are_put_right(
-    count: int, flight: Sequence, exposures: list[Exposure]
+    count: int, flight: Sequence, exposures: list[Measurement]
 ) -> None:
     """Located by the left image alone, they would be at the right camera's place."""
     pairs = pairs_of(exposures)
@@ -49,12 +49,12 @@ def test_images_exchanged_later_are_lost_and_told_until_they_are_put_right(
 
 
 def test_a_start_after_a_loss_before_any_motion_is_as_unsure_as_a_moving_rig(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     """One pair, another place, and the first place again, farther on: the rig may have moved all the time."""
     assert flight.truth is not None
     pairs = pairs_of(exposures)
-    other = replace(pairs[1], left=pairs[1].left[::-1].copy(), right=pairs[1].right[::-1].copy())
+    other = pairs[1].with_images(left=pairs[1].left[::-1].copy(), right=pairs[1].right[::-1].copy())
     config = ModernStereoConfig(max_lost_pairs=0)
     steps = list(run(config.build(flight.rig), [pairs[0], other, *pairs[3:]]))
     assert [s.restarted for s in steps] == [False, True, True, *[False] * (len(pairs) - 4)]

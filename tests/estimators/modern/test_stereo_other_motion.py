@@ -15,14 +15,14 @@ from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import fit_pose
-from ispom.types import Camera, Decision, Rig, Step, StereoPair, TrackStatus
+from ispom.types import Camera, Decision, Frame, Rig, Step, TrackStatus
 from tests.estimators.modern import waved_card
 from tests.estimators.modern.waved_card import FX, SIZE
 
 BASELINE_M = 0.3
 CAMERA = Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2)
 ESTIMATOR = ModernStereo(
-    Rig(left=CAMERA, right=CAMERA, rig_from_right=Pose(np.eye(3), np.array([BASELINE_M, 0.0, 0.0]))),
+    Rig.of(left=CAMERA, right=CAMERA, rig_from_right=Pose(np.eye(3), np.array([BASELINE_M, 0.0, 0.0]))),
     ModernStereoConfig(),
 )
 LEFT = Pose.from_rotvec(np.array([0.0, 0.01, 0.0]), np.array([-0.1, 0.0, -0.05]))
@@ -91,7 +91,7 @@ def flown(pairs: int, waved: bool) -> list[Step]:
     state, steps = ESTIMATOR.start(), []
     for i in range(pairs):
         left, right = (Pose(np.eye(3), np.array([1 - 0.05 * i - b, 0.0, 0.0])) for b in (0, BASELINE_M))
-        pair = StereoPair(i * 100_000_000, waved_card.seen(left, i, waved), waved_card.seen(right, i, waved))
+        pair = Frame.stereo(i * 100_000_000, waved_card.seen(left, i, waved), waved_card.seen(right, i, waved))
         state, step = ESTIMATOR.step(state, pair)
         steps.append(step)
     return steps

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Array
 from ispom.solvers.right_camera import AHEAD, FOCAL, K1, LAG, OFFSET_X, OFFSET_Y, P1, PAIR, YAW
-from ispom.types import EXACT_LENS, EXACT_PAIR, Exposure, LensSigma, PairSigma, Rig, Sequence, StereoPair
+from ispom.types import EXACT_LENS, EXACT_PAIR, LensSigma, Measurement, PairSigma, Rig, Sequence, is_stereo
 
 PIXEL = PairSigma(offset_px=1.0, turn_deg=2.0, focal=0.03, radial=0.04, decentring=0.05, lag_s=0.06)
 
@@ -38,16 +36,16 @@ def test_what_is_not_to_be_corrected_is_held_whatever_is_told() -> None:
 def test_pixels_of_the_file_are_those_of_its_cameras(width_px: int, flight: Sequence) -> None:
     """Wide images are tracked smaller."""
     camera = flight.rig.camera("left").scaled(width_px / flight.rig.camera("left").width)
-    rig = replace(flight.rig, left=camera, right=camera, pair_sigma=PIXEL)
+    rig = flight.rig.changed(left=camera, right=camera, pair_sigma=PIXEL)
     assert ModernStereoConfig().build(rig)._setup.extra_sigma[OFFSET_X] == pytest.approx(1 / camera.fx)
 
 
-def corrections(rig: Rig, exposures: list[Exposure]) -> tuple[Array, Array]:
+def corrections(rig: Rig, exposures: list[Measurement]) -> tuple[Array, Array]:
     """What is found to be wrong with the pair, and with the video's lens."""
     stereo, monocular = ModernStereoConfig().build(rig), ModernMonocularConfig().build(rig)
     pair, lens, told = stereo.start(), monocular.start(), dict[str, Array]()
     for exposure in exposures:
-        if isinstance(exposure, StereoPair):
+        if is_stereo(exposure):
             pair, step = stereo.step(pair, exposure)
         else:
             lens, step = monocular.step(lens, exposure)
@@ -55,9 +53,9 @@ def corrections(rig: Rig, exposures: list[Exposure]) -> tuple[Array, Array]:
     return told["pair"], told["lens"]
 
 
-def test_exact_cameras_are_not_corrected(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_exact_cameras_are_not_corrected(flight: Sequence, exposures: list[Measurement]) -> None:
     assert flight.rig.pair_sigma == EXACT_PAIR and flight.rig.video_sigma == EXACT_LENS
     pair, lens = corrections(flight.rig, exposures)
     assert np.abs(pair).max() < 1e-5 and np.abs(lens).max() < 1e-5
-    pair, lens = corrections(replace(flight.rig, pair_sigma=None, video_sigma=None), exposures)
+    pair, lens = corrections(flight.rig.changed(pair_sigma=None, video_sigma=None), exposures)
     assert np.abs(pair).max() > 1e-4 and np.abs(lens).max() > 1e-5

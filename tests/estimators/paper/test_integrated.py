@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ispom.estimators.paper.integrated.estimator import MAX_FRAMES, IntegratedConfig
 from ispom.estimators.paper.integrated.state import IntegratedState
 from ispom.solvers.trajectory.stages import stages
-from ispom.types import Camera, Rig, Status, Step, StereoPair, VideoFrame
+from ispom.types import Camera, Frame, Rig, Status, Step
 from tests.doubles import pose_at
 
 SECOND_NS = 1_000_000_000
@@ -19,19 +17,19 @@ NOTHING = np.zeros((2, 2), np.uint8)
 
 def rig() -> Rig:
     camera = Camera(160, 120, 120.0, 120.0, 79.5, 59.5)
-    return replace(Rig.stereo(camera, 0.4), video=camera)
+    return Rig.stereo(camera, 0.4).changed(video=camera)
 
 
-def video(time_ns: int) -> tuple[VideoFrame, dict[str, Step]]:
+def video(time_ns: int) -> tuple[Frame, dict[str, Step]]:
     pose = pose_at(time_ns).scaled(1 / UNIT_M)
     final_ns = time_ns - SECOND_NS
-    return VideoFrame(time_ns, NOTHING), {
+    return Frame.video(time_ns, NOTHING), {
         "video": Step(time_ns, Status.TRACKING, "video", pose, method="m", final_until_ns=final_ns)
     }
 
 
-def pair(time_ns: int) -> tuple[StereoPair, dict[str, Step]]:
-    return StereoPair(time_ns, NOTHING, NOTHING), {
+def pair(time_ns: int) -> tuple[Frame, dict[str, Step]]:
+    return Frame.stereo(time_ns, NOTHING, NOTHING), {
         "stereo": Step(time_ns, Status.TRACKING, "rig", pose_at(time_ns), method="s")
     }
 

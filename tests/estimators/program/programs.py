@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 
 from ispom.estimators.program import ProgramConfig
-from ispom.types import Camera, Rig, VideoFrame
+from ispom.types import Camera, Frame, Rig
 
 COMPASS = Path(__file__).parents[3] / "examples" / "external_program" / "compass.py"
 PYTHON = (sys.executable, "-E", "-S")
@@ -52,11 +52,11 @@ def faulty(folder: Path, fault: str, **settings: Any) -> ProgramConfig:
     return config((*PYTHON, str(script), str(folder / "pids")), **settings)
 
 
-def frames(count: int) -> Iterator[VideoFrame]:
+def frames(count: int) -> Iterator[Frame]:
     """A texture that moves to the side."""
     texture = np.kron(np.random.default_rng(1).integers(0, 255, (30, 60), dtype=np.uint8), np.ones((8, 8), np.uint8))
     for i in range(count):
-        yield VideoFrame(i * 33_000_000, np.ascontiguousarray(texture[:, 3 * i : 3 * i + 320]))
+        yield Frame.video(i * 33_000_000, np.ascontiguousarray(texture[:, 3 * i : 3 * i + 320]))
 
 
 def walk(estimator: Any, count: int, state: Any = None, hook: Callable[[int], None] = lambda _: None) -> list[Any]:

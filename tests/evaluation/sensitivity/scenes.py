@@ -6,17 +6,17 @@ import numpy as np
 
 from ispom.geometry import Pose, so3_exp
 from ispom.io.maps import SceneMap
-from ispom.types import Camera, Frame, Landmarks, Rig, Trajectory
+from ispom.types import Camera, FrameName, Landmarks, Rig, Trajectory
 
 LEFT = Camera(640, 480, 460.0, 460.0, 320.0, 240.0)
 VIDEO = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
 
 
-def rig(camera: Frame) -> Rig:
+def rig(camera: FrameName) -> Rig:
     return Rig.stereo(LEFT, 0.4) if camera == "left" else Rig.single(VIDEO)
 
 
-def scene_map(camera: Frame, count: int = 12, points: int = 300, seed: int = 0) -> SceneMap:
+def scene_map(camera: FrameName, count: int = 12, points: int = 300, seed: int = 0) -> SceneMap:
     """Of key frames 0.5 m apart on a bend, each with the points before it and within 25 m."""
     rng = np.random.default_rng(seed)
     xyz = np.column_stack([rng.uniform(-9, 9, points), rng.uniform(-4, 3, points), rng.uniform(3, 25, points)])

@@ -10,7 +10,7 @@ from ispom.evaluation.sensitivity.effect import shift_m
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
-from ispom.types import EXACT_LENS, EXACT_PAIR, Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import EXACT_LENS, EXACT_PAIR, Frame, Sequence, Trajectory
 
 IMAGE = np.zeros((2, 2), np.uint8)
 
@@ -22,7 +22,7 @@ def sequence() -> Sequence:
     times, kinds = np.array([t * 1_000_000 for t, _ in stamps]), tuple(kind for _, kind in stamps)
 
     def load(i: int):
-        return VideoFrame(int(times[i]), IMAGE) if kinds[i] == "video" else StereoPair(int(times[i]), IMAGE, IMAGE)
+        return Frame.video(int(times[i]), IMAGE) if kinds[i] == "video" else Frame.stereo(int(times[i]), IMAGE, IMAGE)
 
     truth = Trajectory.of([(int(t), Pose(translation=np.array([t * 1e-9, 0, 0]))) for t in times])
     return Sequence("made", simulated_rig(0.5), times, kinds, load, truth)

@@ -13,7 +13,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import StereoPair, VideoFrame
+from ispom.types import is_stereo, is_video
 from tests.sequences.bag_folders import DELAY_NS, START_NS, STEP_NS, make_bag
 from tests.sequences.folders import images
 
@@ -27,7 +27,7 @@ def test_one_camera(kind: str, tmp_path: Path) -> None:
     assert sequence.times_ns.tolist() == [START_NS - DELAY_NS + i * STEP_NS for i in range(6)]
     for i, image in reversed(list(enumerate(images(6, 8)))):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame) and not exposure.image.flags.writeable
+        assert is_video(exposure) and not exposure.image.flags.writeable
         np.testing.assert_array_equal(exposure.image, image)
 
 
@@ -37,7 +37,7 @@ def test_a_compressed_pair(kind: str, tmp_path: Path) -> None:
     sequence = open_sequence(str(path), stereo_every=2)
     assert sequence.rig.baseline_m == pytest.approx(0.5) and sequence.kinds.count("stereo") == 3
     pair = sequence[0]
-    assert isinstance(pair, StereoPair)
+    assert is_stereo(pair)
     np.testing.assert_array_equal(pair.left, images(6, 8)[0])
     np.testing.assert_array_equal(pair.right, images(6, 0)[0])
 
@@ -128,7 +128,7 @@ def test_every_encoding_gives_the_same_image(encoding: str, tmp_path: Path) -> N
     sequence = open_sequence(str(path))
     for i, image in enumerate(images(6, 8)):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame) and exposure.image.dtype == np.uint8
+        assert is_video(exposure) and exposure.image.dtype == np.uint8
         seen = exposure.image if exposure.image.ndim == 2 else exposure.image.mean(axis=2)
         # Values are scaled by their range: of an image whose largest value is not that of its kind, a little off.
         np.testing.assert_allclose(seen, image, atol=2)
@@ -143,7 +143,7 @@ def test_red_is_red_whatever_the_pattern(pattern: str, red: tuple[int, int], bit
         return f"bayer_{pattern}{bits}", found
 
     exposure = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), encode=mosaic)))[0]
-    assert isinstance(exposure, VideoFrame)
+    assert is_video(exposure)
     np.testing.assert_array_equal(exposure.image[8:-8, 8:-8].reshape(-1, 3).mean(axis=0).round(), [255, 0, 0])
 
 
@@ -155,7 +155,7 @@ def test_compressed_images_of_more_than_8_bits_have_the_range_of_all(bits: int, 
     sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), compressed=True, encode=wide)))
     for i, image in enumerate(images(6, 8)):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame)
+        assert is_video(exposure)
         np.testing.assert_allclose(exposure.image, image, atol=1)
 
 
@@ -174,7 +174,7 @@ def test_images_whose_stamps_repeat_have_the_times_of_the_bag(kind: str, tmp_pat
     assert "3 of 6 images of /camera/image_raw repeat the time stamp of another" in sequence.notes[0]
     for i, image in enumerate(images(6, 8)):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame)
+        assert is_video(exposure)
         np.testing.assert_array_equal(exposure.image, image)
 
 
@@ -237,10 +237,10 @@ def test_a_binned_camera_info_is_that_of_the_whole_sensor(kind: str, compressed:
     path = make_bag(tmp_path / "one", kind, ("camera",), compressed, binning=2)
     sequence = open_sequence(str(path))
     assert sequence.rig.camera("video").fx == 80 and sequence.rig.camera("video").cx == 47.5
-    assert isinstance(sequence[0], VideoFrame) and any("binning 2 x 2" in note for note in sequence.notes)
+    assert is_video(sequence[0]) and any("binning 2 x 2" in note for note in sequence.notes)
     pair = open_sequence(str(make_bag(tmp_path / "two", kind, ("left", "right"), compressed, binning=2)))
     assert pair.rig.baseline_m == pytest.approx(0.5) and pair.rig.camera("left").fx == 80
-    assert isinstance(pair[0], StereoPair)
+    assert is_stereo(pair[0])
 
 
 @pytest.mark.parametrize("compressed", [False, True])

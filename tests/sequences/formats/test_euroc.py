@@ -10,7 +10,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import Camera, StereoPair
+from ispom.types import Camera, is_stereo
 from tests.sequences.folders import HEIGHT, START_NS, STEP_NS, WIDTH, make_euroc
 
 REAL = Path(__file__).parents[3] / ".." / "shared" / "data" / "euroc_v1_01_start"
@@ -94,7 +94,7 @@ def test_a_mistake_is_named(file: str, old: str, new: str, message: str, tmp_pat
 @pytest.mark.skipif(not REAL.is_dir(), reason="the EuRoC recording is not in ../shared/data")
 def test_rows_of_a_real_recording_agree() -> None:
     pair = open_sequence(str(REAL))[0]
-    assert isinstance(pair, StereoPair)
+    assert is_stereo(pair)
     sift = cv2.SIFT_create(1000)
     (left, of_left), (right, of_right) = (sift.detectAndCompute(image, None) for image in (pair.left, pair.right))
     matches = [a for a, b in cv2.BFMatcher().knnMatch(of_left, of_right, k=2) if a.distance < 0.7 * b.distance]
@@ -119,7 +119,7 @@ def test_fisheye_lenses_are_read_alone_and_as_a_pair(tmp_path: Path) -> None:
     as_fisheye(pair)
     sequence = open_sequence(str(pair))
     assert sequence.rig.baseline_m == pytest.approx(0.11) and sequence.rig.camera("left").lens == "opencv"
-    assert isinstance(sequence[0], StereoPair)
+    assert is_stereo(sequence[0])
 
 
 def test_the_truth_of_tum_vi_is_read(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import Sequence, VideoFrame
+from ispom.types import Sequence, is_video
 from tests.sequences.films import scales, turned, with_aspect, with_edits
 from tests.sequences.folders import images
 from tests.sequences.own_folders import CAMERA, in_bgr, write_uneven_video, write_video
@@ -32,7 +32,7 @@ def film(path: Path, ticks: list[int] | None = None) -> Path:
 
 def seen(sequence: Sequence, i: int) -> np.ndarray:
     exposure = sequence[i]
-    assert isinstance(exposure, VideoFrame)
+    assert is_video(exposure)
     return exposure.image
 
 

@@ -9,7 +9,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.kitti import open_kitti
-from ispom.types import StereoPair
+from ispom.types import is_stereo
 from tests.sequences.kitti_folder import BASELINE_M, HEIGHT, WIDTH, make_drive
 
 KITTI = Path(__file__).parents[4] / "shared" / "data" / "kitti" / "sequences"
@@ -71,7 +71,7 @@ def test_real_drives(drive: str, frames: int, stereo: bool, path_m: float) -> No
     assert sequence.truth is not None and sequence.truth.length == pytest.approx(path_m, abs=0.1)
     if stereo:
         assert sequence.rig.baseline_m == pytest.approx(0.537, abs=1e-3)
-        assert isinstance(sequence[0], StereoPair)
+        assert is_stereo(sequence[0])
 
 
 def in_colour(drive: Path, suffix: str = ".png") -> Path:

@@ -9,7 +9,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import Camera, StereoPair
+from ispom.types import Camera, is_stereo
 from tests.sequences.folders import HEIGHT, WIDTH, images, make_kitti_raw
 
 FIRST_NS = 1_317_042_145_000_000_000
@@ -24,14 +24,14 @@ def test_a_synchronised_drive_is_read_as_it_is(colour: bool, tmp_path: Path) -> 
     assert sequence.truth is not None and "GPS/IMU" in sequence.notes[-1]
     assert (sequence.times_ns[::2] == FIRST_NS + np.arange(6) * 100_000_000).all()
     pair = sequence[4]
-    assert isinstance(pair, StereoPair)
+    assert is_stereo(pair)
     np.testing.assert_array_equal(pair.left, images(6, 8)[2])
     np.testing.assert_array_equal(pair.right, images(6, 0)[2])
 
 
 def test_an_unrectified_drive_is_rectified(tmp_path: Path) -> None:
     pair = open_sequence(str(make_kitti_raw(tmp_path, raw=True)))[0]
-    assert isinstance(pair, StereoPair) and pair.left.shape == (HEIGHT, WIDTH)
+    assert is_stereo(pair) and pair.left.shape == (HEIGHT, WIDTH)
     middle = np.s_[24:40, 40:56]  # where the distortion does nothing
     difference = pair.left[middle].astype(float) - images(6, 8)[0][middle]
     assert abs(difference).mean() < 3

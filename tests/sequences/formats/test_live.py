@@ -12,7 +12,7 @@ from ispom.errors import InputError
 from ispom.sequences import open_sequence, spool
 from ispom.sequences.address import without_secrets
 from ispom.sequences.formats import live
-from ispom.types import Image, Sequence, VideoFrame
+from ispom.types import Image, Sequence, is_video
 from tests.sequences.folders import images
 from tests.sequences.live_stream import streaming
 from tests.sequences.own_folders import CAMERA
@@ -42,7 +42,7 @@ def sent(image: Image) -> Image:
 
 def image_of(sequence: Sequence, i: int) -> Image:
     frame = sequence[i]
-    assert isinstance(frame, VideoFrame) and frame.time_ns == sequence.times_ns[i]
+    assert is_video(frame) and frame.time_ns == sequence.times_ns[i]
     return frame.image
 
 

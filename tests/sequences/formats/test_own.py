@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
-from ispom.types import LensSigma, PairSigma, StereoPair, VideoFrame
+from ispom.types import LensSigma, PairSigma, is_stereo, is_video
 from tests.sequences import own_folders
 from tests.sequences.folders import images
 from tests.sequences.own_folders import (
@@ -37,7 +37,7 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     sequence = open_sequence(str(folder))
     for i, image in enumerate(images(12, 0)):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame) and np.array_equal(exposure.image, image)
+        assert is_video(exposure) and np.array_equal(exposure.image, image)
     assert sequence.times_ns.tolist() == [i * 50_000_000 for i in range(12)]
 
 
@@ -62,7 +62,7 @@ def test_a_folder_of_one_video_is_opened_as_that_video(calibration: str | None, 
     assert given.rig.video == meant.rig.video and given.rig.video is not None
     assert given.times_ns.tolist() == meant.times_ns.tolist() and (given.guess is None) == (calibration is not None)
     seen, filmed = given[5], meant[5]
-    assert isinstance(seen, VideoFrame) and isinstance(filmed, VideoFrame)
+    assert is_video(seen) and is_video(filmed)
     np.testing.assert_array_equal(seen.image, filmed.image)
 
 
@@ -142,7 +142,7 @@ def test_a_jump_in_a_video_gives_the_image_that_reading_on_gives(name: str, code
     in_order = [sequence[i] for i in range(len(sequence))]
     for i in np.random.default_rng(3).permutation(len(sequence))[:25].tolist():
         jumped, read = sequence[i], in_order[i]
-        assert isinstance(jumped, VideoFrame) and isinstance(read, VideoFrame)
+        assert is_video(jumped) and is_video(read)
         np.testing.assert_array_equal(jumped.image, read.image)
 
 
@@ -157,7 +157,7 @@ def test_a_video_of_a_variable_rate_keeps_each_images_own_time(name: str, tmp_pa
     assert "a variable rate" in sequence.notes[0] and "50 to 450 ms" in sequence.notes[0]
     for i in (len(ticks) - 1, 3, 40, 21):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame)
+        assert is_video(exposure)
         seen = exposure.image.astype(int).mean(2)
         assert min(range(len(ticks)), key=lambda k: np.abs(seen - stream[k]).mean()) == i
 
@@ -186,9 +186,9 @@ def test_pairs_of_folders_without_times_are_those_of_one_number(tmp_path: Path) 
     (folder / "right" / "2.png").unlink()
     (folder / "left" / "5.png").unlink()
     sequence = open_sequence(str(folder))
-    pairs = [e for i in range(len(sequence)) if isinstance(e := sequence[i], StereoPair)]
+    pairs = [e for i in range(len(sequence)) if is_stereo(e := sequence[i])]
     complete = open_sequence(str(pair_folder(tmp_path / "complete", frames=8)))
-    told = {e.time_ns: e for i in range(len(complete)) if isinstance(e := complete[i], StereoPair)}
+    told = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
     assert len(pairs) == 6 and any("1 of 7 left and 1 of 7 right" in note for note in sequence.notes)
     for pair in pairs:
         np.testing.assert_array_equal(pair.left, told[pair.time_ns].left)
@@ -267,7 +267,7 @@ def test_names_that_are_decimal_seconds_are_times(tmp_path: Path) -> None:
     assert sequence.times_ns.tolist() == [i * 125_000_000 for i in range(12)]
     for i, image in enumerate(images(12, 0)):
         exposure = sequence[i]
-        assert isinstance(exposure, VideoFrame)
+        assert is_video(exposure)
         np.testing.assert_array_equal(exposure.image, image)
 
 
@@ -279,7 +279,7 @@ def test_a_counter_that_starts_again_is_no_gap(tmp_path: Path) -> None:
     assert (np.diff(sequence.times_ns) == 50_000_000).all()
     assert any("starts again after 9999" in note for note in sequence.notes)
     exposure = sequence[5]
-    assert isinstance(exposure, VideoFrame)
+    assert is_video(exposure)
     np.testing.assert_array_equal(exposure.image, images(8, 0)[5])
 
 
@@ -308,7 +308,7 @@ def test_photos_of_two_sizes_are_those_of_the_larger_group(tmp_path: Path) -> No
         cv2.imwrite(str(folder / f"{i}.png"), np.zeros(size, np.uint8))
     sequence = open_sequence(str(folder))
     first, last = sequence[0], sequence[len(sequence) - 1]
-    assert isinstance(first, VideoFrame) and isinstance(last, VideoFrame)
+    assert is_video(first) and is_video(last)
     assert first.image.shape == last.image.shape == size[::-1]
     assert len(sequence) == len(list(folder.glob("*.png"))) - 2
     assert len(set(np.diff(sequence.times_ns))) == 2  # the number that is skipped is a gap in time

@@ -11,7 +11,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.seven_scenes import PUBLISHED
-from ispom.types import VideoFrame
+from ispom.types import is_video
 from tests.sequences.folders import make_seven_scenes
 
 
@@ -19,7 +19,7 @@ def test_colour_images_with_the_truth_of_their_number(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_seven_scenes(tmp_path)))
     assert sequence.name == "7-Scenes chess seq-01" and len(sequence) == 6 and sequence.rig.video.fx == 80
     frame = sequence[1]
-    assert isinstance(frame, VideoFrame) and frame.image.ndim == 3
+    assert is_video(frame) and frame.image.ndim == 3
     np.testing.assert_allclose(sequence.truth.translations[:, 0], np.arange(6) / 10, atol=1e-9)
     np.testing.assert_array_equal(sequence.truth.times_ns, sequence.times_ns)
     assert "30 images per second assumed" in sequence.notes[-1]

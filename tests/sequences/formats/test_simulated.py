@@ -8,15 +8,15 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.types import Exposure, Sequence, StereoPair, VideoFrame
+from ispom.types import Measurement, Sequence, is_stereo, is_video
 
 
 def tiny(folder: Path, seed: int = 0, **others: bool) -> Sequence:
     return open_simulated("tiny", seed, folder, duration_s=0.1, **others)
 
 
-def bytes_of(exposure: Exposure) -> bytes:
-    if isinstance(exposure, VideoFrame):
+def bytes_of(exposure: Measurement) -> bytes:
+    if is_video(exposure):
         return exposure.image.tobytes()
     return exposure.left.tobytes() + exposure.right.tobytes()
 
@@ -45,7 +45,7 @@ def test_the_same_bytes_every_time_and_from_the_cache(tmp_path: Path) -> None:
         expected = bytes_of(first[i])
         assert bytes_of(again[i]) == expected
         assert bytes_of(cached[i]) == expected
-    assert isinstance(first[1], StereoPair)
+    assert is_stereo(first[1])
     assert first[1].left.shape == (480, 640, 3)
     assert first[0].image.shape == (240, 320, 3)
 

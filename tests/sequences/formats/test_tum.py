@@ -9,7 +9,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import VideoFrame
+from ispom.types import is_video
 from tests.sequences.folders import make_tum
 
 
@@ -17,7 +17,7 @@ def test_video_in_colour_with_the_truth_at_its_times(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_tum(tmp_path / "desk")))
     assert sequence.name == "TUM desk" and set(sequence.kinds) == {"video"} and sequence.rig.video.distortion
     frame = sequence[1]
-    assert isinstance(frame, VideoFrame) and frame.image.ndim == 3
+    assert is_video(frame) and frame.image.ndim == 3
     assert frame.image[..., 0].mean() + frame.image[..., 2].mean() == pytest.approx(255, abs=2)  # red is 255 - blue
     # The truth starts after the first image; it moves by 1 m/s along x.
     np.testing.assert_array_equal(sequence.truth.times_ns, sequence.times_ns[1:])

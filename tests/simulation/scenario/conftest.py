@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.types import Exposure, Image, Sequence, StereoPair, VideoFrame
+from ispom.types import Frame, Image, Measurement, Sequence, is_stereo, is_video
 from tests import doubles
 
 
@@ -22,22 +22,22 @@ def plain() -> Sequence:
     """60 video frames, 7 pairs."""
     given = doubles.sequence(60)
 
-    def load(i: int) -> Exposure:
+    def load(i: int) -> Measurement:
         time_ns = int(given.times_ns[i])
         if given.kinds[i] == "video":
-            return VideoFrame(time_ns, still_life(60, 80, i % 7))
-        return StereoPair(time_ns, still_life(120, 160, i % 7), still_life(120, 160, i % 7 + 5))
+            return Frame.video(time_ns, still_life(60, 80, i % 7))
+        return Frame.stereo(time_ns, still_life(120, 160, i % 7), still_life(120, 160, i % 7 + 5))
 
     return replace(given, load=load)
 
 
-def video(sequence: Sequence, nth: int) -> VideoFrame:
+def video(sequence: Sequence, nth: int) -> Frame:
     found = sequence[[i for i, kind in enumerate(sequence.kinds) if kind == "video"][nth]]
-    assert isinstance(found, VideoFrame)
+    assert is_video(found)
     return found
 
 
-def pair(sequence: Sequence, nth: int) -> StereoPair:
+def pair(sequence: Sequence, nth: int) -> Frame:
     found = sequence[[i for i, kind in enumerate(sequence.kinds) if kind == "stereo"][nth]]
-    assert isinstance(found, StereoPair)
+    assert is_stereo(found)
     return found

@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 from ispom.geometry import Pose
 from ispom.sequences.formats.simulated import open_simulated, rendered_source
 from ispom.simulation.truth import Truth
-from ispom.types import Rig, Sequence, Step, StereoPair
+from ispom.types import Frame, Rig, Sequence, Step, is_stereo
 from tests import doubles
 from tests.app import helpers
 
@@ -30,9 +30,9 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
     return open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=0.5)
 
 
-def pair_of(sequence: Sequence) -> StereoPair:
+def pair_of(sequence: Sequence) -> Frame:
     pair = sequence[sequence.kinds.index("stereo")]
-    assert isinstance(pair, StereoPair)
+    assert is_stereo(pair)
     return pair
 
 
@@ -50,11 +50,11 @@ def test_the_points_are_where_the_place_is(tiny: Sequence) -> None:
     assert (rgb == pair.left[v, u]).all(), "each in the colour of its pixel"
 
 
-def large(pair: StereoPair, rig: Rig) -> tuple[StereoPair, Rig]:
+def large(pair: Frame, rig: Rig) -> tuple[Frame, Rig]:
     """The same in four times as many pixels."""
     left, right = (np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (pair.left, pair.right))
     camera = rig.camera("left").scaled(2)
-    return replace(pair, left=left, right=right), replace(rig, left=camera, right=camera)
+    return pair.with_images(left=left, right=right), rig.changed(left=camera, right=camera)
 
 
 def test_a_large_image_gives_the_same_points(tiny: Sequence) -> None:
@@ -66,7 +66,7 @@ def test_a_large_image_gives_the_same_points(tiny: Sequence) -> None:
 
 def test_a_grey_pair_gives_grey_points(tiny: Sequence) -> None:
     pair = pair_of(tiny)
-    _, rgb = depth_points(replace(pair, left=pair.left[..., 0], right=pair.right[..., 0]), tiny.rig)
+    _, rgb = depth_points(pair.with_images(left=pair.left[..., 0], right=pair.right[..., 0]), tiny.rig)
     assert len(rgb) and (rgb == rgb[:, :1]).all()
 
 

@@ -84,7 +84,7 @@ def located_percent(ran: Ran, method: str) -> float:
     """Of the frames that it takes, those with a pose in the end [%]."""
     kinds = np.array(ran.sequence.kinds[: ran.count])
     path = ran.finished.trajectories.get(method)
-    return 100 * (len(path) if path is not None else 0) / np.isin(kinds, list(registered(method).needs)).sum()
+    return 100 * (len(path) if path is not None else 0) / np.isin(kinds, list(registered(method).sensors)).sum()
 
 
 def between_stereo_m(ran: Ran, method: str, stereo: str) -> float:

@@ -7,6 +7,7 @@ import { GUTTER, nearestFrame, placeOf } from "./time_scale.js";
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const NEAR_PX = 4; // an event so near to the pointer is named
 const MOST_EVENTS = 4;
+const KINDS = { v: "video", s: "stereo" };
 const at = (id) => document.getElementById(id);
 
 export function makeAxis(seek, command) {
@@ -127,7 +128,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
     lane,
-    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${axis.kinds[index] === "s" ? "stereo" : "video"}`,
+    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${KINDS[axis.kinds[index]] ?? "other sensor"}`,
     index >= axis.computed ? "not computed yet" : "",
     ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import STEREO, VIDEO, require_frame
 from ispom.estimators.modern.integrated.adjust import adjusted, limited
 from ispom.estimators.modern.integrated.anew import anew
 from ispom.estimators.modern.integrated.covariance import newest_covariance
@@ -31,7 +32,17 @@ from ispom.settings import Range
 from ispom.solvers.multiview.resection import Resection
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
+from ispom.types import (
+    Decision,
+    Landmarks,
+    Measurement,
+    Rig,
+    Status,
+    Step,
+    Trajectory,
+    colours_at,
+    images_of,
+)
 
 
 @dataclass(frozen=True)
@@ -97,10 +108,10 @@ class ModernIntegrated:
         return video_poses(self._setup, [*state.settled, *in_window], asked["stereo"], tuple(state.begun_ns))
 
     def step(
-        self, state: ModernIntegratedState, exposure: Exposure, asked: Mapping[str, Step]
+        self, state: ModernIntegratedState, exposure: Measurement, asked: Mapping[str, Step]
     ) -> tuple[ModernIntegratedState, Step]:
         """One exposure: observe, locate, and after a pair adjust the window."""
-        setup, watch, is_pair = self._setup, Stopwatch(), isinstance(exposure, StereoPair)
+        setup, watch, is_pair = self._setup, Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
         part = asked["stereo" if is_pair else "video"]
         fits = (right_fits(part),) if is_pair else ()
         if any(each.failed for each in fits):
@@ -198,12 +209,12 @@ def _calibration(window: JointWindow) -> dict[str, Array]:
     return {"rig": window.rig.minus(window.calibrated), "rig_covariance": rig_covariance(window)}
 
 
-def _landmarks(window: JointWindow, onto: Pose, exposure: Exposure, part: Step) -> Landmarks:
+def _landmarks(window: JointWindow, onto: Pose, exposure: Measurement, part: Step) -> Landmarks:
     """The points seen in this exposure, by the ids of the window: even in the video, odd in pairs."""
     view = window.views[-1]
     place = window.table.places(view.ids)
     known = place >= 0
-    image = exposure.image if isinstance(exposure, VideoFrame) else exposure.left
+    image = images_of(exposure)["video" if view.video else "left"]
     tracks = part.tracks["video" if view.video else "left"]
     order = np.argsort(tracks.ids, kind="stable")
     uv = tracks.uv[order[places(tracks.ids[order], view.ids[known] // 2)]]

@@ -14,7 +14,7 @@ from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array
-from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
+from ispom.types import Frame, Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, colours_at
 
 CORNER_DISTANCE = 0.011
 """Least distance of a new corner from other points, of the longer side of the image: 7 px at 640, half a tracking
@@ -92,7 +92,7 @@ def as_step(
     before: ModernMonocularState,
     after: ModernMonocularState,
     outcome: Outcome,
-    exposure: VideoFrame,
+    exposure: Frame,
     fresh: NDArray[np.float32],
     seconds: Mapping[str, float],
 ) -> Step:
@@ -139,7 +139,7 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:
     return found
 
 
-def _landmarks(exposure: VideoFrame, after: ModernMonocularState) -> Landmarks:
+def _landmarks(exposure: Frame, after: ModernMonocularState) -> Landmarks:
     """The points of the map that are tracked on."""
     assert after.map is not None
     xyz = after.map.known(after.live.ids)

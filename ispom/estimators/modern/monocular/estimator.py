@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
@@ -27,7 +28,7 @@ from ispom.geometry import Array
 from ispom.settings import Range
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Exposure, Image, LensSigma, Rig, Step, Trajectory, VideoFrame, as_grey
+from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
 
 
 @dataclass(frozen=True)
@@ -98,10 +99,9 @@ class ModernMonocular:
         held = state.start.held if state.start is not None else ()
         return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
-    def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:
+    def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
         """One frame: follow the tracks, locate it in the map (or begin one), and look for new corners."""
-        exposure = self._size.reduced(exposure)
-        assert isinstance(exposure, VideoFrame)
+        exposure = self._size.reduced(require_frame(exposure, VIDEO))
         setup, watch, before = self._setup, Stopwatch(), state
         state = remembered(setup, state, exposure.time_ns)
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))

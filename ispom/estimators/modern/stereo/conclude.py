@@ -17,7 +17,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
-from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
+from ispom.types import Frame, Landmarks, Step, Tracks, TrackStatus, Trajectory, colours_at
 
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
@@ -67,7 +67,7 @@ def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: 
     return newest_covariance(world)
 
 
-def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
+def as_step(setup: Setup, exposure: Frame, outcome: Outcome) -> Step:
     """The Step of an outcome, but for its times."""
     sighting, after, has_pose = outcome.sighting, outcome.after, outcome.before is not None
     residual = np.full(len(sighting.status), np.nan, np.float32)
@@ -134,7 +134,7 @@ def _tracks(outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
     )
 
 
-def _landmarks(exposure: StereoPair, after: ModernStereoState) -> Landmarks:
+def _landmarks(exposure: Frame, after: ModernStereoState) -> Landmarks:
     points = after.last.points
     xyz = after.map.xyz[after.map.places(points.ids)]
     return Landmarks(points.ids, xyz, colours_at(exposure.left, points.uv))

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import STEREO, require_frame
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
@@ -27,7 +28,7 @@ from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, PairSigma, Rig, Status, Step, StereoPair, Trajectory
+from ispom.types import Decision, Measurement, PairSigma, Rig, Status, Step, Trajectory
 
 
 @dataclass(frozen=True)
@@ -122,10 +123,9 @@ class ModernStereo:
         poses = Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
         return corrected(state.loops, poses)
 
-    def step(self, state: ModernStereoState, exposure: Exposure) -> tuple[ModernStereoState, Step]:
+    def step(self, state: ModernStereoState, exposure: Measurement) -> tuple[ModernStereoState, Step]:
         """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
-        exposure = self._size.reduced(exposure)
-        assert isinstance(exposure, StereoPair)
+        exposure = self._size.reduced(require_frame(exposure, STEREO, state.last and state.last.time_ns))
         watch, new = Stopwatch(), NewPair.of(exposure)
         outcome = self._advance(state, new, watch)
         after, step = outcome.after, as_step(self._setup, exposure, outcome)

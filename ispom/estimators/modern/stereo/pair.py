@@ -13,7 +13,7 @@ from ispom.frontends.exposure import as_bright
 from ispom.frontends.halved import factor_of, halved
 from ispom.geometry import Array
 from ispom.solvers.motion_only import PoseFit
-from ispom.types import Camera, Image, StereoPair, TrackStatus, as_grey
+from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class NewPair:
     right: Image
 
     @staticmethod
-    def of(exposure: StereoPair) -> NewPair:
+    def of(exposure: Frame) -> NewPair:
         left = as_grey(exposure.left)
         return NewPair(exposure.time_ns, left, as_bright(as_grey(exposure.right), left))
 

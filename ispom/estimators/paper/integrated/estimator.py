@@ -13,6 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import STEREO, VIDEO, require_frame
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.integrated.segment import Fitted, fitted
 from ispom.estimators.paper.integrated.state import IntegratedState
@@ -20,7 +21,7 @@ from ispom.geometry import Pose
 from ispom.settings import Range
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Landmarks, Rig, SegmentFit, Status, Step, StereoPair, Trajectory
+from ispom.types import Decision, Landmarks, Measurement, Rig, SegmentFit, Status, Step, Trajectory
 
 MAX_RESTARTS = 8
 """Of the video's world that are remembered: one within a segment is enough to interpolate it."""
@@ -66,10 +67,10 @@ class Integrated:
         return Trajectory.of(items)
 
     def step(
-        self, state: IntegratedState, exposure: Exposure, asked: Mapping[str, Step]
+        self, state: IntegratedState, exposure: Measurement, asked: Mapping[str, Step]
     ) -> tuple[IntegratedState, Step]:
         """One exposure of either kind; closes every segment that has become complete."""
-        watch, stereo = Stopwatch(), isinstance(exposure, StereoPair)
+        watch, stereo = Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
         part = asked["stereo" if stereo else "video"]
         revised, segments = [], list[SegmentFit]()
         decisions: list[Decision] = []

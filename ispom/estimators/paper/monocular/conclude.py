@@ -12,7 +12,7 @@ from ispom.estimators.paper.monocular.tracks import Followed
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.frontends import corners
 from ispom.geometry import Pose
-from ispom.types import Camera, Image, Landmarks, Status, Step, Trajectory, VideoFrame, colours_at
+from ispom.types import Camera, Frame, Image, Landmarks, Status, Step, Trajectory, colours_at
 
 
 def corners_for(
@@ -53,7 +53,7 @@ def next_state(
 
 
 def as_step(
-    exposure: VideoFrame,
+    exposure: Frame,
     after: MonocularState,
     followed: Followed,
     fresh: NDArray[np.float32],
@@ -90,7 +90,7 @@ def _status(window: KeyFrameWindow, pose: Pose | None, revision: Revision) -> St
     return Status.TRACKING if started else Status.INITIALISING
 
 
-def _landmarks(exposure: VideoFrame, after: MonocularState, revision: Revision) -> Landmarks:
+def _landmarks(exposure: Frame, after: MonocularState, revision: Revision) -> Landmarks:
     """The points of the window that are tracked on, after a triple."""
     if revision.triple is None:
         return Landmarks.empty()

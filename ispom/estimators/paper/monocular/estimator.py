@@ -17,6 +17,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.monocular.conclude import as_step, corners_for, next_state
 from ispom.estimators.paper.monocular.frames_between import fill_between
@@ -32,7 +33,7 @@ from ispom.settings import Range
 from ispom.solvers.multiview.triple import ScaleTransfer
 from ispom.solvers.trajectory.interpolation import Interpolation
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Rig, Step, Trajectory, VideoFrame, as_grey
+from ispom.types import Decision, Measurement, Rig, Step, Trajectory, as_grey
 
 KEY_FRAMES = 3
 """Kept without bundle adjustment: a triple."""
@@ -81,9 +82,9 @@ class Monocular:
     def finish(self, state: MonocularState) -> Trajectory:
         return Trajectory.of([*state.settled, *state.window.poses()], "video")
 
-    def step(self, state: MonocularState, exposure: Exposure) -> tuple[MonocularState, Step]:
+    def step(self, state: MonocularState, exposure: Measurement) -> tuple[MonocularState, Step]:
         """One frame, as the steps of section 6.1."""
-        assert isinstance(exposure, VideoFrame)
+        exposure = require_frame(exposure, VIDEO)
         watch, config, camera = Stopwatch(), self.config, self.rig.camera("video")
         grey = as_grey(exposure.image)
         followed = follow(state, grey)

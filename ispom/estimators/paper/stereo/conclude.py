@@ -13,7 +13,7 @@ from ispom.estimators.paper.stereo.rigid_transformation import CommonPoints
 from ispom.estimators.paper.stereo.state import Cloud
 from ispom.geometry import Pose
 from ispom.solvers.rigid import RigidMotion
-from ispom.types import Decision, Landmarks, Rig, Status, Step, StereoPair, Tracks, TrackStatus, colours_at
+from ispom.types import Decision, Frame, Landmarks, Rig, Status, Step, Tracks, TrackStatus, colours_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Outcome:
 
 def as_step(
     rig: Rig,
-    exposure: StereoPair,
+    exposure: Frame,
     reference: Cloud | None,
     outcome: Outcome,
     cloud: Cloud,
@@ -87,7 +87,7 @@ def _tracks(rig: Rig, reference: Cloud | None, outcome: Outcome) -> Tracks:
     )
 
 
-def _landmarks(rig: Rig, exposure: StereoPair, cloud: Cloud, world_from_rig: Pose | None, limit_m: float) -> Landmarks:
+def _landmarks(rig: Rig, exposure: Frame, cloud: Cloud, world_from_rig: Pose | None, limit_m: float) -> Landmarks:
     """The points near enough to count."""
     if world_from_rig is None:
         return Landmarks.empty()

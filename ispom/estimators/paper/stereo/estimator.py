@@ -11,6 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimator import STEREO, require_frame
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.stereo.cloud import triangulated
 from ispom.estimators.paper.stereo.conclude import Outcome, as_step
@@ -21,7 +22,7 @@ from ispom.geometry import Pose
 from ispom.settings import Range
 from ispom.solvers.rigid import RigidMotion
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Rig, Step, StereoPair, Trajectory, as_grey
+from ispom.types import Decision, Measurement, Rig, Step, Trajectory, as_grey
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,9 @@ class Stereo:
     def finish(self, state: StereoState) -> Trajectory:
         return Trajectory.of(list(state.poses))
 
-    def step(self, state: StereoState, exposure: Exposure) -> tuple[StereoState, Step]:
+    def step(self, state: StereoState, exposure: Measurement) -> tuple[StereoState, Step]:
         """One pair, as the steps of section 6.2."""
-        assert isinstance(exposure, StereoPair)
+        exposure = require_frame(exposure, STEREO)
         watch, reference, config = Stopwatch(), state.reference, self.config
         left, right = as_grey(exposure.left), as_grey(exposure.right)
         most = config.max_points if config.matching == "sift" else config.max_tracks

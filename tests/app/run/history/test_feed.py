@@ -15,7 +15,7 @@ from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.playback import Playback
 
 from ispom.errors import UnreadableImage
-from ispom.types import Exposure, VideoFrame
+from ispom.types import Measurement, is_video
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -44,7 +44,7 @@ def taken(feed: Feed) -> list[Event]:
 
 def pixels(event: Event) -> int:
     assert isinstance(event, Stepped)
-    return event.exposure.image.size if isinstance(event.exposure, VideoFrame) else event.exposure.left.size
+    return event.exposure.image.size if is_video(event.exposure) else event.exposure.left.size
 
 
 @pytest.mark.parametrize("rereads", [True, False])
@@ -82,7 +82,7 @@ def test_a_reader_waits_and_is_let_go(run: Playback) -> None:
 
 
 def test_an_image_that_went_missing_is_blank(run: Playback) -> None:
-    def gone(_: int) -> Exposure:
+    def gone(_: int) -> Measurement:
         raise UnreadableImage("image 0 is gone: restore it")
 
     opened = replace(run.opened, sequence=replace(run.sequence, load=gone))
@@ -127,7 +127,7 @@ def test_an_exposure_that_is_looked_at_gets_the_images_that_it_came_without(run:
     assert sorted(p.index for p in pictured) == [other, 12], "its own, and the other camera's latest"
     for picture in pictured:
         exposure = picture.exposure
-        image = exposure.image if isinstance(exposure, VideoFrame) else exposure.left
+        image = exposure.image if is_video(exposure) else exposure.left
         assert image.size and [s.time_ns for s in picture.steps] == [s.time_ns for s in history[picture.index].steps]
     assert [e.index for e in events if isinstance(e, Stepped)] == list(range(13)), "all others in their order"
     feed.look_at(12)

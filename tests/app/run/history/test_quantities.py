@@ -26,11 +26,11 @@ from scipy.spatial.transform import Rotation
 
 from ispom.geometry import Pose
 from ispom.methods import names, registry
-from ispom.types import Check, Decision, Exposure, Step
+from ispom.types import Check, Decision, Measurement, Step
 from tests import doubles
 
 
-def stepped(count: int) -> list[tuple[int, Exposure, Step]]:
+def stepped(count: int) -> list[tuple[int, Measurement, Step]]:
     """Of a video method alone."""
     sequence, estimator, found = doubles.sequence(count), doubles.FullEstimator("monocular"), []
     state = estimator.start()
@@ -41,7 +41,7 @@ def stepped(count: int) -> list[tuple[int, Exposure, Step]]:
     return found
 
 
-def rows(found: list[tuple[int, Exposure, Step]]) -> list[Row]:
+def rows(found: list[tuple[int, Measurement, Step]]) -> list[Row]:
     made, row = [], NO_ROW
     for i, exposure, step in found:
         event = Stepped(i, exposure, (step,), {}, {"monocular": 0.5})

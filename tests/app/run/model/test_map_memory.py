@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from ispom_app.engine.model.map_memory import MapCollectors
 
-from ispom.types import Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Frame, Landmarks, Step, Tracks, TrackStatus, Trajectory
 from tests import doubles
 
 BLACK = np.zeros((60, 80), np.uint8)
@@ -16,7 +16,7 @@ BLACK = np.zeros((60, 80), np.uint8)
 def steps(count: int) -> list[Step]:
     estimator, state, found = doubles.FakeEstimator("monocular"), (), []
     for i in range(count):
-        state, step = estimator.step(state, VideoFrame(i * 10**8, BLACK))
+        state, step = estimator.step(state, Frame.video(i * 10**8, BLACK))
         found.append(step)
     return found
 

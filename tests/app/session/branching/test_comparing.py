@@ -21,7 +21,7 @@ from ispom_app.session.session import Session
 from ispom.ensemble import Ensemble
 from ispom.errors import InputError
 from ispom.methods import Config
-from ispom.types import Exposure, Rig, Step
+from ispom.types import Measurement, Rig, Step
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import started, wait_for
@@ -34,7 +34,7 @@ class Planted(doubles.FakeEstimator):
 
     changed = False
 
-    def step(self, state: Any, exposure: Exposure, asked: object = None) -> tuple[Any, Step]:
+    def step(self, state: Any, exposure: Measurement, asked: object = None) -> tuple[Any, Step]:
         after, step = super().step(state, exposure)
         late = exposure.time_ns >= doubles.sequence(40).times_ns[PLANTED]
         return after, replace(step, scale=1.5) if self.changed and late and self.method == "monocular" else step

@@ -1,0 +1,131 @@
+"""The built-in camera models, which are OpenCV's: pinhole, radial-tangential, rational, fisheye.
+
+Sources: Brown 1966 (radial-tangential), Claus and Fitzgibbon 2005 (rational), Kannala and Brandt 2006 (fisheye).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.cameras.camera import Camera
+from ispom.cameras.model import BACK_PX, CameraModel
+from ispom.geometry import Array
+
+LEAST_DEPTH = 1e-9
+"""Points nearer to the image plane, and those behind it, have no pixel."""
+STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12)
+"""Of the iterations that undo the distortion."""
+STILL = np.zeros(3)
+
+
+class _InFront(CameraModel):
+    """A model that sees only points in front of the image plane."""
+
+    def _project(self, camera: Camera, xyz: Array) -> Array:
+        """Pixels (N, 2) of points in front."""
+        raise NotImplementedError
+
+    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
+        """(N, 2, 3) at points in front."""
+        raise NotImplementedError
+
+    def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
+        out, front = np.full((len(xyz_in_camera), 2), np.nan), xyz_in_camera[:, 2] > LEAST_DEPTH
+        if front.any():
+            out[front] = self._project(camera, xyz_in_camera[front])
+        return out
+
+    def jacobian(self, camera: Camera, xyz_in_camera: Array) -> Array:
+        out, front = np.full((len(xyz_in_camera), 2, 3), np.nan), xyz_in_camera[:, 2] > LEAST_DEPTH
+        if front.any():
+            out[front] = self._jacobian(camera, xyz_in_camera[front])
+        return out
+
+    def unproject(self, camera: Camera, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+        x = self.normalise(camera, uv)
+        rays = np.column_stack([x, np.ones(len(x))])
+        with np.errstate(all="ignore"):
+            back = self.project(camera, rays)
+            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+            return rays, np.linalg.norm(back - uv, axis=1) <= BACK_PX
+
+
+@dataclass(frozen=True)
+class Pinhole(_InFront):
+    """Without distortion."""
+
+    name: str = "pinhole"
+    counts: tuple[int, ...] = (0,)
+
+    def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
+        xyz = xyz_in_camera
+        z = np.where(xyz[:, 2] > LEAST_DEPTH, xyz[:, 2], np.nan)
+        return np.stack([camera.fx * xyz[:, 0] / z + camera.cx, camera.fy * xyz[:, 1] / z + camera.cy], axis=1)
+
+    def normalise(self, camera: Camera, uv: Array) -> Array:
+        return (uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+
+    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
+        x, y, z = xyz.T
+        out = np.zeros((len(xyz), 2, 3))
+        out[:, 0, 0], out[:, 0, 2] = camera.fx / z, -camera.fx * x / z**2
+        out[:, 1, 1], out[:, 1, 2] = camera.fy / z, -camera.fy * y / z**2
+        return out
+
+
+@dataclass(frozen=True)
+class Perspective(_InFront):
+    """With OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]."""
+
+    name: str
+    counts: tuple[int, ...]
+
+    def normalise(self, camera: Camera, uv: Array) -> Array:
+        if not len(uv):
+            return np.zeros((0, 2))
+        undistorted = cv2.undistortPoints(uv[:, None], camera.matrix, np.array(camera.distortion, float), criteria=STOP)
+        return np.asarray(undistorted, float).reshape(-1, 2)
+
+    def _project(self, camera: Camera, xyz: Array) -> Array:
+        uv, _ = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
+        return np.asarray(uv, float).reshape(-1, 2)
+
+    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
+        _, found = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
+        return np.asarray(found, float).reshape(len(xyz), 2, -1)[..., 3:6]  # rotation, translation, f, c, k
+
+
+@dataclass(frozen=True)
+class Fisheye(_InFront):
+    """Equidistant, with the coefficients k1 to k4 of a polynomial of the angle from the axis, which is below 90
+    degrees."""
+
+    name: str = "fisheye"
+    counts: tuple[int, ...] = (4,)
+
+    def normalise(self, camera: Camera, uv: Array) -> Array:
+        if not len(uv):
+            return np.zeros((0, 2))
+        undistorted = cv2.fisheye.undistortPoints(uv[:, None], camera.matrix, _four(camera), criteria=STOP)
+        return np.asarray(undistorted, float).reshape(-1, 2)
+
+    def _project(self, camera: Camera, xyz: Array) -> Array:
+        uv, _ = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
+        return np.asarray(uv, float).reshape(-1, 2)
+
+    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
+        _, found = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
+        return np.asarray(found, float).reshape(len(xyz), 2, -1)[..., 11:14]  # f, c, k, rotation, translation, skew
+
+
+def _four(camera: Camera) -> Array:
+    return np.array(camera.distortion or (0.0,) * 4, float)
+
+
+PINHOLE, FISHEYE = Pinhole(), Fisheye()
+RADIAL_TANGENTIAL = Perspective("radtan", (4, 5))
+RATIONAL = Perspective("rational", (8,))
