@@ -50,8 +50,10 @@ class _InFront(CameraModel):
         rays = np.column_stack([x, np.ones(len(x))])
         with np.errstate(all="ignore"):
             back = self.project(camera, rays)
+            # A polynomial has other solutions beyond the radius at which it turns back.
+            outward = np.einsum("ni,nij,nj->n", x / (camera.fx, camera.fy), self.jacobian(camera, rays)[..., :2], x)
             rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-            return rays, np.linalg.norm(back - uv, axis=1) <= BACK_PX
+            return rays, (np.linalg.norm(back - uv, axis=1) <= BACK_PX) & (outward >= 0)
 
 
 @dataclass(frozen=True)

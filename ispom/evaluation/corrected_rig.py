@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +28,7 @@ from ispom.solvers.right_camera import (
     TERMS,
     YAW,
 )  # fmt: skip
-from ispom.types import Camera, Rig
+from ispom.types import Camera, Corrections, Rig
 
 SIGNIFICANT = 2.0
 """Corrections below so many standard errors are no finding, and change nothing."""
@@ -64,20 +63,21 @@ class Corrected:
         return any(finding.applied for finding in self.findings)
 
 
-def corrected(rig: Rig, found: Mapping[str, Array]) -> Corrected:
-    """By what the last steps said (Step.calibration): `lens`, `pair` and `rig`, each with its NAME_covariance.
+def corrected(rig: Rig, found: Corrections) -> Corrected:
+    """Returns the rig with those of the corrections that have a covariance.
 
-    InputError where they said nothing.
+    Raises InputError where there are none.
     """
     findings: list[Finding] = []
-    if rig.video is not None and "lens_covariance" in found:
-        camera, told = _lens(rig.video, found["lens"], found["lens_covariance"])
+    lens, pair, mount = found.lens, found.pair, found.mount
+    if rig.video is not None and lens is not None and lens.covariance is not None:
+        camera, told = _lens(rig.video, lens.values, lens.covariance)
         rig, findings = rig.changed(video=camera, video_sigma=None), [*findings, *told]
-    if rig.has_stereo and "pair_covariance" in found:
-        rig, told = _pair(rig, found["pair"], found["pair_covariance"])
+    if rig.has_stereo and pair is not None and pair.covariance is not None:
+        rig, told = _pair(rig, pair.values, pair.covariance)
         findings += told
-    if rig.video is not None and "rig_covariance" in found:
-        rig, told = _placed(rig, found["rig"], found["rig_covariance"])
+    if rig.video is not None and mount is not None and mount.covariance is not None:
+        rig, told = _placed(rig, mount.values, mount.covariance)
         findings += told
     if not findings:
         raise InputError("no method corrected its cameras in this run: run monocular, stereo or integrated")
@@ -164,7 +164,7 @@ def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
 
 
 def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Finding]]:
-    """The video camera turned and moved on the rig by `change` (7,), `rig` of Step.calibration."""
+    """The video camera turned and moved on the rig by `change` (7,), a MountCorrection."""
     sigma = np.sqrt(np.diag(covariance))
     told = []
     turn, shift = np.zeros(3), np.zeros(3)

@@ -1,6 +1,7 @@
 """The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
 
 from ispom.cameras import Camera
+from ispom.types.corrections import Corrections, ImageNoise, LensCorrection, MountCorrection, PairCorrection
 from ispom.types.measurements import (
     FRAME_KINDS,
     Frame,
@@ -45,6 +46,7 @@ __all__ = [
     "Camera",
     "CameraSensor",
     "Check",
+    "Corrections",
     "Decision",
     "DecisionKind",
     "Frame",
@@ -53,14 +55,18 @@ __all__ = [
     "GnssFix",
     "Guess",
     "Image",
+    "ImageNoise",
     "Imu",
     "ImuSamples",
     "Kind",
     "Landmarks",
     "LaserScan",
     "LaserScanner",
+    "LensCorrection",
     "LensSigma",
     "Measurement",
+    "MountCorrection",
+    "PairCorrection",
     "PairSigma",
     "Rig",
     "SegmentFit",

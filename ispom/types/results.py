@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ispom.geometry import Array, Pose
+from ispom.types.corrections import Corrections
 from ispom.types.rig import FrameName
 from ispom.types.tracks import Landmarks, Tracks
 from ispom.types.trajectory import SegmentFit, SplineFit, Trajectory
@@ -165,14 +166,8 @@ class Step:
     provisional: bool = False
     """The pose comes from before the first fit of an integration: it only says where the rig was last known to be, and
     the fit replaces it."""
-    calibration: Mapping[str, Array] = field(default_factory=dict)
-    """What was found to be wrong with the calibration so far, by name: `pair` (E,) as
-    solvers.right_camera.TERMS, `pair_rate` (6,) the motion that its late right shutter sees
-    (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as the `extra` of a
-    solvers.window.adjustment.Window of one camera, `rig` (7,) how the video camera is turned about its own axes [rad],
-    moved along the rig's [m], and how late its clock is [s]. Each but the motion with NAME_covariance where that is
-    known; 0 in it for what is held. Beside these `noise` (2,): how far off a track is, and what covariances take it
-    for; on the plane z = 1."""
+    calibration: Corrections = field(default_factory=Corrections)
+    """What the method found to be wrong with the calibration so far."""
     segments: tuple[SegmentFit, ...] = ()
     """The segments that an integration fitted in this step, and how."""
     spline: SplineFit | None = None

@@ -12,7 +12,7 @@ from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Array
 from ispom.sequences.rectification import Rectification, remapped
 from ispom.solvers.right_camera import LAG, PAIR, Q1, Q2
-from ispom.types import Measurement, Sequence, is_stereo
+from ispom.types import Corrections, LensCorrection, Measurement, PairCorrection, Sequence, is_stereo
 
 SURE = 1e-30
 """Variance with which any error is significant, see corrected_rig."""
@@ -21,8 +21,9 @@ SURE = 1e-30
 def miscalibrated(sequence: Sequence, seed: int) -> Sequence:
     """The sequence with a rig whose cameras are off as `drawn`: its pairs are rectified by that."""
     pair, lens = drawn(sequence, seed)
-    found = {"lens": -lens, "lens_covariance": SURE * np.eye(len(lens))}
-    found |= {"pair": -pair, "pair_covariance": SURE * np.eye(PAIR)}
+    found = Corrections(
+        lens=LensCorrection.of(-lens, SURE * np.eye(len(lens))), pair=PairCorrection.of(-pair, SURE * np.eye(PAIR))
+    )
     wrong = corrected(sequence.rig, found).rig
     right_from_left = wrong.rig_from_right.inverse() @ wrong.rig_from_left
     rectification = Rectification.of(wrong.camera("left"), wrong.camera("right"), right_from_left)

@@ -21,7 +21,8 @@ def test_a_pair_is_off_as_drawn(tmp_path: Path) -> None:
     np.testing.assert_allclose(wrong.rig.video.fx / plain.rig.video.fx, 1 - lens[0], rtol=1e-3)
     pairs = [e for i, k in enumerate(wrong.kinds) if k == "stereo" and is_stereo(e := wrong[i])]
     *_, last = run(ModernStereoConfig().build(wrong.rig), pairs)
-    found = last.calibration
-    sigma = np.sqrt(np.diag(found["pair_covariance"]))
+    found = last.calibration.pair
+    assert found is not None and found.covariance is not None
+    sigma = np.sqrt(np.diag(found.covariance))
     for term in (OFFSET_X, OFFSET_Y, ROLL):
-        assert abs(found["pair"][term] - pair[term]) < min(4 * sigma[term], 0.2 * abs(pair[term]))
+        assert abs(found.values[term] - pair[term]) < min(4 * sigma[term], 0.2 * abs(pair[term]))

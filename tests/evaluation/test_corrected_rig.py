@@ -8,6 +8,7 @@ from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
 from ispom.solvers.right_camera import COLUMNS, PAIR, TERMS, by_column, by_row
+from ispom.types import Corrections, LensCorrection, MountCorrection, PairCorrection
 
 RIG = simulated_rig()
 SURE = 1e-12
@@ -16,7 +17,7 @@ RAYS = np.column_stack([np.random.default_rng(0).uniform(-0.5, 0.5, (50, 2)), np
 
 def test_the_corrected_lens_sees_what_the_correction_says() -> None:
     f, k = 0.004, -0.02
-    found = corrected(RIG, {"lens": np.array([f, k]), "lens_covariance": SURE * np.eye(2)})
+    found = corrected(RIG, Corrections(lens=LensCorrection(f, k, SURE * np.eye(2))))
     stretch = 1 + f + k * (RAYS[:, :2] ** 2).sum(1, keepdims=True)
     wanted = RIG.camera("video").project(np.column_stack([RAYS[:, :2] * stretch, RAYS[:, 2]]))
     np.testing.assert_allclose(found.rig.camera("video").project(RAYS), wanted, atol=0.1)
@@ -27,7 +28,7 @@ def test_the_corrected_lens_sees_what_the_correction_says() -> None:
 def test_the_corrected_right_camera_sees_what_the_correction_says(term: str) -> None:
     pair, covariance = np.zeros(PAIR), SURE * np.eye(PAIR)
     pair[TERMS.index(term)] = 0.001
-    found = corrected(RIG, {"pair": pair, "pair_covariance": covariance}).rig
+    found = corrected(RIG, Corrections(pair=PairCorrection.of(pair, covariance))).rig
     near = RAYS * np.random.default_rng(1).uniform(4, 50, (len(RAYS), 1))
     ideal = RIG.camera("right").normalise(RIG.camera("right").project(near))
     on_rig = RIG.rig_from_right.apply(near)
@@ -43,7 +44,7 @@ def test_the_corrected_right_camera_sees_what_the_correction_says(term: str) -> 
 
 def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
     change = np.array([0.01, -0.02, 0.005, 0.01, 0.0, -0.02, 0.003])
-    found = corrected(RIG, {"rig": change, "rig_covariance": SURE * np.eye(7)})
+    found = corrected(RIG, Corrections(mount=MountCorrection.of(change, SURE * np.eye(7))))
     turn = RIG.rig_from_video.rotation.T @ found.rig.rig_from_video.rotation
     np.testing.assert_allclose(Pose(turn, np.zeros(3)).rotvec, change[:3], atol=1e-12)
     moved = found.rig.rig_from_video.translation - RIG.rig_from_video.translation
@@ -53,7 +54,7 @@ def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
 
 
 def test_what_chance_explains_changes_nothing_and_is_told() -> None:
-    said = {"lens": np.array([0.001, 0.0]), "lens_covariance": np.eye(2)}
+    said = Corrections(lens=LensCorrection(0.001, 0.0, np.eye(2)))
     found = corrected(RIG, said)
     assert found.rig.video == RIG.video and not found.any_applied
     assert [finding.what for finding in found.findings] == ["video focal length", "video radial distortion"]
@@ -61,10 +62,19 @@ def test_what_chance_explains_changes_nothing_and_is_told() -> None:
 
 def test_what_is_held_is_not_told() -> None:
     covariance = np.diag([0.0] * 6 + [SURE])
-    (clock,) = corrected(RIG, {"rig": np.zeros(7), "rig_covariance": covariance}).findings
+    (clock,) = corrected(RIG, Corrections(mount=MountCorrection.of(np.zeros(7), covariance))).findings
     assert clock.what == "video clock late"
 
 
 def test_a_run_without_corrections_is_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match="no method corrected"):
-        corrected(RIG.changed(video=None), {"pair": np.zeros(PAIR)})
+        corrected(RIG.changed(video=None), Corrections(pair=PairCorrection()))
+
+
+def test_the_parameters_are_named_in_the_order_of_the_solver() -> None:
+    names = [name.removesuffix("_rad").removesuffix("_s") for name in PairCorrection.names()]
+    assert tuple(names) == TERMS
+    values = np.arange(PAIR, dtype=float)
+    assert PairCorrection.of(values).values.tolist() == values.tolist()
+    with pytest.raises(ValueError, match="17 parameters"):
+        PairCorrection.of(np.zeros(3))

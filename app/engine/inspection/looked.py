@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ispom.estimators.modern.lens import Lens
-from ispom.geometry import Array, Pose, Similarity
+from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, FrameName, Rig, Sequence, Step
 
 from ..history.history import Records
@@ -164,8 +164,8 @@ class Looked:
 
     def lens(self, step: Step | None, camera: FrameName) -> Lens:
         """A camera as the method had it at this step."""
-        extra: Array | None = step.calibration.get("lens") if step is not None and camera == "video" else None
-        return Lens(self.of_camera(camera), np.zeros(2) if extra is None else extra)
+        lens = step.calibration.lens if step is not None and camera == "video" else None
+        return Lens(self.of_camera(camera), np.zeros(2) if lens is None else lens.values)
 
     def of_camera(self, camera: FrameName) -> Camera:
         return self.rig.camera(camera)

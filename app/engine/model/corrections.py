@@ -8,9 +8,8 @@ from typing import Protocol
 
 from ispom.errors import InputError
 from ispom.evaluation.corrected_rig import Corrected, corrected
-from ispom.geometry import Array
 from ispom.io.rig import rig_text
-from ispom.types import Rig, Step
+from ispom.types import Corrections, Rig, Step
 
 from ..history.record import ExposureRecord
 
@@ -28,13 +27,13 @@ class Records(Protocol):
 class CorrectionMemory:
     """The newest of each kind."""
 
-    _found: dict[str, Array] = field(default_factory=dict)
+    _found: Corrections = field(default_factory=Corrections)
 
     def add(self, steps: Iterable[Step]) -> None:
         """Of the modern methods alone: those say how sure they are."""
         for step in steps:
-            if any(name.endswith("_covariance") for name in step.calibration):
-                self._found |= step.calibration
+            if step.calibration.has_covariance:
+                self._found = self._found.updated(step.calibration)
 
     def of(self, rig: Rig) -> Corrected | None:
         """None where no method corrected anything."""

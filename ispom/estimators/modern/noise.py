@@ -36,7 +36,7 @@ from ispom.geometry import Array
 from ispom.numerics.reductions import median
 from ispom.solvers.window.adjustment import Adjusted, Window
 from ispom.solvers.window.leftovers import leftovers
-from ispom.types import Check
+from ispom.types import Check, ImageNoise
 
 MEMORY = 2
 """Adjustments until what one said counts a quarter. Hundreds of tracks tell it at once, and windows overlap; a longer
@@ -116,9 +116,9 @@ class TrackNoise:
         (`robust`), and as far as neighbours share them (`shared`)."""
         return self.sigma(setting) ** 2 * self.robust * self.shared
 
-    def as_calibration(self, setting: float) -> Array:
-        """(2,) `noise` of Step.calibration."""
-        return np.array([self.sigma(setting), np.sqrt(self.variance(setting))])
+    def as_image_noise(self, setting: float) -> ImageNoise:
+        """Returns the noise as Steps report it."""
+        return ImageNoise(float(self.sigma(setting)), float(np.sqrt(self.variance(setting))))
 
     @cached_property
     def robust(self) -> float:

@@ -26,7 +26,7 @@ KINDS = ("video",) * COUNT
 
 
 def looked(index: int = COUNT - 1) -> Looked:
-    sequence = replace(doubles.sequence(COUNT), rig=RIG, kinds=KINDS)
+    sequence = replace(doubles.sequence(COUNT).truncated(COUNT), rig=RIG, kinds=KINDS)
     return Looked(sequence, RECORDS, SERIES, lambda i: MODEL, RECORDS[index], None, "", "state")
 
 

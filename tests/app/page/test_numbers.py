@@ -15,6 +15,7 @@ from ispom_app.session.current_run import CurrentRun
 from ispom_app.views.web.numbers import of_exposure, over_time
 
 from ispom.io.rig import read_rig
+from ispom.types import Corrections, LensCorrection
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
@@ -62,7 +63,7 @@ def test_the_rig_is_as_the_newest_corrections_before_an_exposure_say(run: Curren
     path.write_text(text)
     assert read_rig(path).video == rig.video
     record = run.history[3]
-    lens = {"lens": np.array([0.02, 0.0]), "lens_covariance": np.diag([1e-3, 1e-3]) ** 2}
+    lens = Corrections(lens=LensCorrection.of(np.array([0.02, 0.0]), np.diag([1e-3, 1e-3]) ** 2))
     told = replace(record, steps=(replace(record.steps[0], calibration=lens), *record.steps[1:]))
     path.write_text(corrected_by({i: told if i == 3 else run.history[i] for i in range(8)}, 7, rig))
     assert read_rig(path).video.fx == pytest.approx(1.02 * rig.video.fx, rel=1e-4)

@@ -11,7 +11,7 @@ import pytest
 from ispom.estimators.modern.integrated.covariance import by_lens
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array
-from ispom.types import Measurement, Sequence, Step, is_stereo
+from ispom.types import LensCorrection, Measurement, Sequence, Step, is_stereo
 from tests.alone import alone
 
 Asked = list[tuple[Measurement, dict[str, Step]]]
@@ -51,7 +51,9 @@ def walked(flight: Sequence, asked: Asked, lens: Mapping[int, Array]) -> tuple[l
     state, steps, used, now = estimator.start(), list[Step](), list[Array](), np.zeros(2)
     for i, (exposure, parts) in enumerate(asked):
         now = lens.get(i, now)
-        told = {n: replace(p, calibration={**p.calibration, "lens": now}) for n, p in parts.items()}
+        told = {
+            n: replace(p, calibration=replace(p.calibration, lens=LensCorrection.of(now))) for n, p in parts.items()
+        }
         state, step = estimator.step(state, exposure, told)
         steps.append(step)
         used.append(state.window.lens_correction)

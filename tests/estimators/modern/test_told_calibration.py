@@ -9,7 +9,7 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Array
 from ispom.solvers.right_camera import AHEAD, FOCAL, K1, LAG, OFFSET_X, OFFSET_Y, P1, PAIR, YAW
-from ispom.types import EXACT_LENS, EXACT_PAIR, LensSigma, Measurement, PairSigma, Rig, Sequence, is_stereo
+from ispom.types import EXACT_LENS, EXACT_PAIR, Corrections, LensSigma, Measurement, PairSigma, Rig, Sequence, is_stereo
 
 PIXEL = PairSigma(offset_px=1.0, turn_deg=2.0, focal=0.03, radial=0.04, decentring=0.05, lag_s=0.06)
 
@@ -43,14 +43,15 @@ def test_pixels_of_the_file_are_those_of_its_cameras(width_px: int, flight: Sequ
 def corrections(rig: Rig, exposures: list[Measurement]) -> tuple[Array, Array]:
     """What is found to be wrong with the pair, and with the video's lens."""
     stereo, monocular = ModernStereoConfig().build(rig), ModernMonocularConfig().build(rig)
-    pair, lens, told = stereo.start(), monocular.start(), dict[str, Array]()
+    pair, lens, told = stereo.start(), monocular.start(), Corrections()
     for exposure in exposures:
         if is_stereo(exposure):
             pair, step = stereo.step(pair, exposure)
         else:
             lens, step = monocular.step(lens, exposure)
-        told |= step.calibration
-    return told["pair"], told["lens"]
+        told = told.updated(step.calibration)
+    assert told.pair is not None and told.lens is not None
+    return told.pair.values, told.lens.values
 
 
 def test_exact_cameras_are_not_corrected(flight: Sequence, exposures: list[Measurement]) -> None:

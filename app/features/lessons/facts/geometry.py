@@ -77,7 +77,7 @@ def image_motion_px(ran: Ran, method: str, camera: str) -> float:
 
 def clock_ms(ran: Ran, method: str) -> float:
     """How late the video camera's clock is, as the method found it last [ms]."""
-    found = [step.calibration["rig"][6] for step in _steps(ran, method) if "rig" in step.calibration]
+    found = [m.late_s for step in _steps(ran, method) if (m := step.calibration.mount) is not None]
     if not found:
         raise InputError(f"{method} says nothing of the clock: switch its estimate on")
     return 1000 * float(found[-1])

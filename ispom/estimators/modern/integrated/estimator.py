@@ -33,9 +33,11 @@ from ispom.solvers.multiview.resection import Resection
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
+    Corrections,
     Decision,
     Landmarks,
     Measurement,
+    MountCorrection,
     Rig,
     Status,
     Step,
@@ -202,11 +204,11 @@ def _passed_over(
     )
 
 
-def _calibration(window: JointWindow) -> dict[str, Array]:
-    """What was found to be wrong with the video camera's place and clock."""
+def _calibration(window: JointWindow) -> Corrections:
+    """Returns the correction of the video camera's pose on the rig, and of its clock."""
     if not window.rig.free.any() or not window.rig_estimates:
-        return {}
-    return {"rig": window.rig.minus(window.calibrated), "rig_covariance": rig_covariance(window)}
+        return Corrections()
+    return Corrections(mount=MountCorrection.of(window.rig.minus(window.calibrated), rig_covariance(window)))
 
 
 def _landmarks(window: JointWindow, onto: Pose, exposure: Measurement, part: Step) -> Landmarks:

@@ -27,16 +27,18 @@ def observed(rig: Rig, part: Step, video: bool) -> View:
     if video:
         return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan), late)
     disparity = tracks.disparity_px[order].astype(float) / camera.fx
-    rate = part.calibration.get("pair_rate", np.zeros(6))
+    motion = part.calibration.pair_motion
+    rate = np.zeros(6) if motion is None else motion
     return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, late, rate=rate)
 
 
 def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
     """With the interval up to this frame, and the lens correction that the monocular method found."""
     state = replace(state, interval=state.interval.after(part.time_ns))
-    if "lens" not in part.calibration:
+    lens = part.calibration.lens
+    if lens is None:
         return state
-    state = replace(state, lens=(part.calibration["lens"], part.calibration.get("lens_covariance")))
+    state = replace(state, lens=(lens.values, lens.covariance))
     return replace(state, window=with_lens(state)) if state.window.reference is None else state
 
 
@@ -49,8 +51,8 @@ def with_lens(state: ModernIntegratedState) -> JointWindow:
 
 def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
     """With the stereo method's poses in the window, and what it found to be wrong with the pair: one scale for both."""
-    pair = part.calibration.get("pair", state.window.pair_errors)
-    state = replace(state, window=replace(state.window, pair_errors=pair))
+    if part.calibration.pair is not None:
+        state = replace(state, window=replace(state.window, pair_errors=part.calibration.pair.values))
     known = dict(state.metric)
     known |= {t: pose for t, pose in part.revised.items() if t in known}
     if part.world_from_frame is not None:

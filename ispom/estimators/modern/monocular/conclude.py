@@ -13,8 +13,18 @@ from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_liv
 from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.buckets import detect_spread
-from ispom.geometry import Array
-from ispom.types import Frame, Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, colours_at
+from ispom.types import (
+    Corrections,
+    Frame,
+    Image,
+    Landmarks,
+    LensCorrection,
+    Step,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+    colours_at,
+)
 
 CORNER_DISTANCE = 0.011
 """Least distance of a new corner from other points, of the longer side of the image: 7 px at 640, half a tracking
@@ -129,14 +139,13 @@ def _told(outcome: Outcome) -> dict[str, Tracks]:
     return {"video": outcome.other_motion} if outcome.other_motion is not None and len(outcome.other_motion) else {}
 
 
-def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:
-    """What was found to be wrong with the lens."""
+def _calibration(setup: Setup, after: ModernMonocularState) -> Corrections:
+    """Returns the corrections of the lens."""
     if after.map is None:
-        return {}
-    found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise)}
-    if after.uncertainty is not None and after.uncertainty.lens.any():
-        found["lens_covariance"] = after.uncertainty.lens
-    return found
+        return Corrections()
+    known = after.uncertainty.lens if after.uncertainty is not None and after.uncertainty.lens.any() else None
+    lens = LensCorrection.of(after.map.extra, known)
+    return Corrections(lens=lens, noise=after.map.noise.as_image_noise(setup.noise))
 
 
 def _landmarks(exposure: Frame, after: ModernMonocularState) -> Landmarks:
