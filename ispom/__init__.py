@@ -19,27 +19,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ispom.cameras import CameraModel
     from ispom.ensemble import Ensemble, build
-    from ispom.errors import InputError
-    from ispom.estimator import Estimator, Integrator, Method, MethodConfig
+    from ispom.errors import InputError, UnreadableImage
+    from ispom.estimator import Estimator, Integrator, Method, MethodConfig, require_frame
     from ispom.evaluation.ate import aligned, ate_m
     from ispom.evaluation.metrics import errors
     from ispom.frontends.buckets import detect_spread
     from ispom.frontends.corners import detect as detect_corners
     from ispom.frontends.klt import Klt
-    from ispom.geometry import Pose, Similarity
+    from ispom.geometry import Pose, Similarity, skew
     from ispom.methods import Config, default_methods, method, possible_methods
     from ispom.persistent_list import PersistentList
     from ispom.sequences import open_sequence
+    from ispom.sequences.format import Format
+    from ispom.sequences.recording import Recording
     from ispom.settings import Range
     from ispom.solvers.multiview.essential import relative_pose
     from ispom.solvers.multiview.resection import resect
     from ispom.solvers.trajectory.alignment import umeyama
-    from ispom.testing import check_estimator
+    from ispom.testing import check_camera_model, check_estimator
     from ispom.types import (
         Camera,
         CameraSensor,
         Check,
+        Corrections,
         Decision,
         Frame,
         GnssAntenna,
@@ -49,7 +53,12 @@ if TYPE_CHECKING:
         Landmarks,
         LaserScan,
         LaserScanner,
+        LensCorrection,
+        LensSigma,
         Measurement,
+        MountCorrection,
+        PairCorrection,
+        PairSigma,
         Rig,
         Sensor,
         Sequence,
@@ -66,25 +75,29 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "ispom.ensemble": "Ensemble build",
-    "ispom.errors": "InputError",
-    "ispom.estimator": "Estimator Integrator Method MethodConfig",
+    "ispom.cameras": "CameraModel",
+    "ispom.errors": "InputError UnreadableImage",
+    "ispom.estimator": "Estimator Integrator Method MethodConfig require_frame",
     "ispom.evaluation.ate": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
     "ispom.frontends.buckets": "detect_spread",
     "ispom.frontends.corners": "detect_corners",
     "ispom.frontends.klt": "Klt",
-    "ispom.geometry": "Pose Similarity",
+    "ispom.geometry": "Pose Similarity skew",
     "ispom.methods": "Config default_methods method possible_methods",
     "ispom.persistent_list": "PersistentList",
     "ispom.sequences": "open_sequence",
+    "ispom.sequences.format": "Format",
+    "ispom.sequences.recording": "Recording",
     "ispom.settings": "Range",
     "ispom.solvers.multiview.essential": "relative_pose",
     "ispom.solvers.multiview.resection": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
-    "ispom.testing": "check_estimator",
-    "ispom.types": "Camera CameraSensor Check Decision Frame GnssAntenna GnssFix Imu ImuSamples Landmarks LaserScan "
-    "LaserScanner Measurement Rig Sensor Sequence Status Step TimedPoints TrackStatus Tracks Trajectory "
-    "WheelIncrement WheelOdometer as_grey",
+    "ispom.testing": "check_camera_model check_estimator",
+    "ispom.types": "Camera CameraSensor Check Corrections Decision Frame GnssAntenna GnssFix Imu ImuSamples Landmarks "
+    "LaserScan LaserScanner LensCorrection LensSigma Measurement MountCorrection PairCorrection PairSigma "
+    "Rig Sensor Sequence Status Step TimedPoints TrackStatus Tracks Trajectory WheelIncrement "
+    "WheelOdometer as_grey",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 _OWN_NAMES = {"detect_corners": "detect"}

@@ -10,6 +10,7 @@ from ispom.errors import InputError, as_text, counted
 from ispom.io.calibrations.pair import unit_note
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
+from ispom.sequences.format import Format, format_of, formats
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import is_yaml, looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
@@ -133,6 +134,10 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     if not exists(path):
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
     layout = layout_of(path)
+    if isinstance(layout, Format):
+        if calibration is not None:
+            raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
+        return layout.open(path)
     if layout is looks_like_scenario:
         return open_scenario(path, seed)
     if layout in ONE_CAMERA:
@@ -169,19 +174,24 @@ def recordings_in(folder: Path) -> list[Path]:
     return sorted((p for p in inner if recognised(p)), key=lambda p: ("depth" in p.name.lower(), p))
 
 
-def layout_of(path: Path) -> Looks | None:
-    """What recognises a folder or file, and so how it is opened; None where nothing does. InputError where it cannot be
-    looked at."""
-    return next(
-        (looks for looks in (looks_like_scenario, *LAYOUTS, *ONE_CAMERA) if looks is not None and looks(path)), None
-    )
+def layout_of(path: Path) -> Looks | Format | None:
+    """Returns what recognises a folder or file, and so how it is opened: formats of packages after those that name
+    their layout, before those that are images or a video. None where nothing does. Raises InputError where it cannot
+    be looked at."""
+    for looks in (looks_like_scenario, *LAYOUTS):
+        if looks is not None and looks(path):
+            return looks
+    if (found := format_of(path, is_folder(path))) is not None:
+        return found
+    return next((looks for looks in ONE_CAMERA if looks is not None and looks(path)), None)
 
 
 def recognised(path: Path) -> bool:
     """Whether a folder or file can be opened, by what `open_sequence` recognises it by; not what cannot be looked at,
     such as a link to nothing."""
     try:
-        if path.suffix.lower() not in FILES and not is_folder(path):
+        known = FILES.union(*(each.suffixes for each in formats().entries.values()))
+        if path.suffix.lower() not in known and not is_folder(path):
             return False  # most files: nothing in them need be looked for
         return layout_of(path) is not None
     except InputError:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ispom.estimator import Method
 from ispom.methods import method as registered
+from ispom.testing.cameras import check_camera_model
 from ispom.testing.configs import check_declared, check_other_settings
 from ispom.testing.images import check_cameras_alone, check_colour, check_no_texture
 from ispom.testing.states import check_bounded, check_finish, check_repeats, check_unchanged, check_values
@@ -19,7 +20,7 @@ from ispom.testing.steps import check_steps
 from ispom.testing.trial import Trial, walked
 from ispom.types import Sequence
 
-__all__ = ["check_estimator"]
+__all__ = ["check_camera_model", "check_estimator"]
 
 
 def check_estimator(method: Method | str, *, settings: Any = None, sequence: Sequence | None = None) -> None:

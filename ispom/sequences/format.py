@@ -1,0 +1,52 @@
+"""Formats of recordings that installed packages add (entry points `ispom.formats`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.plugins import Table
+from ispom.sequences.recording import Recording
+from ispom.types import Sequence
+
+GROUP = "ispom.formats"
+
+
+@dataclass(frozen=True, eq=False)
+class Format:
+    """How a kind of folder or file is recognised and opened. The name of its entry point is the name of the format."""
+
+    recognises: Callable[[Path], bool]
+    """Looks at a folder, or at a file with one of the `suffixes`. It is tried before folders of images and videos."""
+    open: Callable[[Path], Sequence | Recording]
+    """Opens it: a Sequence is run as it is, a Recording becomes video and stereo frames as the options say. Raises
+    InputError with one sentence for what is wrong."""
+    suffixes: frozenset[str] = frozenset()
+    """Of files, in lower case with a dot; a format without any is one of folders."""
+
+
+@cache
+def formats() -> Table[Format]:
+    """Returns the table of formats of installed packages by name."""
+    return Table(GROUP, Format, ())
+
+
+def format_of(path: Path, is_folder: bool) -> Format | None:
+    """Returns the format of a package that recognises a folder or file; None where none does.
+
+    Raises InputError where a package fails while it looks.
+    """
+    for name, each in formats().entries.items():
+        if not is_folder and path.suffix.lower() not in each.suffixes:
+            continue
+        try:
+            if each.recognises(path):
+                return each
+        except (InputError, OSError):
+            raise
+        except Exception as fault:
+            raise InputError(f"{path}: format {name} fails with {type(fault).__name__}: {fault}") from fault
+    return None
