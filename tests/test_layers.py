@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "stop"},
-    {"compiled_code", "plugins"},
+    {"compiled_code", "registry"},
     {"cameras"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},

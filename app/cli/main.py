@@ -14,11 +14,9 @@ from typing import Annotated, Union
 
 import tyro
 
-from ispom.cameras import camera_models
+from ispom import methods, registry
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
-from ispom.methods import faults
-from ispom.sequences.format import formats
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED
@@ -46,7 +44,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             options = tyro.cli(Union[choices], prog="ispom", description=description, args=arguments)  # type: ignore # noqa: UP007
         finally:
             sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
-        for fault in (*faults(), *formats().faults, *camera_models().faults):
+        for fault in (*methods.faults(), *registry.faults()):
             sys.stderr.write(f"ispom: {fault}\n")
         command = next(each for each in known.values() if each.Options is type(options))
         code = command.execute(options, Call(builder, arguments[1:]))

@@ -58,3 +58,6 @@ def _parts(camera, xyz):
     w2 = (w1 + xi) / np.sqrt(2 * w1 * xi + xi**2 + 1)
     denominator = alpha * d2 + (1 - alpha) * z1
     return x, y, denominator, (z > -w2 * d1) & (denominator > 1e-9 * d1), z1, d1, d2
+
+
+MODEL = DoubleSphere()

@@ -51,4 +51,4 @@ def open_folder(folder: Path) -> ispom.Sequence:
     return ispom.Sequence(f"log {folder.name}", rig, times_ns, kinds, load)
 
 
-FORMAT = ispom.Format(recognises, open_folder)
+FORMAT = ispom.Format("own_log", recognises, open_folder)

@@ -2,6 +2,6 @@
 
 from ispom.cameras.camera import Camera
 from ispom.cameras.model import CameraModel
-from ispom.cameras.registry import camera_models, model_of, require_opencv
+from ispom.cameras.registry import CAMERA_MODELS, model_of, require_opencv
 
-__all__ = ["Camera", "CameraModel", "camera_models", "model_of", "require_opencv"]
+__all__ = ["CAMERA_MODELS", "Camera", "CameraModel", "model_of", "require_opencv"]

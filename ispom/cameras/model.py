@@ -22,7 +22,7 @@ BACK_PX = 1e-3
 class CameraModel(Protocol):
     """How a lens maps points to pixels. Each function is given the camera whose parameters it uses.
 
-    A model of a package is a subclass, and its entry point (group `ispom.cameras`) has the name of the model.
+    A model of a package is an instance of a subclass; an entry point of the group `ispom.cameras` names it.
     `ispom.check_camera_model` is the contract as a test.
     """
 

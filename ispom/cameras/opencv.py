@@ -6,14 +6,17 @@ Sources: Brown 1966 (radial-tangential), Claus and Fitzgibbon 2005 (rational), K
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.cameras.camera import Camera
 from ispom.cameras.model import BACK_PX, CameraModel
 from ispom.geometry import Array
+
+if TYPE_CHECKING:
+    from ispom.cameras.camera import Camera
 
 LEAST_DEPTH = 1e-9
 """Points nearer to the image plane, and those behind it, have no pixel."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.cameras import camera_models, model_of
+from ispom.cameras import CAMERA_MODELS, model_of
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.mapping import finite_numbers
@@ -49,7 +49,7 @@ def lens_of(
         word = re.sub(r"[^a-z0-9]", "", str(value if value is not None else "").lower())
         if word in _NEUTRAL:
             continue
-        lens = _LENSES.get(word) or next((name for name in camera_models().entries if name == value), None)
+        lens = _LENSES.get(word) or (value if value in CAMERA_MODELS.names() else None)
         if lens is None:
             raise InputError(
                 f"{path}: {where}{key} is {str(value)[:40]}, which is no pinhole camera with OpenCV's distortion and "

@@ -10,7 +10,7 @@ from ispom.errors import InputError, as_text, counted
 from ispom.io.calibrations.pair import unit_note
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
-from ispom.sequences.format import Format, format_of, formats
+from ispom.sequences.format import FORMATS, Format, format_of
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import is_yaml, looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
@@ -190,7 +190,7 @@ def recognised(path: Path) -> bool:
     """Whether a folder or file can be opened, by what `open_sequence` recognises it by; not what cannot be looked at,
     such as a link to nothing."""
     try:
-        known = FILES.union(*(each.suffixes for each in formats().entries.values()))
+        known = FILES.union(*(each.suffixes for each in FORMATS.items().values()))
         if path.suffix.lower() not in known and not is_folder(path):
             return False  # most files: nothing in them need be looked for
         return layout_of(path) is not None

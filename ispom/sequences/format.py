@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.plugins import Table
+from ispom.registry import Registry
 from ispom.sequences.recording import Recording
 from ispom.types import Sequence
-
-GROUP = "ispom.formats"
 
 
 @dataclass(frozen=True, eq=False)
 class Format:
-    """How a kind of folder or file is recognised and opened. The name of its entry point is the name of the format."""
+    """How a kind of folder or file is recognised and opened."""
 
+    name: str
+    """Its identity in messages."""
     recognises: Callable[[Path], bool]
     """Looks at a folder, or at a file with one of the `suffixes`. It is tried before folders of images and videos."""
     open: Callable[[Path], Sequence | Recording]
@@ -28,10 +27,8 @@ class Format:
     """Of files, in lower case with a dot; a format without any is one of folders."""
 
 
-@cache
-def formats() -> Table[Format]:
-    """Returns the table of formats of installed packages by name."""
-    return Table(GROUP, Format, ())
+FORMATS = Registry("ispom.formats", Format, "format", ())
+"""Those of installed packages."""
 
 
 def format_of(path: Path, is_folder: bool) -> Format | None:
@@ -39,7 +36,7 @@ def format_of(path: Path, is_folder: bool) -> Format | None:
 
     Raises InputError where a package fails while it looks.
     """
-    for name, each in formats().entries.items():
+    for name, each in FORMATS.items().items():
         if not is_folder and path.suffix.lower() not in each.suffixes:
             continue
         try:
