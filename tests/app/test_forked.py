@@ -34,7 +34,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if found.time_ns // FRAME_NS not in DARK:
             return found
         if is_video(found):
-            return replace(found, image=np.zeros_like(found.image))
+            return found.with_images(video=np.zeros_like(found.image))
         return Frame.stereo(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
 
     times = np.unique(bright.times_ns).tolist()

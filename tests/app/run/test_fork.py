@@ -37,7 +37,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
         if not DARK_NS[0] <= found.time_ns < DARK_NS[1]:
             return found
         if is_video(found):
-            return replace(found, image=np.zeros_like(found.image))
+            return found.with_images(video=np.zeros_like(found.image))
         return Frame.stereo(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
 
     return replace(bright, load=cache(load))

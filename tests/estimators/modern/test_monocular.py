@@ -159,7 +159,7 @@ def test_a_plane_starts_a_map(flight: Sequence) -> None:
 
 def blanked(frames: list[Frame], first: int, count: int) -> list[Frame]:
     dark = np.zeros_like(frames[0].image)
-    return [replace(f, image=dark) if first <= i < first + count else f for i, f in enumerate(frames)]
+    return [f.with_images(video=dark) if first <= i < first + count else f for i, f in enumerate(frames)]
 
 
 def test_a_few_dark_frames_are_bridged(estimator: ModernMonocular, frames: list[Frame], flight: Sequence) -> None:
@@ -187,7 +187,9 @@ def test_a_place_is_known_again_after_a_dark_stretch(
 def test_a_long_loss_starts_a_new_map_in_the_old_world(
     estimator: ModernMonocular, frames: list[Frame], flight: Sequence
 ) -> None:
-    other = [replace(f, image=np.ascontiguousarray(f.image[:, ::-1])) for f in frames[35:]]  # a place never seen before
+    other = [
+        f.with_images(video=np.ascontiguousarray(f.image[:, ::-1])) for f in frames[35:]
+    ]  # a place never seen before
     found, steps = finish(estimator, [*blanked(frames[:35], 25, 10), *other])
     assert steps[-1].status is Status.TRACKING and steps[-1].covariance is not None
     assert any("a new map" in d.consequence for s in steps for d in s.decisions)
@@ -224,7 +226,9 @@ def test_a_first_view_of_a_board_is_not_taken_for_its_mirrored_one(estimator: Mo
 
 
 def test_brightness_may_change_at_once(estimator: ModernMonocular, frames: list[Frame], flight: Sequence) -> None:
-    flickering = [replace(f, image=(f.image * (1.0, 0.7, 0.85)[i % 3]).astype(np.uint8)) for i, f in enumerate(frames)]
+    flickering = [
+        f.with_images(video=(f.image * (1.0, 0.7, 0.85)[i % 3]).astype(np.uint8)) for i, f in enumerate(frames)
+    ]
     found, steps = finish(estimator, flickering[:40])
     assert sum(s.status is Status.LOST for s in steps) == 0 and len(found) == 40
     assert ate(found, video_truth(flight))[0] < 0.015
@@ -260,7 +264,7 @@ def test_tracks_that_end_say_why(walked: tuple[Trajectory, list[Step]]) -> None:
 
 
 def test_images_without_texture_give_no_map(estimator: ModernMonocular, frames: list[Frame]) -> None:
-    steps = list(run(estimator, [replace(f, image=np.full_like(f.image, 128)) for f in frames[:8]]))
+    steps = list(run(estimator, [f.with_images(video=np.full_like(f.image, 128)) for f in frames[:8]]))
     assert {s.status for s in steps} == {Status.INITIALISING}
 
 

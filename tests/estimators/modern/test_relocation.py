@@ -182,7 +182,7 @@ def test_one_thing_that_few_points_show_elsewhere_is_no_place(
     for frame in frames[:36]:
         state, step = estimator.step(state, frame)
         assert not step.restarted
-    _, step = estimator.step(state, replace(frames[36], image=elsewhere))
+    _, step = estimator.step(state, frames[36].with_images(video=elsewhere))
     assert next(d.value for d in step.decisions if d.key == "pose_points") == (0 if more else 31)
     assert step.status is (Status.LOST if more else Status.TRACKING)
 
