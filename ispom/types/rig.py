@@ -223,9 +223,9 @@ class Rig:
 
     def camera(self, name: FrameName) -> Camera:
         """Returns a camera. Raises KeyError where the rig has none of this name."""
-        if name not in self.cameras:
+        if not isinstance(sensor := self.sensors.get(name), CameraSensor):
             raise KeyError(f"this rig has no {name} camera")
-        return self.cameras[name]
+        return sensor.camera
 
     def rig_from(self, frame: FrameName) -> Pose:
         """Returns rig_from_FRAME of a sensor; the identity for the rig itself, and for a video camera or a camera of

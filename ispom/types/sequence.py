@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.cameras import Camera
-from ispom.types.measurements import STEREO, VIDEO, Kind, Measurement, is_video
+from ispom.types.measurements import VIDEO, Kind, Measurement, is_video
 from ispom.types.rig import Rig
 from ispom.types.trajectory import Trajectory
 
@@ -70,14 +70,9 @@ class Sequence:
     """Of a video camera without a calibration; its note is one of the notes."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError where kinds are missing, times decrease, or two frames of a kind have the same time: they
-        would have no motion between them."""
-        steps = np.diff(self.times_ns)
-        if len(self.kinds) != len(self.times_ns) or (steps < 0).any():
+        """Raises ValueError where kinds are missing, or times decrease."""
+        if len(self.kinds) != len(self.times_ns) or (np.diff(self.times_ns) < 0).any():
             raise ValueError(f"{len(self.times_ns)} times, which must not decrease, with {len(self.kinds)} kinds")
-        for i in np.flatnonzero(steps == 0).tolist():
-            if self.kinds[i] == self.kinds[i + 1] and self.kinds[i] in (VIDEO, STEREO):
-                raise ValueError(f"two {self.kinds[i]} frames have the time {self.times_ns[i]} ns")
 
     def __len__(self) -> int:
         return len(self.times_ns)

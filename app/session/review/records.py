@@ -57,10 +57,13 @@ def exposures(folder: Path, rig: Rig) -> Exposures:
                 raise InputError(f"{place} is not as `ispom run` writes it: run again")
             latest_ns = times[step.exposure] = step.time_ns
             frames[step.method] = step.frame
-            if step.method in names():
+            used = registered(step.method).sensors if step.method in names() else frozenset()
+            if len(used) == 1:
+                kinds.setdefault(step.exposure, *used)  # methods that run inside others come after them
+            elif used:
                 steppers[step.exposure].add(step.method)
     for exposure, methods in steppers.items():
-        if (kind := _kind(methods, set(frames))) is not None:
+        if exposure not in kinds and (kind := _kind(methods, set(frames))) is not None:
             kinds[exposure] = kind
     indices = np.arange(max(times, default=-1) + 1)
     known = np.array(sorted(times), np.int64)

@@ -8,7 +8,7 @@ import pytest
 from ispom.simulation.cameras import NOISE_SIGMA
 from ispom.simulation.scenario.fault import Fault
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
-from ispom.types import Sequence
+from ispom.types import Sequence, images_of
 from tests.simulation.scenario.conftest import pair, video
 
 
@@ -65,9 +65,8 @@ def test_drops_stay_on_the_lens_and_cover_what_they_say(plain: Sequence) -> None
 def test_outside_of_its_spell_all_bytes_are_the_same(plain: Sequence, fault: Fault) -> None:
     found = fault.on(plain, 0)
     for i, time_ns in enumerate(plain.times_ns):
-        a, b = plain[i], found[i]
-        names = [name for name in ("image", "left", "right") if hasattr(a, name)]
-        same = all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
+        a, b = images_of(plain[i]), images_of(found[i])
+        same = all(np.array_equal(a[name], b[name]) for name in a)
         assert same == (not 0.5 <= time_ns * 1e-9 < 1.0)
 
 

@@ -125,7 +125,8 @@ class ModernStereo:
 
     def step(self, state: ModernStereoState, exposure: Measurement) -> tuple[ModernStereoState, Step]:
         """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
-        exposure = self._size.reduced(require_frame(exposure, STEREO, state.last and state.last.time_ns))
+        last_ns = None if state.last.left is None else state.last.time_ns
+        exposure = self._size.reduced(require_frame(exposure, STEREO, last_ns))
         watch, new = Stopwatch(), NewPair.of(exposure)
         outcome = self._advance(state, new, watch)
         after, step = outcome.after, as_step(self._setup, exposure, outcome)
