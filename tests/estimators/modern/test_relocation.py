@@ -247,7 +247,7 @@ def test_a_start_from_a_turn_that_is_interrupted_is_a_segment_of_its_own(
 
 
 def test_a_camera_lost_for_long_goes_on_in_its_first_segment_where_that_is_seen_again(
-    flight: Sequence, exposures: list[Exposure]
+    flight: Sequence, exposures: list[Measurement]
 ) -> None:
     steps, error_m = video(flight, exposures, [*range(54), *[-30] * 8, *range(14, 20)])
     found = next(i for i, s in enumerate(steps) if s.joins is not None)
