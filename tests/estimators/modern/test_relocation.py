@@ -281,8 +281,8 @@ def test_a_blind_start_of_stereo_is_told_by_the_integration_that_follows_it(
     state = ensemble.start()
     for exposure in exposures:
         if exposure.time_ns > begin_ns:
-            names = ("image",) if is_video(exposure) else ("left", "right")
-            exposure = replace(exposure, **{name: getattr(exposure, name)[::-1].copy() for name in names})  # noqa: PLW2901
+            turned = {name: image[::-1].copy() for name, image in exposure.images.items()}
+            exposure = exposure.with_images(**turned)  # noqa: PLW2901
         state, step = ensemble.step(state, exposure)
         steps.append(step)
     told = [(s.restarted, s.parts[0].restarted) for s in steps if isinstance(s.parts[0].tracks.get("left"), Tracks)]
