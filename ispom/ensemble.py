@@ -43,12 +43,12 @@ class Ensemble:
         """Its state after other methods or settings ran: estimators that ran go on from there, others start."""
         return {name: state.get(name, start) for name, start in self.start().items()}
 
-    def step(self, state: Mapping[str, Any], exposure: Measurement) -> tuple[dict[str, Any], tuple[Step, ...]]:
-        """The next state, and one Step of each wanted method that uses this exposure, in the order of `methods`."""
+    def step(self, state: Mapping[str, Any], measurement: Measurement) -> tuple[dict[str, Any], tuple[Step, ...]]:
+        """The next state, and one Step of each wanted method that uses this measurement, in the order of `methods`."""
         after, steps = dict(state), dict[str, Step]()
         for name, member in self.members.items():
-            if member.method.uses(exposure):
-                after[name], step = member.estimator.step(after[name], exposure, *member.asked(steps))
+            if member.method.uses(measurement):
+                after[name], step = member.estimator.step(after[name], measurement, *member.asked(steps))
                 steps[name] = replace(step, method=name)
         return after, tuple(steps[name] for name in self.methods if name in steps)
 
@@ -60,11 +60,11 @@ class Ensemble:
         return {name: found[name] for name in self.methods}
 
 
-def run(ensemble: Ensemble, exposures: Iterable[Measurement]) -> Iterator[tuple[Step, ...]]:
-    """Steps of each exposure. Pull-based: pausing is not asking for the next."""
+def run(ensemble: Ensemble, measurements: Iterable[Measurement]) -> Iterator[tuple[Step, ...]]:
+    """Steps of each measurement. Pull-based: pausing is not asking for the next."""
     state = ensemble.start()
-    for exposure in exposures:
-        state, steps = ensemble.step(state, exposure)
+    for measurement in measurements:
+        state, steps = ensemble.step(state, measurement)
         yield steps
 
 

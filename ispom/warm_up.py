@@ -28,12 +28,12 @@ SPEED_M_PER_FRAME = 0.13
 def warm_up() -> None:
     """Runs every method that has compiled parts, so that each of them is there for the types it is used with."""
     rig = flight_rig()
-    exposures = flight(rig)
+    frames = flight(rig)
     config = Config().with_settings("monocular.paper", MonocularConfig(local_bundle=True))
     ensemble = build(config, (*default_methods(rig), "monocular.paper"), rig)
     state = ensemble.start()
-    for exposure in exposures:
-        state, _ = ensemble.step(state, exposure)
+    for frame in frames:
+        state, _ = ensemble.step(state, frame)
     ensemble.finish(state)
     mark_complete()
 

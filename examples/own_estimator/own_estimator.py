@@ -37,8 +37,8 @@ class Frames:
     config: FramesConfig
     start, finish = staticmethod(State), staticmethod(lambda state: ispom.Trajectory.of(list(state.poses), "video"))
 
-    def step(self, state, exposure):
-        begun, grey, old = perf_counter(), ispom.as_grey(exposure.image), state.tracks
+    def step(self, state, frame):
+        begun, grey, old = perf_counter(), ispom.as_grey(frame.image), state.tracks
         uv, status = ispom.Klt().track(state.grey, grey, old.uv)
         alive = np.flatnonzero(status == ispom.TrackStatus.ALIVE)
         motion = ispom.relative_pose(*(self.camera.normalise(p[alive]) for p in (old.uv, uv)), 1 / self.camera.fx)
@@ -49,7 +49,7 @@ class Frames:
         if motion is not None and check.passed:
             status[alive[~motion.inliers]] = ispom.TrackStatus.EPIPOLAR
             pose, health = state.pose @ motion.second_from_first.inverse(), ispom.Status.TRACKING
-            poses = poses.appended((exposure.time_ns, pose))
+            poses = poses.appended((frame.time_ns, pose))
         kept = status == ispom.TrackStatus.ALIVE
         fresh = ispom.detect_corners(grey, self.config.max_tracks - int(kept.sum()), uv[kept])
         new, unknown = state.next_id + np.arange(len(fresh)), np.full((len(fresh), 2), np.nan)
@@ -62,7 +62,7 @@ class Frames:
         seen = ispom.Tracks.of(*(values[tracks.status < ispom.TrackStatus.LOST] for values in (tracks.ids, tracks.uv)))
         after = State(grey, seen, pose or state.pose, poses, state.next_id + len(fresh))
         said = {"tracks": {"video": tracks}, "decisions": (check,), "seconds": {"all": perf_counter() - begun}}
-        return after, ispom.Step(exposure.time_ns, health, "video", pose, **said)
+        return after, ispom.Step(frame.time_ns, health, "video", pose, **said)
 
 
 METHOD = ispom.Method("frames", frozenset({"video"}), FramesConfig, "own", "Nister 2004", checks={"inliers": INLIERS})

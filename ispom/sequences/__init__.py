@@ -1,4 +1,4 @@
-"""Where exposures come from, and how a source given in words is opened."""
+"""Where measurements come from, and how a source given in words is opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decoding ahead: one background thread reads the next exposures while the estimators work on this one."""
+"""Decoding ahead: one background thread reads the next frames while the estimators work on this one."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from threading import Lock
 from ispom.types import Measurement, Sequence
 
 AHEAD = 4
-"""Exposures that are kept decoded at most."""
+"""Frames that are kept decoded at most."""
 
 
 def prefetched(sequence: Sequence) -> Sequence:
     """The same sequence, read ahead from where `prepare` started last; one that prepares by itself, or is live, stays
     as it is.
 
-    The thread ends with the sequence or the process. Exposures out of turn are read by whoever asks for them.
+    The thread ends with the sequence or the process. Frames out of turn are read by whoever asks for them.
     """
     if sequence.prepare is not None or sequence.grow is not None:
         return sequence
@@ -26,7 +26,7 @@ def prefetched(sequence: Sequence) -> Sequence:
 
 
 class _Ahead:
-    """Reads exposures 0..count-1, the next AHEAD of them in the background. Safe from several threads."""
+    """Reads frames 0..count-1, the next AHEAD of them in the background. Safe from several threads."""
 
     def __init__(self, load: Callable[[int], Measurement], count: int) -> None:
         self._load, self._count = load, count
@@ -35,7 +35,7 @@ class _Ahead:
         self._pending: dict[int, Future[Measurement]] = {}
 
     def prepare(self, i: int) -> None:
-        """Starts anew with exposure i."""
+        """Starts anew with frame i."""
         with self._lock:
             self._forget_before(self._count)
             self._fill(i)
@@ -53,7 +53,7 @@ class _Ahead:
             if j not in self._pending:
                 try:
                     self._pending[j] = self._pool.submit(self._load, j)
-                except RuntimeError:  # the process ends: whoever still wants an exposure reads it
+                except RuntimeError:  # the process ends: whoever still wants a frame reads it
                     return
 
     def _forget_before(self, i: int) -> None:

@@ -6,7 +6,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.types import Sequence
 
 UNREADABLE_SHARE = 0.01
-"""Of the exposures of a run, so many may be unreadable; they are skipped."""
+"""Of the frames of a run, so many may be unreadable; they are skipped."""
 
 
 def require_readable(sequence: Sequence) -> None:

@@ -51,8 +51,8 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     def left(i: int) -> Image:
         return recording.read("left", i)
 
-    def load(exposure: int) -> Measurement:
-        i, kind = plan[exposure]
+    def load(index: int) -> Measurement:
+        i, kind = plan[index]
         time_ns = int(recording.times_ns[i])
         if kind == "stereo":
             return Frame.stereo(time_ns, left(i), recording.read("right", i))
@@ -71,5 +71,5 @@ def _emulation(stereo_every: int, video_scale: float) -> str:
     size = "full size" if video_scale == 1 else f"{video_scale:g} of its size"
     return (
         f"An emulation from a stereo recording: every left image at {size} is the video, {pairs} is the stereo, so "
-        "that the video camera sits in the left camera and exposures coincide."
+        "that the video camera sits in the left camera and frames coincide."
     )

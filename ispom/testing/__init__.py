@@ -29,12 +29,12 @@ def check_estimator(method: Method | str, *, settings: Any = None, sequence: Seq
     `settings` are the method's defaults and `sequence` (its truth unused) a short simulated flight of 40 video frames
     and 14 pairs of 320 x 240 pixels unless given. The tested estimator, and those that the method asks, are built and
     stepped several hundred times, among them on images that show nothing, and with every setting at its limits.
-    AssertionError, one sentence: which method, what it does, and at which exposure (of the sequence, from 0).
+    AssertionError, one sentence: which method, what it does, and at which measurement (of the sequence, from 0).
     """
     trial = Trial.of(registered(method) if isinstance(method, str) else method, settings, sequence)
     check_declared(trial)
     with redirect_stdout(StringIO()) as printed:
-        walk = walked(trial.build(), trial.exposures)
+        walk = walked(trial.build(), trial.measurements)
     trial.require(not printed.getvalue(), "prints on standard output")
     check_unchanged(trial, walk)
     check_steps(trial, walk)

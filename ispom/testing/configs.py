@@ -13,7 +13,7 @@ from ispom.types import FRAME_KINDS
 
 NAME = re.compile(r"[a-z][a-z0-9_-]*(\.[a-z0-9_-]+)*")
 CHANGED = 3
-"""Exposures with another setting, and then as many with the settings from before."""
+"""Measurements with another setting, and then as many with the settings from before."""
 
 
 def check_declared(trial: Trial) -> None:
@@ -23,7 +23,7 @@ def check_declared(trial: Trial) -> None:
     trial.require(method.sensors & FRAME_KINDS, "uses no frames of any camera")
     trial.require(method.optional <= method.sensors, "has optional sensors that it does not use")
     trial.require(method.source.strip(), "does not say in Method.source where it comes from")
-    trial.require(trial.exposures and method.possible(trial.rig), "lacks cameras: give a sequence that has them")
+    trial.require(trial.measurements and method.possible(trial.rig), "lacks cameras: give a sequence that has them")
     frozen = is_dataclass(config) and type(config).__dataclass_params__.frozen  # type: ignore[attr-defined]
     trial.require(frozen, "has settings that are no frozen dataclass")
     with failing_as(method, "has settings that cannot be listed"):
@@ -37,18 +37,18 @@ def check_declared(trial: Trial) -> None:
 
 
 def check_other_settings(trial: Trial, walk: Walk) -> None:
-    """A fork changes settings at some exposure: the State from before is stepped on from with the others, and back."""
+    """A fork changes settings on the way: the State from before is stepped on from with the others, and back."""
     middle = len(walk.steps) // 2
-    ahead = trial.exposures[middle:]
+    ahead = trial.measurements[middle:]
     for setting in settings(type(trial.settings)):
         for value in _others(setting, getattr(trial.settings, setting.name)):
             how = f"with {setting.name.replace('_', '-')} {value} from there on"
-            seen = [numbered.like(numbered.exposure, how) for numbered in ahead[:CHANGED]]
+            seen = [numbered.like(numbered.measurement, how) for numbered in ahead[:CHANGED]]
             built = trial.build(replace(trial.settings, **{setting.name: value}))
             changed = walked(built, seen, walk.states[middle])
             built.finish(changed.states[-1], seen[-1].place)
             back = [
-                numbered.like(numbered.exposure, f"with {setting.name} changed and changed back")
+                numbered.like(numbered.measurement, f"with {setting.name} changed and changed back")
                 for numbered in ahead[CHANGED : 2 * CHANGED]
             ]
             walked(walk.built, back, changed.states[-1])

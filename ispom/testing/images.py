@@ -11,23 +11,23 @@ from ispom.types import FRAME_KINDS, Frame, Image, Status, as_grey
 
 BLANK = {"without texture": 128, "all black": 0, "all white": 255}
 FEW = 6
-"""Exposures; enough for a method to come to the end of what it can wait for."""
+"""Measurements; enough for a method to come to the end of what it can wait for."""
 
 
 def check_no_texture(trial: Trial, walk: Walk) -> None:
     """No exception, and no claim to track where nothing was ever seen."""
     built, middle = walk.built, len(walk.steps) // 2
     for how, level in BLANK.items():
-        seen = [_changed(n, lambda image, level=level: np.full_like(image, level), how) for n in trial.exposures]
+        seen = [_changed(n, lambda image, level=level: np.full_like(image, level), how) for n in trial.measurements]
         for numbered, step in zip(seen, walked(built, seen[: 2 * FEW]).steps, strict=False):
             trial.require(step.status is not Status.TRACKING, "tracks in images that show nothing", numbered.place)
         dark = walked(built, seen[middle : middle + FEW], walk.states[middle])
-        walked(built, trial.exposures[middle + FEW : middle + 2 * FEW], dark.states[-1])
+        walked(built, trial.measurements[middle + FEW : middle + 2 * FEW], dark.states[-1])
 
 
 def check_colour(trial: Trial) -> None:
     """RGB images where the others are grey, and the other way round."""
-    seen = [_changed(n, _other_channels, "with the other number of channels") for n in trial.exposures[: 2 * FEW]]
+    seen = [_changed(n, _other_channels, "with the other number of channels") for n in trial.measurements[: 2 * FEW]]
     walked(trial.build(), seen)
 
 
@@ -40,11 +40,11 @@ def check_cameras_alone(trial: Trial) -> None:
         alone = rig.changed(video=None)
     else:
         return
-    walked(trial.build(rig=alone), trial.exposures[:FEW])
+    walked(trial.build(rig=alone), trial.measurements[:FEW])
 
 
 def _changed(numbered: Numbered, change: Callable[[Image], Image], how: str) -> Numbered:
-    seen = numbered.exposure
+    seen = numbered.measurement
     if not isinstance(seen, Frame):
         return numbered
     return numbered.like(seen.with_images(**{name: change(image) for name, image in seen.images.items()}), how)

@@ -18,15 +18,15 @@ from ispom.types import ImuSamples, Measurement, WheelIncrement, images_of
 MAX_DEPTH = 60
 """Values nested in values, in a State of any length of run."""
 STANDING = 60
-"""Exposures of each kind for which the platform stands still, to see what a State takes in addition."""
+"""Measurements of each kind for which the platform stands still, to see what a State takes in addition."""
 GROWTH = 0.2
-"""Of an exposure's bytes, a State grows by at most so much per exposure. A pose takes less than a kB."""
+"""Of a measurement's bytes, a State grows by at most so much per measurement. A pose takes less than a kB."""
 OTHER_THREADS = 2
 
 
 def check_values(trial: Trial, walk: Walk) -> None:
     """Frozen, of bounded depth, and the same after copying, pickling and printing."""
-    places = ["the start", *(numbered.place for numbered in trial.exposures)]
+    places = ["the start", *(numbered.place for numbered in trial.measurements)]
     for i in (0, len(walk.steps) // 2, len(walk.steps)):
         state, place = walk.states[i][trial.method.name], places[i]
         frozen = is_dataclass(state) and type(state).__dataclass_params__.frozen  # type: ignore[attr-defined]
@@ -44,13 +44,13 @@ def check_finish(trial: Trial, walk: Walk) -> None:
     built, seen = walk.built, dict[int, str]()
     frames = {step.frame for step in walk.steps}
     for i in range(len(walk.steps) + 1):
-        place = trial.exposures[i - 1].place if i else "the start"
+        place = trial.measurements[i - 1].place if i else "the start"
         if i:
             seen[walk.steps[i - 1].time_ns] = place
         found = built.finish(walk.states[i], place)
         times = found.times_ns.tolist()
         trial.require(times == sorted(set(times)), "finishes with times that do not increase", place)
-        trial.require(set(times) <= seen.keys(), "finishes with poses at times of no exposure", place)
+        trial.require(set(times) <= seen.keys(), "finishes with poses at times of no measurement", place)
         trial.require(not times or found.frame in frames, f"finishes with poses of the frame {found.frame}", place)
     trial.require(len(found), "finishes without any pose")
     again = built.finish(walk.states[-1], "the end")
@@ -62,14 +62,14 @@ def check_repeats(trial: Trial, walk: Walk) -> None:
     threads = cv2.getNumThreads()
     try:
         cv2.setNumThreads(OTHER_THREADS if threads != OTHER_THREADS else 1)
-        again = walked(trial.build(), trial.exposures)
+        again = walked(trial.build(), trial.measurements)
     finally:
         cv2.setNumThreads(threads)
     _require_same(trial, walk, again, 0, "gives something else in another run")
     middle = len(walk.steps) // 2
-    ahead = trial.exposures[middle:]
+    ahead = trial.measurements[middle:]
     for i in range(0, len(walk.steps), max(1, len(walk.steps) // 4)):
-        once = walked(walk.built, trial.exposures[i : i + 1], walk.states[i])
+        once = walked(walk.built, trial.measurements[i : i + 1], walk.states[i])
         _require_same(trial, walk, once, i, "gives something else when it is stepped twice from one State")
     later = walked(walk.built, ahead, walk.states[middle])
     _require_same(trial, walk, later, middle, "gives something else when it goes on from an earlier State")
@@ -79,36 +79,36 @@ def check_repeats(trial: Trial, walk: Walk) -> None:
 
 
 def check_bounded(trial: Trial, walk: Walk) -> None:
-    """A State takes in poses, and little else, for every exposure."""
+    """A State takes in poses, and little else, for every measurement."""
     built, state, sizes, total = walk.built, walk.states[-1], list[int](), 0
     for numbered in standing(trial):
         state, _ = built.step(state, numbered)
         sizes.append(_size(state[trial.method.name]))
-        total += _bytes(numbered.exposure)
+        total += _bytes(numbered.measurement)
     _require_shallow(trial, state[trial.method.name], "the end")
     half = len(sizes) // 2
     grown = (max(sizes[half:]) - max(sizes[:half])) / half
     most = GROWTH * total / len(sizes)
-    problem = f"has a State that grows by {grown:.0f} bytes per exposure, more than {most:.0f}"
-    trial.require(grown <= most, f"{problem}, while nothing moves after the last exposure")
+    problem = f"has a State that grows by {grown:.0f} bytes per measurement, more than {most:.0f}"
+    trial.require(grown <= most, f"{problem}, while nothing moves after the last measurement")
 
 
 def check_unchanged(trial: Trial, walk: Walk) -> None:
     """Of all that was kept, after all that was done with it."""
     for i, (state, before) in enumerate(zip(walk.states, walk.digests, strict=True)):
-        place = trial.exposures[i - 1].place if i else "the start"
+        place = trial.measurements[i - 1].place if i else "the start"
         trial.require(digest(state) == before, "changes a State that was kept from before", place)
 
 
 def standing(trial: Trial) -> Iterator[Numbered]:
-    """More exposures after the last, which show the same."""
-    last = {numbered.exposure.kind: numbered for numbered in trial.exposures}
-    end_ns = max(numbered.exposure.time_ns for numbered in trial.exposures)
+    """More measurements after the last, which show the same."""
+    last = {numbered.measurement.kind: numbered for numbered in trial.measurements}
+    end_ns = max(numbered.measurement.time_ns for numbered in trial.measurements)
     moments = (end_ns + 33_000_000 * k for k in count(1))
     for moment_ns in islice(moments, STANDING):
         for kind, numbered in last.items():
             time_ns = moment_ns + (11_000_000 if kind == "stereo" else 0)
-            yield numbered.like(at(numbered.exposure, time_ns), "again, standing still")
+            yield numbered.like(at(numbered.measurement, time_ns), "again, standing still")
 
 
 def at(measurement: Measurement, time_ns: int) -> Measurement:
@@ -124,7 +124,7 @@ def at(measurement: Measurement, time_ns: int) -> Measurement:
 def _require_same(trial: Trial, walk: Walk, again: Walk, first: int, what: str) -> None:
     """Steps and States of the second are those of the first from there on."""
     for k, step in enumerate(again.steps):
-        place = trial.exposures[first + k].place
+        place = trial.measurements[first + k].place
         trial.require(digest(walk.steps[first + k], TIMES) == digest(step, TIMES), f"{what}: another Step", place)
         trial.require(walk.digests[first + k + 1] == again.digests[k + 1], f"{what}: another State", place)
 
@@ -138,5 +138,5 @@ def _size(state: Any) -> int:
     return len(pickle.dumps(state))
 
 
-def _bytes(exposure: Measurement) -> int:
-    return sum(image.nbytes for image in images_of(exposure).values())
+def _bytes(measurement: Measurement) -> int:
+    return sum(image.nbytes for image in images_of(measurement).values())

@@ -36,15 +36,15 @@ CODES = [int(status) for status in TrackStatus]
 def check_steps(trial: Trial, walk: Walk) -> None:
     """Every Step by itself, and beside those before it."""
     said = _Said(trial)
-    for numbered, step in zip(trial.exposures, walk.steps, strict=True):
-        place, time_ns = numbered.place, numbered.exposure.time_ns
+    for numbered, step in zip(trial.measurements, walk.steps, strict=True):
+        place, time_ns = numbered.place, numbered.measurement.time_ns
         trial.require(step.time_ns == time_ns, f"gives a Step of the time {step.time_ns} ns", place)
         for part in (step, *step.parts):
             _check_values(trial, part, place)
         _check_poses(trial, step, place)
         said.add(step, place)
     found = any(step.status is Status.TRACKING for step in walk.steps)
-    trial.require(found, "never tracks: its status is initialising or lost at all exposures")
+    trial.require(found, "never tracks: its status is initialising or lost at all measurements")
 
 
 def _check_values(trial: Trial, step: Step, place: str) -> None:
@@ -84,7 +84,7 @@ def _check_poses(trial: Trial, step: Step, place: str) -> None:
         trial.require(rotates and np.isfinite(pose.translation).all(), "gives a pose that is no rigid motion", place)
     times = step.revised.times_ns
     trial.require((np.diff(times) > 0).all(), "revises poses at times that do not increase", place)
-    trial.require((times <= step.time_ns).all(), "revises poses of later exposures", place)
+    trial.require((times <= step.time_ns).all(), "revises poses of later measurements", place)
 
 
 @dataclass
@@ -127,10 +127,10 @@ class _Said:
             self.ended[camera] |= set(tracks.ids[tracks.status >= TrackStatus.LOST].tolist())
 
     def _final(self, step: Step, place: str) -> None:
-        """Poses are revised where there were exposures, and hardly where they were declared final."""
+        """Poses are revised where there were measurements, and hardly where they were declared final."""
         self.times.add(step.time_ns)
         for time_ns, pose in step.revised.items():
-            self.trial.require(time_ns in self.times, "revises a pose at a time of no exposure", place)
+            self.trial.require(time_ns in self.times, "revises a pose at a time of no measurement", place)
             if self.final_ns is not None and time_ns < self.final_ns:
                 before = self.poses.get(time_ns)
                 small = before is not None and _moves_little(before, pose, self.path)

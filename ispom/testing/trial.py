@@ -18,15 +18,15 @@ from ispom.warm_up import flight, flight_rig
 
 @dataclass(frozen=True, eq=False)
 class Numbered:
-    """An exposure, and how sentences call it."""
+    """A measurement, and how sentences call it."""
 
-    exposure: Measurement
+    measurement: Measurement
     place: str
-    """exposure 12, exposure 12 without texture"""
+    """measurement 12, measurement 12 without texture"""
 
-    def like(self, exposure: Measurement, how: str) -> Numbered:
+    def like(self, measurement: Measurement, how: str) -> Numbered:
         """Another one in its place."""
-        return Numbered(exposure, f"{self.place} {how}")
+        return Numbered(measurement, f"{self.place} {how}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +36,15 @@ class Trial:
     method: Method
     settings: Any
     rig: Rig
-    exposures: tuple[Numbered, ...]
+    measurements: tuple[Numbered, ...]
     """Those that the method uses."""
 
     @staticmethod
     def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
-        """On the exposures of a sequence, or of a flight past balls."""
+        """On the measurements of a sequence, or of a flight past balls."""
         rig = flight_rig() if sequence is None else sequence.rig
         found = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
-        used = tuple(Numbered(e, f"exposure {i}") for i, e in enumerate(found) if method.uses(e))
+        used = tuple(Numbered(e, f"measurement {i}") for i, e in enumerate(found) if method.uses(e))
         with failing_as(method, "cannot make its default settings"):
             chosen = method.config() if settings is None else settings
         return Trial(method, chosen, rig, used)
@@ -77,12 +77,12 @@ class Built:
         return {name: member.estimator.start() for name, member in self.members.items()}
 
     def step(self, state: Mapping[str, Any], numbered: Numbered) -> tuple[dict[str, Any], Step]:
-        after, steps, exposure = dict(state), dict[str, Step](), numbered.exposure
-        images, before = _images(exposure), [image.copy() for image in _images(exposure)]
+        after, steps, measurement = dict(state), dict[str, Step](), numbered.measurement
+        images, before = _images(measurement), [image.copy() for image in _images(measurement)]
         for name, member in self.members.items():
-            if member.method.uses(exposure):
+            if member.method.uses(measurement):
                 with failing_as(self.method, "cannot step", numbered.place):
-                    after[name], step = member.estimator.step(after[name], exposure, *member.asked(steps))
+                    after[name], step = member.estimator.step(after[name], measurement, *member.asked(steps))
                     steps[name] = replace(step, method=name)
         if any((now != then).any() for now, then in zip(images, before, strict=True)):
             fail(self.method, "writes into the images that it is given", numbered.place)
@@ -102,17 +102,17 @@ class Walk:
 
     built: Built
     states: tuple[dict[str, Any], ...]
-    """One more than there are exposures."""
+    """One more than there are measurements."""
     digests: tuple[bytes, ...]
     """Of the states, as they were when they were new."""
     steps: tuple[Step, ...]
 
 
-def walked(built: Built, exposures: Iterable[Numbered], state: Mapping[str, Any] | None = None) -> Walk:
-    """Through all exposures, from the start or from a state."""
+def walked(built: Built, measurements: Iterable[Numbered], state: Mapping[str, Any] | None = None) -> Walk:
+    """Through all measurements, from the start or from a state."""
     states, steps = [dict(built.start() if state is None else state)], list[Step]()
     digests = [_digest(built, states[0], "the start")]
-    for numbered in exposures:
+    for numbered in measurements:
         after, step = built.step(states[-1], numbered)
         states.append(after)
         steps.append(step)
@@ -142,5 +142,5 @@ def _digest(built: Built, state: Any, place: str) -> bytes:
         return digest(state)
 
 
-def _images(exposure: Measurement) -> list[Any]:
-    return list(images_of(exposure).values())
+def _images(measurement: Measurement) -> list[Any]:
+    return list(images_of(measurement).values())

@@ -1,5 +1,6 @@
 """rig.yaml: what is written is read back, and mistakes are named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.rig import read_rig, rig_text
-from ispom.types import Camera, LaserScanner, LensSigma, PairSigma, Rig
+from ispom.types import Camera, CameraSensor, GnssAntenna, Imu, LaserScanner, LensSigma, PairSigma, Rig, WheelOdometer
 from tests import doubles
 
 
@@ -77,3 +78,44 @@ def test_a_mistake_is_named(old: str, new: str, message: str, tmp_path: Path) ->
     with pytest.raises(InputError, match=message) as caught:
         read_rig(path)
     assert str(path) in str(caught.value)
+
+
+SENSORS = {
+    "front": CameraSensor(camera=Camera(64, 48, 50.0, 51.0, 31.5, 23.5), rig_from_sensor=Pose(translation=np.ones(3))),
+    "gnss_back": GnssAntenna(rig_from_sensor=Pose(translation=np.array([0.0, -1.0, 0.0]))),
+    "imu": Imu(gyroscope_noise=2e-4),
+    "wheel": WheelOdometer(distance_noise=0.03),
+    "laser": LaserScanner(range_noise_m=0.005),
+}
+
+
+def test_other_sensors_are_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text(rig_text(doubles.rig().changed(**SENSORS)))
+    found = read_rig(path)
+    assert set(found.sensors) == {"video", "left", "right", *SENSORS}
+    for name, sensor in SENSORS.items():
+        again = found.sensors[name]
+        np.testing.assert_allclose(again.rig_from_sensor.matrix, sensor.rig_from_sensor.matrix, atol=1e-12)
+        assert replace(again, rig_from_sensor=sensor.rig_from_sensor).__dict__ == sensor.__dict__
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("sensor: imu", "sensor: sonar", "sensors that name their kind in `sensor`"),
+        ("gnss_back:", "Gnss back:", "sensors that name their kind"),
+        ("gnss_back:", "world:", "sensors that name their kind"),
+        ("rig_from_gnss_back", "rig_from_gnss", r"gnss_back\.rig_from_gnss_back is missing"),
+        ("gyroscope_noise", "noise", r"imu\.noise is not known, as it has rig_from_imu, gyroscope_noise"),
+        ("gyroscope_noise: 0.0002", "gyroscope_noise: -1", r"imu\.gyroscope_noise is -1, give a positive value"),
+        ("gyroscope_noise: 0.0002", "gyroscope_noise: often", r"imu\.gyroscope_noise needs 1 finite number"),
+        ("sensor: camera", "sensor: imu", r"front\.width is not known"),
+    ],
+)
+def test_mistakes_of_other_sensors_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path, text = tmp_path / "rig.yaml", rig_text(doubles.rig().changed(**SENSORS))
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(InputError, match=message):
+        read_rig(path)

@@ -51,15 +51,15 @@ class Walker:
     def start(self) -> Any:
         return WalkerState()
 
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-        assert is_video(exposure)
-        if exposure.image.std() < 1:
-            return state, Step(exposure.time_ns, Status.LOST, "video", seconds={"look": 0.0})
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+        assert is_video(measurement)
+        if measurement.image.std() < 1:
+            return state, Step(measurement.time_ns, Status.LOST, "video", seconds={"look": 0.0})
         pose = Pose(translation=np.array([0.0, 0.0, self.config.pace * len(state.poses)]))
         tracks = Tracks.of(np.array([len(state.poses)]), np.array([[3.0, 4.0]]), status=np.array([TrackStatus.LOST]))
-        step = Step(exposure.time_ns, Status.TRACKING, "video", pose, seconds={"look": 0.0})
+        step = Step(measurement.time_ns, Status.TRACKING, "video", pose, seconds={"look": 0.0})
         step = replace(step, tracks={"video": tracks}, decisions=(CHECK,))
-        return replace(state, poses=state.poses.appended((exposure.time_ns, pose))), step
+        return replace(state, poses=state.poses.appended((measurement.time_ns, pose))), step
 
     def finish(self, state: Any) -> Trajectory:
         return Trajectory.of(list(state.poses), "video")
@@ -84,8 +84,8 @@ def saying(**what: Any) -> type[Walker]:
     """A walker whose Steps say something else."""
 
     class Saying(Walker):
-        def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-            after, step = super().step(state, exposure)
+        def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+            after, step = super().step(state, measurement)
             found = {name: value(step, state) if callable(value) else value for name, value in what.items()}
             return after, replace(step, **found)
 
@@ -96,9 +96,9 @@ def keeping(counted: Callable[[Walker, Any, Measurement], Any]) -> type[Walker]:
     """A walker whose State holds something else."""
 
     class Keeping(Walker):
-        def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-            after, step = super().step(state, exposure)
-            return replace(after, counted=counted(self, state, exposure)), step
+        def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+            after, step = super().step(state, measurement)
+            return replace(after, counted=counted(self, state, measurement)), step
 
     return Keeping
 
@@ -124,8 +124,8 @@ class Thawed(Walker):
     def start(self) -> Any:
         return (WalkerState(),)
 
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-        after, step = super().step(state[0], exposure)
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+        after, step = super().step(state[0], measurement)
         return (after,), step
 
     def finish(self, state: Any) -> Trajectory:
@@ -133,9 +133,9 @@ class Thawed(Walker):
 
 
 class Scribbling(Walker):
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-        found = super().step(state, exposure)
-        exposure.image[0, 0] ^= 1  # type: ignore[union-attr]
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+        found = super().step(state, measurement)
+        measurement.image[0, 0] ^= 1  # type: ignore[union-attr]
         return found
 
 
@@ -147,26 +147,26 @@ class Impatient(Walker):
 class Counting(Walker):
     """Remembers in itself what belongs into the State."""
 
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-        after, step = super().step(state, exposure)
-        self.hidden.append(exposure.time_ns)
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+        after, step = super().step(state, measurement)
+        self.hidden.append(measurement.time_ns)
         return after, replace(step, residuals_px=np.array([float(len(self.hidden))]))
 
 
 class Afraid(Walker):
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
-        if not exposure.image.any():  # type: ignore[union-attr]
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
+        if not measurement.image.any():  # type: ignore[union-attr]
             raise ZeroDivisionError("nothing there")
-        return super().step(state, exposure)
+        return super().step(state, measurement)
 
 
 class Settled(Walker):
     """Cannot go on from a State of another pace."""
 
-    def step(self, state: Any, exposure: Measurement) -> tuple[Any, Step]:
+    def step(self, state: Any, measurement: Measurement) -> tuple[Any, Step]:
         if state.counted not in (0, self.config.pace):
             raise ValueError("another pace")
-        after, step = super().step(state, exposure)
+        after, step = super().step(state, measurement)
         return replace(after, counted=self.config.pace), step
 
 
@@ -185,18 +185,18 @@ TRACKED = Tracks.of(np.array([1, 1]), np.array([[3.0, 4.0], [5.0, 6.0]]))
 BROKEN = {
     "prints on standard output": Printing,
     "has a State that is no frozen dataclass (tuple), at the start": Thawed,
-    "writes into the images that it is given, at exposure 0": Scribbling,
+    "writes into the images that it is given, at measurement 0": Scribbling,
     "cannot finish after (IndexError: list index out of range), at the start": Impatient,
-    "gives something else when it is stepped twice from one State: another Step, at exposure 0": Counting,
+    "gives something else when it is stepped twice from one State: another Step, at measurement 0": Counting,
     "gives something else in another run: another State": keeping(lambda *_: object.__hash__(object()) + id(_)),
-    "cannot step (ZeroDivisionError: nothing there), at exposure 0 all black": Afraid,
+    "cannot step (ZeroDivisionError: nothing there), at measurement 0 all black": Afraid,
     "cannot step (ValueError: another pace)": Settled,
     "State that was kept from before": keeping(growing_list),
     "has a State nested": keeping(lambda w, state, _: (state.counted,)),
     "has a State that grows by": keeping(lambda w, s, e: (*(s.counted or ()), e.image.copy())),  # type: ignore
-    "tracks in images that show nothing, at exposure 0 without texture": saying(status=Status.TRACKING),
+    "tracks in images that show nothing, at measurement 0 without texture": saying(status=Status.TRACKING),
     "never tracks": saying(status=Status.LOST),
-    "gives a Step of the time 7 ns, at exposure 0": saying(time_ns=7),
+    "gives a Step of the time 7 ns, at measurement 0": saying(time_ns=7),
     "gives no wall time": saying(seconds={}),
     "covariance that is not (6, 6)": saying(covariance=-np.eye(6)),
     "residuals that are no list": saying(residuals_px=np.array([-1.0])),
@@ -214,8 +214,8 @@ BROKEN = {
     ),
     "makes a check 'colour' that is not in Method.checks": saying(decisions=(replace(CHECK, key="colour"),)),
     "which is a trigger, but of no question": saying(decisions=(replace(CHECK, kind="trigger"),)),
-    "revises poses of later exposures": revising(99 * 10**9),
-    "revises a pose at a time of no exposure": revising(5),
+    "revises poses of later measurements": revising(99 * 10**9),
+    "revises a pose at a time of no measurement": revising(5),
     "which was declared final": revising(0, final_until_ns=lambda step, _: step.time_ns // 2),
     "takes back what it declared final": saying(final_until_ns=lambda step, _: -step.time_ns),
     "gives poses of the frame rig after some of the frame video": saying(

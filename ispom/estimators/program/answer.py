@@ -1,4 +1,4 @@
-"""A program's answer about one exposure, looked at before it is trusted."""
+"""A program's answer about one frame, looked at before it is trusted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def read_step(
 ) -> Step:
     """Its Step, without frame and times; ProgramFault for what is not as the protocol says.
 
-    `cameras` are those of the exposure. By camera, `before` has the tracks of the exposure before it, without those
+    `cameras` are those of the frame. By camera, `before` has the tracks of the frame before it, without those
     that had ended, and `ids` the first id that no track had.
     """
     plain.known(answer, NAMES, "an answer")
@@ -39,7 +39,7 @@ def read_step(
     if pose is None and status is Status.TRACKING:
         raise ProgramFault("answers that it tracks, but with no pose")
     said = plain.mapping(answer.get("tracks", {}), "tracks")
-    plain.known(said, cameras, "the exposure")
+    plain.known(said, cameras, "the frame")
     tracks = {
         name: _tracks(plain.mapping(said.get(name, {}), "tracks"), name, camera, before.get(name), ids.get(name, 0))
         for name, camera in cameras.items()
@@ -68,7 +68,7 @@ def _pose(entry: dict[str, Any]) -> Pose:
 
 
 def _tracks(entry: dict[str, Any], name: str, camera: Camera, before: Tracks | None, first_new: int) -> Tracks:
-    """Those of the exposure, and after them those of the exposure before that have ended, where they were then."""
+    """Those of the frame, and after them those of the frame before that have ended, where they were then."""
     where = f"tracks.{name}"
     plain.known(entry, ("ids", "uv", "ended"), where)
     listed = plain.items(entry.get("ids", []), f"{where}.ids", MOST_TRACKS)

@@ -22,9 +22,9 @@ class ProgramConfig:
     """The program and its arguments, started without a shell. No setting: neither a page nor a run folder says it."""
 
     timeout_s: Annotated[float, Range(10, 3600)] = 60.0
-    """The program is ended where it takes longer to start or to answer about an exposure [s]."""
+    """The program is ended where it takes longer to start or to answer about a frame [s]."""
     replay_mb: Annotated[int, Range(0, 100_000)] = 2000
-    """Temporary disk space for the exposures seen [MB], to go back in a run of a program that saves no state. Such a
+    """Temporary disk space for the frames seen [MB], to go back in a run of a program that saves no state. Such a
     program sees them again from the start, so changed settings act from there; beyond this size, no going back."""
 
     def build(self, rig: Rig) -> Program:

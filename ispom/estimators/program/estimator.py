@@ -2,7 +2,7 @@
 
 Its State is a value: poses, tracks, and either the state that the program saved, or what it has seen. Where it is
 stepped on from a State that is not where the program is, the program restores what it saved; one that saves nothing
-is started again, and sees all exposures from the first. So settings that were changed on the way act from there in a
+is started again, and sees all frames from the first. So settings that were changed on the way act from there in a
 program that saves, and from the start in one that does not.
 """
 
@@ -33,17 +33,17 @@ STATE_BYTES = 256 << 20
 @dataclass(frozen=True, eq=False)
 class State:
     count: int = 0
-    """Exposures seen."""
+    """Frames seen."""
     chain: bytes = b""
     """A digest of all of them."""
     saved: bytes | None = field(default=None, repr=False)
-    """The program's own state; None before the first exposure, and where it saves none."""
+    """The program's own state; None before the first frame, and where it saves none."""
     seen: PersistentList[Kept] = PersistentList()
-    """The exposures, where the program saves no state."""
+    """The frames, where the program saves no state."""
     poses: PersistentList[tuple[int, Pose]] = PersistentList()
     frame: FrameName = "rig"
     tracks: Mapping[str, Tracks] = field(default_factory=dict)
-    """By camera, those of its last exposure that had not ended."""
+    """By camera, those of its last frame that had not ended."""
     ids: Mapping[str, int] = field(default_factory=dict)
     """By camera, the first id that no track had."""
 
@@ -72,21 +72,21 @@ class Program:
     def start(self) -> State:
         return State()
 
-    def step(self, state: State, exposure: Measurement) -> tuple[State, Step]:
+    def step(self, state: State, measurement: Measurement) -> tuple[State, Step]:
         """InputError, which names the program's last line on standard error, for whatever is wrong with it."""
         begun = perf_counter()
         try:
             running = self._at(state)
-            content = requests.step(state.count, exposure, running.described.grey)
+            content = requests.step(state.count, measurement, running.described.grey)
             answer, saved = _exchange(running, content)
-            cameras = {name: self._rig.camera(name) for name in images_of(exposure)}  # type: ignore[arg-type]
-            found = read_step(answer, exposure.time_ns, running.described.checks, cameras, state.tracks, state.ids)
+            cameras = {name: self._rig.camera(name) for name in images_of(measurement)}  # type: ignore[arg-type]
+            found = read_step(answer, measurement.time_ns, running.described.checks, cameras, state.tracks, state.ids)
             found = replace(found, frame=running.described.frame, seconds={"program": perf_counter() - begun})
             after = self._after(state, found, content, saved)
             self._running = replace(running, mark=after.mark)
         except ProgramFault as fault:
             self._stop()
-            where = f"at exposure {state.count} of those that it was given"
+            where = f"at frame {state.count} of those that it was given"
             raise InputError(explained(self._config, fault, where, self._pipe)) from None
         except BaseException:  # in the middle of an exchange
             self._stop()
@@ -129,7 +129,7 @@ class Program:
             for kept in state.seen:
                 if (content := STORE.read(kept.digest)) is None:
                     raise InputError(
-                        f"{self._config.name} cannot go back to exposure {state.count} of those that it was given, for "
+                        f"{self._config.name} cannot go back to frame {state.count} of those that it was given, for "
                         f"its program saves no state: give more --{self._config.name}.replay-mb than "
                         f"{self._config.replay_mb}, or run again"
                     )
@@ -160,7 +160,7 @@ def explained(config: type[ProgramConfig] | ProgramConfig, fault: ProgramFault, 
 
 
 def _exchange(running: _Running, content: bytes) -> tuple[dict[str, Any], bytes | None]:
-    """The answer about an exposure, and the state that was saved after it."""
+    """The answer about a frame, and the state that was saved after it."""
     answer, saves = running.pipe.ask(content), running.described.saves
     if saves != ("state_bytes" in answer):
         raise ProgramFault(f"answers {'without' if saves else 'with'} state_bytes, but said that saves is {saves}")

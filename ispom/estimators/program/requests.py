@@ -21,9 +21,9 @@ def restore(saved: bytes) -> bytes:
     return _line({"type": "restore", "state_bytes": len(saved)}) + saved
 
 
-def step(index: int, exposure: Measurement, grey: bool) -> bytes:
-    """`index` counts the exposures that this method was given, from 0."""
-    images = {name: as_grey(image) if grey else image for name, image in images_of(exposure).items()}
+def step(index: int, measurement: Measurement, grey: bool) -> bytes:
+    """`index` counts the frames that this method was given, from 0."""
+    images = {name: as_grey(image) if grey else image for name, image in images_of(measurement).items()}
     raw = [np.ascontiguousarray(image).tobytes() for image in images.values()]
     listed = [
         {
@@ -35,7 +35,7 @@ def step(index: int, exposure: Measurement, grey: bool) -> bytes:
         }
         for name, image in images.items()
     ]
-    return b"".join([_line({"type": "step", "index": index, "time_ns": exposure.time_ns, "images": listed}), *raw])
+    return b"".join([_line({"type": "step", "index": index, "time_ns": measurement.time_ns, "images": listed}), *raw])
 
 
 def _line(request: Mapping[str, Any]) -> bytes:

@@ -1,4 +1,4 @@
-"""Exposures kept for replay, in a temporary file without a name that vanishes with the program, however that ends."""
+"""Frames kept for replay, in a temporary file without a name that vanishes with the program, however that ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MB = 1_000_000
 
 
 class Kept:
-    """An exposure that States refer to: its content is kept as long as one of them is. Pickled as its digest."""
+    """A frame that States refer to: its content is kept as long as one of them is. Pickled as its digest."""
 
     __slots__ = ("__weakref__", "digest", "offset", "size")
 

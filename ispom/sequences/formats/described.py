@@ -153,8 +153,8 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
         both: list[tuple[int, Kind, int]] = [(t, "stereo", i) for i, t in enumerate(stereo.times_ns.tolist())]
         plan = sorted(both + plan)  # a stereo pair comes before the video frame of the same time, as in the alphabet
 
-    def load(exposure: int) -> Measurement:
-        time_ns, kind, i = plan[exposure]
+    def load(index: int) -> Measurement:
+        time_ns, kind, i = plan[index]
         if stereo is None or kind == "video":
             return Frame.video(time_ns, video.read(i))
         return Frame.stereo(time_ns, stereo.read("left", i), stereo.read("right", i))

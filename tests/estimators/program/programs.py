@@ -18,7 +18,7 @@ PYTHON = (sys.executable, "-E", "-S")
 SAVES, FORGETS = (*PYTHON, str(COMPASS)), (*PYTHON, str(COMPASS), "--forget")
 RIG = Rig.single(Camera(320, 240, 230.0, 230.0, 159.5, 119.5))
 AT = 2
-"""The exposure at which the one with a fault has it."""
+"""The frame at which the one with a fault has it."""
 FAULTY = """
 import json, os, signal, subprocess, sys, time
 def say(answer):
@@ -46,7 +46,7 @@ def config(command: tuple[str, ...], **settings: Any) -> ProgramConfig:
 
 
 def faulty(folder: Path, fault: str, **settings: Any) -> ProgramConfig:
-    """A program that answers well before exposure AT, and there does this; its process ids go to folder/pids."""
+    """A program that answers well before frame AT, and there does this; its process ids go to folder/pids."""
     script = folder / "faulty.py"
     script.write_text(FAULTY.replace("AT:", f"{AT}:").replace("FAULT", fault.replace("\n", "\n        ")))
     return config((*PYTHON, str(script), str(folder / "pids")), **settings)
