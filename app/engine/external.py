@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from keyword import iskeyword
-from typing import get_args
 
 from ispom.errors import InputError
 from ispom.estimators.program import ProgramConfig, program_method
@@ -42,7 +41,7 @@ def _named(value: str) -> tuple[type[ProgramConfig], list[Kind]]:
     names_it, equals, command = value.partition("=")
     name, colon, kinds = names_it.partition(":")
     needs = kinds.split("+") if colon else ["video"]
-    if not equals or len(set(needs)) < len(needs) or not set(needs) <= set(get_args(Kind)):
+    if not equals or len(set(needs)) < len(needs) or not set(needs) <= {"video", "stereo"}:
         raise InputError(
             f"{FLAG} is {value[:60]!r}: give NAME=COMMAND, or NAME:KINDS=COMMAND with video or stereo in KINDS"
         )

@@ -100,8 +100,9 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
     for _ in range(10):
         x = given / (1 + lens[0] + lens[1] * (x**2).sum(1, keepdims=True))
     rays = np.column_stack([x, np.ones(len(x))])
-    count = 2 if camera.lens == "opencv" else 4
-    distortion = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
+    count = {"opencv": 2, "fisheye": 4}.get(camera.lens, 0)
+    # Radial coefficients that are fitted; of other models the focal lengths alone.
+    distortion = (*camera.distortion, *(0.0,) * (max(0, 4 - len(camera.distortion)) if count else 0))
 
     def of(vector: Array) -> Camera:
         radial = tuple(float(k) for k in vector[2:])

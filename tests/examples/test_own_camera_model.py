@@ -46,10 +46,11 @@ def test_images_of_it_are_run_and_without_the_package_its_name_is_refused(instal
     images.mkdir()
     found = python(installed, "-c", RENDER, images)
     assert found.returncode == 0, found.stderr
-    words = ("-m", "ispom_app", "run", images, "--methods", "monocular.paper", "--no-recording", "--out")
+    words = ("-m", "ispom_app", "run", images, "--methods", "monocular", "monocular.paper", "--no-recording", "--out")
     found = python(installed, *words, out)
     assert found.returncode == 0, found.stderr
     assert "model: double_sphere" in (out / "rig.yaml").read_text()
-    assert len((out / "monocular.paper.tum").read_text().splitlines()) >= 15
+    for method in ("monocular", "monocular.paper"):
+        assert len((out / f"{method}.tum").read_text().splitlines()) >= 15
     found = python(tmp_path / "nothing", *words, tmp_path / "other")
     assert found.returncode == 2 and "double_sphere" in found.stderr and "Traceback" not in found.stderr
