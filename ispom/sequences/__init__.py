@@ -11,6 +11,7 @@ from ispom.io.calibrations.pair import unit_note
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.format import FORMATS, Format, format_of
+from ispom.sequences.format import opened as format_opened
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import is_yaml, looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
@@ -137,7 +138,7 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     if isinstance(layout, Format):
         if calibration is not None:
             raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
-        return layout.open(path)
+        return format_opened(layout, path)
     if layout is looks_like_scenario:
         return open_scenario(path, seed)
     if layout in ONE_CAMERA:

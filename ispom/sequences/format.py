@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,14 +37,26 @@ def format_of(path: Path, is_folder: bool) -> Format | None:
 
     Raises InputError where a package fails while it looks.
     """
-    for name, each in FORMATS.items().items():
-        if not is_folder and path.suffix.lower() not in each.suffixes:
-            continue
-        try:
-            if each.recognises(path):
-                return each
-        except (InputError, OSError):
-            raise
-        except Exception as fault:
-            raise InputError(f"{path}: format {name} fails with {type(fault).__name__}: {fault}") from fault
+    for each in FORMATS.items().values():
+        if is_folder or path.suffix.lower() in each.suffixes:
+            with _failing_as(each, path):
+                if each.recognises(path):
+                    return each
     return None
+
+
+def opened(found: Format, path: Path) -> Sequence | Recording:
+    """Returns what the format makes of a folder or file. Raises InputError where the package fails, too."""
+    with _failing_as(found, path):
+        return found.open(path)
+
+
+@contextmanager
+def _failing_as(found: Format, path: Path) -> Iterator[None]:
+    """Any fault of the package as one sentence."""
+    try:
+        yield
+    except (InputError, OSError):
+        raise
+    except Exception as fault:
+        raise InputError(f"{path}: format {found.name} fails with {type(fault).__name__}: {fault}") from fault
