@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ispom.cameras import CameraModel
     from ispom.ensemble import Ensemble, build
-    from ispom.errors import InputError, UnreadableImage
-    from ispom.estimator import Estimator, Integrator, Method, MethodConfig, require_frame
-    from ispom.evaluation.ate import aligned, ate_m
+    from ispom.errors import InputError
+    from ispom.estimator import Estimator, Integrator, Method, MethodConfig
     from ispom.evaluation.metrics import errors
+    from ispom.evaluation.trajectory_error import aligned, ate_m
     from ispom.frontends.buckets import detect_spread
     from ispom.frontends.corners import detect as detect_corners
     from ispom.frontends.klt import Klt
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from ispom.sequences.format import Format
     from ispom.sequences.recording import Recording
     from ispom.settings import Range
+    from ispom.solvers.localisation import resect
     from ispom.solvers.multiview.essential import relative_pose
-    from ispom.solvers.multiview.resection import resect
     from ispom.solvers.trajectory.alignment import umeyama
     from ispom.testing import check_camera_model, check_estimator
     from ispom.types import (
@@ -75,10 +75,9 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "ispom.ensemble": "Ensemble build",
-    "ispom.cameras": "CameraModel",
-    "ispom.errors": "InputError UnreadableImage",
-    "ispom.estimator": "Estimator Integrator Method MethodConfig require_frame",
-    "ispom.evaluation.ate": "aligned ate_m",
+    "ispom.errors": "InputError",
+    "ispom.estimator": "Estimator Integrator Method MethodConfig",
+    "ispom.evaluation.trajectory_error": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
     "ispom.frontends.buckets": "detect_spread",
     "ispom.frontends.corners": "detect_corners",
@@ -91,7 +90,7 @@ _HOMES = {
     "ispom.sequences.recording": "Recording",
     "ispom.settings": "Range",
     "ispom.solvers.multiview.essential": "relative_pose",
-    "ispom.solvers.multiview.resection": "resect",
+    "ispom.solvers.localisation": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
     "ispom.testing": "check_camera_model check_estimator",
     "ispom.types": "Camera CameraSensor Check Corrections Decision Frame GnssAntenna GnssFix Imu ImuSamples Landmarks "

@@ -10,7 +10,7 @@ from itertools import pairwise
 from keyword import iskeyword
 
 from ispom.errors import InputError
-from ispom.estimators.program import ProgramConfig, program_method
+from ispom.estimators.program.estimator import ProgramConfig, program_method
 from ispom.methods import add, names
 from ispom.types import Kind
 

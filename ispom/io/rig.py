@@ -1,4 +1,4 @@
-"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA, other sensors, and standard deviations.
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; the pose of a laser; and the uncertainty.
 
 `video_sigma` and `pair_sigma` hold the standard deviations of those names. Any other entry is another sensor by
 name: `sensor` is its kind (imu, gnss, wheel, laser, or camera), `rig_from_NAME` its pose, the rest its noise.
@@ -21,22 +21,17 @@ from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import (
     Camera,
     CameraSensor,
-    GnssAntenna,
-    Imu,
-    LaserScanner,
     LensSigma,
     PairSigma,
     Rig,
     Sensor,
-    WheelOdometer,
 )
 
 CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
-"""Of the other deviations, as of the methods' settings: with more there is nothing to start from."""
-OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
+"""Largest other deviations, as in the methods' settings: with more there is no useful start."""
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 """Those that only a rig.yaml has."""
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
@@ -45,7 +40,7 @@ MAX_NOISE = 1e3
 
 
 def rig_text(rig: Rig) -> str:
-    """The file's content."""
+    """Returns the file's content."""
     present = [name for name in CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
     content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}
@@ -54,8 +49,10 @@ def rig_text(rig: Rig) -> str:
 
 
 def read_rig(path: Path, placed: bool = True) -> Rig:
-    """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
-    video camera may be without a pose: it is then that of the rig."""
+    """Reads the rig of a file. Raises InputError that names the missing or invalid entry.
+
+    Unless all cameras must be `placed`, the video camera may be without a pose: it is then that of the rig.
+    """
     content = read_mapping(path)
     sigmas = {name: _sigma(path, name, content.pop(name)) for name in SIGMAS if name in content}
     others = {name: content.pop(name) for name in [*content] if name not in CAMERAS}

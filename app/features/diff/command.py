@@ -13,8 +13,8 @@ from typing import Any
 
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
-from ispom.io.tum import read_tum
-from ispom.types import FrameName, Trajectory
+from ispom.io.trajectories import read_tum
+from ispom.types import Trajectory, FrameName
 
 from ...engine.differences.compare import (
     ORIENTATION,

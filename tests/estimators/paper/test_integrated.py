@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.paper.integrated.estimator import MAX_FRAMES, IntegratedConfig
-from ispom.estimators.paper.integrated.state import IntegratedState
+from ispom.estimators.paper.integrated import MAX_FRAMES, IntegratedConfig, IntegratedState
 from ispom.solvers.trajectory.stages import stages
 from ispom.types import Camera, Frame, Rig, Status, Step
 from tests.doubles import pose_at

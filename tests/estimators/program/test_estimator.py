@@ -11,8 +11,8 @@ from typing import Annotated
 import pytest
 
 from ispom.errors import InputError
-from ispom.estimators.program import ProgramConfig, program_method
-from ispom.estimators.program.store import STORE, ExposureStore
+from ispom.estimators.program.estimator import ProgramConfig, program_method
+from ispom.estimators.program.store import STORE, FrameStore
 from ispom.settings import Range, settings
 from ispom.testing import check_estimator
 from tests.estimators.program.programs import FORGETS, RIG, SAVES, assert_all_gone, config, faulty, walk
@@ -97,7 +97,7 @@ def test_what_a_full_disk_does_not_take_is_not_kept_and_its_place_stays_free(mon
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    store = ExposureStore()
+    store = FrameStore()
     first, second = store.keep(b"1", b"abc", 1), store.keep(b"2", b"def", 1)
     del first
     with monkeypatch.context() as patched:

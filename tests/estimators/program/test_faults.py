@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ispom.errors import InputError
-from ispom.estimators.program import program_method
+from ispom.estimators.program.estimator import program_method
 from tests.estimators.program.programs import AT, PYTHON, RIG, assert_all_gone, config, faulty, walk
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and process groups")
