@@ -28,7 +28,7 @@ from ispom.solvers.right_camera import (
     TERMS,
     YAW,
 )  # fmt: skip
-from ispom.types import Camera, Rig
+from ispom.types import Camera, Corrections, Rig
 
 SIGNIFICANT = 2.0
 """Corrections below this many standard errors are not applied."""
@@ -61,20 +61,21 @@ class Corrected:
     findings: tuple[Finding, ...]
 
 
-def corrected(rig: Rig, calibration: Mapping[str, Array]) -> Corrected:
-    """Applies the corrections of the last steps (Step.calibration): `lens`, `pair` and `rig`, with NAME_covariance.
+def corrected(rig: Rig, calibration: Corrections) -> Corrected:
+    """Applies those of the corrections that have a covariance.
 
     Raises InputError where there are none.
     """
     all_findings: list[Finding] = []
-    if rig.video is not None and "lens_covariance" in calibration:
-        camera, findings = _lens(rig.video, calibration["lens"], calibration["lens_covariance"])
-        rig, all_findings = replace(rig, video=camera, video_sigma=None), [*all_findings, *findings]
-    if rig.has_stereo and "pair_covariance" in calibration:
-        rig, findings = _pair(rig, calibration["pair"], calibration["pair_covariance"])
+    lens, pair, mount = calibration.lens, calibration.pair, calibration.mount
+    if rig.video is not None and lens is not None and lens.covariance is not None:
+        camera, findings = _lens(rig.video, lens.values, lens.covariance)
+        rig, all_findings = rig.changed(video=camera, video_sigma=None), [*all_findings, *findings]
+    if rig.has_stereo and pair is not None and pair.covariance is not None:
+        rig, findings = _pair(rig, pair.values, pair.covariance)
         all_findings += findings
-    if rig.video is not None and "rig_covariance" in calibration:
-        rig, findings = _placed(rig, calibration["rig"], calibration["rig_covariance"])
+    if rig.video is not None and mount is not None and mount.covariance is not None:
+        rig, findings = _placed(rig, mount.values, mount.covariance)
         all_findings += findings
     if not all_findings:
         raise InputError("no method corrected its cameras in this run: run monocular, stereo or integrated")

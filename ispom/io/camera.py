@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ispom.cameras import CAMERA_MODELS, model_of
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
-from ispom.types.camera import Lens
 
 MODEL_KEYS = ("distortion_model", "distortion_type", "camera_model", "camera_type", "projection_model")
 """Entries that name a model, in other programs' files."""
@@ -25,7 +25,7 @@ FISHEYE_FLAGS = ("fisheye_model", "fisheye", "is_fisheye", "use_fisheye")
 """Yes-or-no entries for a fisheye lens, as OpenCV's calibration sample writes them."""
 _NEUTRAL = frozenset({"", "none", "pinhole", "perspective", "null"})
 """Names of a projection without a word about its distortion."""
-_LENSES: dict[str, Lens] = {
+_LENSES: dict[str, str] = {
     **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan5", "radtan8"), "opencv"),
     **dict.fromkeys(("rationalpolynomial", "rational", "brown", "brownconrady", "standard"), "opencv"),
     **dict.fromkeys(("fisheye", "equidistant", "equi", "opencvfisheye"), "fisheye"),
@@ -41,35 +41,38 @@ LARGEST_SKEW = 0.05
 
 def lens_of(
     path: Path, content: Mapping[Any, Any], where: str = "", n: str = "", keys: tuple[str, ...] = MODEL_KEYS
-) -> Lens:
+) -> str:
     """Returns the lens that the entries `keys` of a file name; perspective where there are none.
 
     `where` is the place of the entries, such as "cam0.", and `n` the camera's number at the end of their names. Raises
     Raises InputError for an unknown model, and for two that differ.
     """
-    named: dict[Lens, str] = {}
+    named: dict[str, str] = {}
     for key in dict.fromkeys(f"{key}{suffix}" for key in keys for suffix in (n, "")):
         value = content.get(key)
         word = re.sub(r"[^a-z0-9]", "", str(value if value is not None else "").lower())
         if word in _NEUTRAL:
             continue
-        if word not in _LENSES:
+        lens = _LENSES.get(word) or (value if value in CAMERA_MODELS.names() else None)
+        if lens is None:
             raise InputError(
                 f"{path}: {where}{key} is {str(value)[:40]}, which is no pinhole camera with OpenCV's distortion and "
                 "no fisheye (equidistant) one: calibrate it as one of these"
             )
-        named[_LENSES[word]] = f"{where}{key} is {value}"
+        named[lens] = f"{where}{key} is {value}"
     for key in dict.fromkeys(f"{key}{suffix}" for key in FISHEYE_FLAGS for suffix in (n, "")):
         if str(content.get(key, "")).strip().lower() in ("1", "1.0", "true", "yes", "on"):
             named["fisheye"] = f"{where}{key} is {content[key]}"
     if len(named) > 1:
         raise InputError(f"{path}: {' but '.join(named.values())}: correct the one that is wrong")
-    return "fisheye" if "fisheye" in named else "opencv"
+    return next(iter(named), "opencv")
 
 
-def coefficients(path: Path, where: str, value: Any, lens: Lens) -> list[float]:
+def coefficients(path: Path, where: str, value: Any, lens: str) -> list[float]:
     """Distortion in OpenCV's order, as many numbers as `Camera.distortion` may have: zeros at the end may be more or
     fewer. Raises InputError where others than zeros would be lost."""
+    if lens not in COUNTS:  # a model of a package: it says how many it has
+        return finite_numbers(path, where, value, model_of(lens, 0).counts)
     try:
         found = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
     except InputError:

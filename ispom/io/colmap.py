@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.calibrations.placed import Placed, camera_from

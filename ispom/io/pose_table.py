@@ -12,7 +12,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.rows import MAX_TIME_S, Row, latest, numbers, read_text
-from ispom.types import Trajectory, FrameName
+from ispom.types import FrameName, Trajectory
 
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 POSE_COLUMNS, HEADER_LINES = 8, 200

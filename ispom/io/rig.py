@@ -21,10 +21,14 @@ from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import (
     Camera,
     CameraSensor,
+    GnssAntenna,
+    Imu,
+    LaserScanner,
     LensSigma,
     PairSigma,
     Rig,
     Sensor,
+    WheelOdometer,
 )
 
 CAMERAS = ("video", "left", "right")
@@ -34,6 +38,7 @@ MAX_SHARE = 0.1
 """Largest other deviations, as in the methods' settings: with more there is no useful start."""
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 """Those that only a rig.yaml has."""
+OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
 RESERVED = frozenset({"rig", "world", "body", "board"})
 MAX_NOISE = 1e3

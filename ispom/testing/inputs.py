@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.settings import Setting, check, settings
 from ispom.testing.trial import Numbered, Trial, Walk, failing_as, walked
-from ispom.types import Frame, Image, Measurement, Rig, Status, as_grey, is_video
+from ispom.types import FRAME_KINDS, Frame, Image, Status, as_grey
 
 NAME = re.compile(r"[a-z][a-z0-9_-]*(\.[a-z0-9_-]+)*")
 CHANGED = 3
@@ -22,7 +22,8 @@ def check_declared(trial: Trial) -> None:
     """Checks name, cameras and reference, and that a form can show the settings, with defaults inside their ranges."""
     method, config = trial.method, trial.settings
     trial.require(NAME.fullmatch(method.name), "has a name that is not of small letters, digits, _, - and dots")
-    trial.require(method.sensors and method.sensors <= {"video", "stereo"}, "needs neither video nor stereo frames")
+    trial.require(method.sensors & FRAME_KINDS, "uses no frames of any camera")
+    trial.require(method.optional <= method.sensors, "has optional sensors that it does not use")
     trial.require(method.source.strip(), "gives no reference in Method.source")
     trial.require(trial.frames and method.possible(trial.rig), "lacks cameras: give a sequence that has them")
     frozen = is_dataclass(config) and type(config).__dataclass_params__.frozen  # type: ignore[attr-defined]
@@ -90,21 +91,21 @@ def check_colour(trial: Trial) -> None:
 
 def check_cameras_alone(trial: Trial) -> None:
     """Checks a rig that has only the cameras that the method needs."""
-    rig, needs = trial.rig, trial.method.sensors
-    if needs == {"video"}:
-        reduced = Rig.of(video=rig.video, rig_from_video=rig.rig_from_video)
-    elif needs == {"stereo"}:
-        reduced = Rig(None, rig.left, rig.right, rig.rig_from_video, rig.rig_from_left, rig.rig_from_right)
+    rig, used = trial.rig, trial.method.sensors & FRAME_KINDS
+    if used == {"video"}:
+        reduced = rig.changed(left=None, right=None)
+    elif used == {"stereo"}:
+        reduced = rig.changed(video=None)
     else:
         return
     walked(trial.build(rig=reduced), trial.frames[:FEW])
 
 
 def _changed(numbered: Numbered, change: Callable[[Image], Image], how: str) -> Numbered:
-    exposure: Measurement = numbered.frame
-    if is_video(exposure):
-        return numbered.like(Frame.video(exposure.time_ns, change(exposure.image)), how)
-    return numbered.like(Frame.stereo(exposure.time_ns, change(exposure.left), change(exposure.right)), how)
+    seen = numbered.frame
+    if not isinstance(seen, Frame):
+        return numbered
+    return numbered.like(seen.with_images(**{name: change(image) for name, image in seen.images.items()}), how)
 
 
 def _other_channels(image: Image) -> Image:

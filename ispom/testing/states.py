@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from itertools import count, islice
 from typing import Any
 
@@ -13,7 +13,7 @@ import cv2
 
 from ispom.testing.trial import Numbered, Trial, Walk, failing_as, walked
 from ispom.testing.values import TIMES, depth, digest
-from ispom.types import Measurement, images_of, is_video
+from ispom.types import ImuSamples, Measurement, WheelIncrement, images_of
 
 MAX_DEPTH = 60
 """Largest depth of nested values in a State, after a run of any length."""
@@ -102,20 +102,23 @@ def check_unchanged(trial: Trial, walk: Walk) -> None:
 
 def standing(trial: Trial) -> Iterator[Numbered]:
     """Yields more frames after the last one, with the same images."""
-    last = {type(numbered.frame): numbered for numbered in trial.frames}
+    last = {numbered.frame.kind: numbered for numbered in trial.frames}
     end_ns = max(numbered.frame.time_ns for numbered in trial.frames)
     moments = (end_ns + 33_000_000 * k for k in count(1))
     for moment_ns in islice(moments, STANDING):
         for kind, numbered in last.items():
-            time_ns = moment_ns + (11_000_000 if kind is Frame else 0)
+            time_ns = moment_ns + (11_000_000 if kind == "stereo" else 0)
             yield numbered.like(at(numbered.frame, time_ns), "again, at rest")
 
 
 def at(frame: Measurement, time_ns: int) -> Measurement:
-    """Returns the same images at another time."""
-    if is_video(frame):
-        return Frame.video(time_ns, frame.image)
-    return Frame.stereo(time_ns, frame.left, frame.right)
+    """Returns the same measurement at another time."""
+    later_ns = time_ns - frame.time_ns
+    if isinstance(frame, ImuSamples):
+        return replace(frame, time_ns=time_ns, times_ns=frame.times_ns + later_ns)
+    if isinstance(frame, WheelIncrement):
+        return replace(frame, time_ns=time_ns, since_ns=frame.since_ns + later_ns)
+    return replace(frame, time_ns=time_ns)
 
 
 def _require_same(trial: Trial, walk: Walk, again: Walk, first: int, what: str) -> None:

@@ -77,8 +77,8 @@ class Built:
         return {name: member.estimator.start() for name, member in self.members.items()}
 
     def step(self, state: Mapping[str, Any], numbered: Numbered) -> tuple[dict[str, Any], Step]:
-        after, steps, exposure = dict(state), dict[str, Step](), numbered.frame
-        images, before = _images(exposure), [image.copy() for image in _images(exposure)]
+        after, steps, measurement = dict(state), dict[str, Step](), numbered.frame
+        images, before = _images(measurement), [image.copy() for image in _images(measurement)]
         for name, member in self.members.items():
             if member.method.uses(measurement):
                 with failing_as(self.method, "cannot step", numbered.place):

@@ -16,7 +16,7 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.settings import check
 from ispom.simulation.filmed_board import FilmedBoard, How, Picture
-from ispom.types import Rig, FrameName
+from ispom.types import FrameName, Rig
 
 from .images import CAMERAS, Source
 

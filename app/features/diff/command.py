@@ -14,7 +14,7 @@ from typing import Any
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
 from ispom.io.trajectories import read_tum
-from ispom.types import Trajectory, FrameName
+from ispom.types import FrameName, Trajectory
 
 from ...engine.differences.compare import (
     ORIENTATION,

@@ -23,6 +23,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimator import STEREO, VIDEO, require_frame
 from ispom.estimators.frame_interval import FrameInterval
 from ispom.estimators.paper import checks
 from ispom.geometry import Pose
@@ -31,7 +32,7 @@ from ispom.settings import Range
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.solvers.trajectory.segment import Segment, fit_rotations, fit_segment
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Landmarks, Measurement, Rig, SegmentFit, Status, Step, Trajectory, is_stereo
+from ispom.types import Decision, Landmarks, Measurement, Rig, SegmentFit, Status, Step, Trajectory
 
 MAX_RESTARTS = 8
 """Restarts of the video method that are remembered: one within a segment suffices to interpolate it."""
@@ -89,7 +90,7 @@ class Integrated:
         self, state: IntegratedState, exposure: Measurement, asked: Mapping[str, Step]
     ) -> tuple[IntegratedState, Step]:
         """Processes one frame of either kind, and closes every segment that has become complete."""
-        watch, is_stereo = Stopwatch(), is_stereo(exposure)
+        watch, is_stereo = Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
         part = asked["stereo" if is_stereo else "video"]
         revised, segments = [], list[SegmentFit]()
         decisions: list[Decision] = []

@@ -28,6 +28,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.paper import checks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
@@ -56,7 +57,6 @@ from ispom.types import (
     Trajectory,
     as_grey,
     colours_at,
-    is_video,
 )
 
 KEYFRAMES = 3
@@ -134,9 +134,8 @@ class Monocular:
         return Trajectory.of([*state.settled, *state.window.poses()], "video")
 
     def step(self, state: MonocularState, exposure: Measurement) -> tuple[MonocularState, Step]:
-        """Processes one video frame. Raises TypeError for a stereo frame."""
-        if not is_video(exposure):
-            raise TypeError(f"monocular.paper steps on video frames, not on a {type(exposure).__name__}")
+        """Processes one video frame. Raises InputError for a stereo frame."""
+        exposure = require_frame(exposure, VIDEO)
         watch, config, camera = Stopwatch(), self.config, self.rig.camera("video")
         grey = as_grey(exposure.image)
 

@@ -20,6 +20,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimator import STEREO, require_frame
 from ispom.estimators.paper import checks
 from ispom.frontends import corners, sift
 from ispom.frontends.disparity import RowSearch
@@ -44,7 +45,6 @@ from ispom.types import (
     Trajectory,
     as_grey,
     colours_at,
-    is_stereo,
 )
 
 Matching = Literal["sift", "klt"]
@@ -99,9 +99,8 @@ class Stereo:
         return Trajectory.of(list(state.poses))
 
     def step(self, state: StereoState, exposure: Measurement) -> tuple[StereoState, Step]:
-        """Processes one stereo pair. Raises TypeError for a video frame."""
-        if not is_stereo(exposure):
-            raise TypeError(f"stereo.paper steps on stereo pairs, not on a {type(exposure).__name__}")
+        """Processes one stereo pair. Raises InputError for a video frame."""
+        exposure = require_frame(exposure, STEREO)
         watch, reference, config = Stopwatch(), state.reference, self.config
         left, right = as_grey(exposure.left), as_grey(exposure.right)
 

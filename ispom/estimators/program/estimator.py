@@ -32,7 +32,7 @@ from ispom.estimators.program.store import STORE, StoredFrame
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
-from ispom.types import Kind, Measurement, Rig, Step, Tracks, TrackStatus, Trajectory, FrameName
+from ispom.types import FrameName, Kind, Measurement, Rig, Step, Tracks, TrackStatus, Trajectory
 
 
 @dataclass(frozen=True)

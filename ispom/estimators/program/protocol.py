@@ -24,7 +24,6 @@ from ispom.types import (
     Decision,
     DecisionKind,
     Frame,
-    Image,
     Measurement,
     Rig,
     Status,
@@ -32,7 +31,7 @@ from ispom.types import (
     Tracks,
     TrackStatus,
     as_grey,
-    is_video,
+    images_of,
 )
 
 VERSION = 1
@@ -97,13 +96,6 @@ def _check(entry: dict[str, Any]) -> Check:
 
 
 # Requests
-
-
-def images_of(frame: Measurement) -> Mapping[str, Image]:
-    """Returns the images of a frame by camera."""
-    if is_video(frame):
-        return {"video": frame.image}
-    return {"left": frame.left, "right": frame.right}
 
 
 def start_request(rig: Rig, settings: Mapping[str, Any]) -> bytes:

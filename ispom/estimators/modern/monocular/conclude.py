@@ -18,6 +18,7 @@ from ispom.types import (
     Frame,
     Image,
     Landmarks,
+    LensCorrection,
     Step,
     Tracks,
     TrackStatus,
@@ -163,11 +164,10 @@ def _told(outcome: Outcome) -> dict[str, Tracks]:
 def _calibration(setup: Setup, after: ModernMonocularState) -> Corrections:
     """Returns the corrections of the lens."""
     if after.map is None:
-        return {}
-    found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise.sigma)}
-    if after.uncertainty is not None and after.uncertainty.lens.any():
-        found["lens_covariance"] = after.uncertainty.lens
-    return found
+        return Corrections()
+    known = after.uncertainty.lens if after.uncertainty is not None and after.uncertainty.lens.any() else None
+    lens = LensCorrection.of(after.map.extra, known)
+    return Corrections(lens=lens, noise=after.map.noise.as_image_noise(setup.noise.sigma))
 
 
 def _landmarks(exposure: Frame, after: ModernMonocularState) -> Landmarks:

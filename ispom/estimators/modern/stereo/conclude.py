@@ -17,7 +17,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
-from ispom.types import Frame, Landmarks, Step, Tracks, TrackStatus, Trajectory, colours_at
+from ispom.types import Corrections, Frame, Landmarks, PairCorrection, Step, Tracks, TrackStatus, Trajectory, colours_at
 
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
@@ -96,13 +96,12 @@ def as_step(setup: Setup, exposure: Frame, outcome: Outcome) -> Step:
     )
 
 
-def _calibration(setup: Setup, after: ModernStereoState) -> dict[str, Array]:
-    """What was found to be wrong with the pair."""
-    found = {"pair": after.map.extra, "pair_rate": after.last.rate}
-    found["noise"] = after.map.noise.as_calibration(setup.noise.sigma)
-    if setup.self_calibration and after.map.covariance is not None:
-        found["pair_covariance"] = after.map.covariance[-PAIR:, -PAIR:]
-    return found
+def _calibration(setup: Setup, after: ModernStereoState) -> Corrections:
+    """Returns the corrections of the pair."""
+    whole = after.map.covariance if setup.self_calibration else None
+    pair = PairCorrection.of(after.map.extra, None if whole is None else whole[-PAIR:, -PAIR:])
+    noise = after.map.noise.as_image_noise(setup.noise.sigma)
+    return Corrections(pair=pair, noise=noise, pair_motion=after.last.rate)
 
 
 def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:
