@@ -153,7 +153,7 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
     moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
     turn = Pose.from_rotvec(pair[turns], np.zeros(3))
     placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
-    return replace(rig, left=left, right=right, rig_from_right=placed, pair_sigma=None), findings
+    return rig.changed(left=left, right=right, rig_from_right=placed, pair_sigma=None), findings
 
 
 def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
@@ -180,7 +180,7 @@ def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Findi
     if sigma[6] > 0:
         findings.append(Finding("video clock late", float(1e3 * change[6]), float(1e3 * sigma[6]), "ms", False))
     placed = Pose(translation=shift) @ rig.rig_from_video @ Pose.from_rotvec(turn, np.zeros(3))
-    return replace(rig, rig_from_video=placed), findings
+    return rig.changed(rig_from_video=placed), findings
 
 
 def _significant(value: Array, covariance: Array) -> bool:

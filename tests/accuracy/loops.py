@@ -29,7 +29,7 @@ from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town
 from ispom.simulation.rendering.renderer import Renderer
-from ispom.types import Frame, Rig, Step, Trajectory
+from ispom.types import Frame, Rig, Step, Trajectory, is_stereo
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight
 from .terraces import build_terraces

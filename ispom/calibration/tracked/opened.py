@@ -34,7 +34,7 @@ def self_calibrated(sequence: Sequence, most_images: int = MOST_IMAGES, most_vie
     if found is not None and is_informative(guess, found):
         origin = f"from the motion in {found.views} of its images"
         estimate = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
-        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=estimate)
+        sequence = replace(sequence, rig=sequence.rig.changed(video=rounded(found.camera)), guess=estimate)
     return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
 
 

@@ -67,8 +67,7 @@ class Perturbation:
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
         pair_differs = any(name.startswith(("pair", "baseline")) for name in self.nonzero)
         video_differs = any(name.startswith("video") for name in self.nonzero)
-        found = replace(
-            rig,
+        found = rig.changed(
             video_sigma=None if video_differs else rig.video_sigma,
             pair_sigma=None if pair_differs else rig.pair_sigma,
         )

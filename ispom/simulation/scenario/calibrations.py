@@ -33,9 +33,9 @@ class WrongLens:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         if self.camera == "video":
-            return replace(sequence, rig=replace(rig, video=self.wrong(rig.camera("video")), video_sigma=None))
+            return replace(sequence, rig=rig.changed(video=self.wrong(rig.camera("video")), video_sigma=None))
         left, right = (self.wrong(rig.camera(name)) for name in ("left", "right"))
-        return replace(sequence, rig=replace(rig, left=left, right=right, pair_sigma=None))
+        return replace(sequence, rig=rig.changed(left=left, right=right, pair_sigma=None))
 
     def wrong(self, camera: Camera) -> Camera:
         factor = 1 + self.focal_percent / 100
@@ -84,7 +84,7 @@ class WrongPair(Spell):
             seen = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             return np.asarray(seen, np.uint8)
 
-        uncertain = replace(sequence, rig=replace(sequence.rig, pair_sigma=None))
+        uncertain = replace(sequence, rig=sequence.rig.changed(pair_sigma=None))
         return with_images(uncertain, change, self, "right")
 
 
@@ -98,7 +98,7 @@ class WrongShutter:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         video, left, right = (self.wrong(rig.camera(name)) for name in ("video", "left", "right"))
-        wrong = replace(rig, video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
+        wrong = rig.changed(video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
         return replace(sequence, rig=wrong)
 
     def wrong(self, camera: Camera) -> Camera:
@@ -120,4 +120,4 @@ class WrongMount:
         turn = np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg])
         was_from_wrong = Pose.from_rotvec(turn, np.array([self.x_m, self.y_m, self.z_m]))
         rig = sequence.rig
-        return replace(sequence, rig=replace(rig, rig_from_video=rig.rig_from_video @ was_from_wrong))
+        return replace(sequence, rig=rig.changed(rig_from_video=rig.rig_from_video @ was_from_wrong))

@@ -12,7 +12,7 @@ import pytest
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
-from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory
+from ispom.types import Frame, Measurement, Sequence, Status, Step, Trajectory, is_stereo, is_video
 from tests.alone import Alone, alone
 
 
@@ -178,7 +178,7 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     shift = np.array([0.02, -0.015, 0.017])
     turned = flight.rig.rig_from_video @ Pose.from_rotvec(np.radians([0.6, -0.6, 0.53]), np.zeros(3))
     video = Pose(turned.rotation, turned.translation + shift)
-    faulty = replace(flight.with_video_later(-0.02), rig=replace(flight.rig, rig_from_video=video))
+    faulty = replace(flight.with_video_later(-0.02), rig=flight.rig.changed(rig_from_video=video))
     estimator = estimator_of(faulty, estimate_clock=True, estimate_rig=True)
     states, steps = walk(estimator, [faulty[i] for i in range(len(faulty))])
     found = states[-1]["integrated"].window.rig
