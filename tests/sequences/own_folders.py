@@ -12,7 +12,7 @@ import numpy as np
 from ispom.geometry import Pose
 from ispom.io.rig import rig_text
 from ispom.io.trajectories import tum_text
-from ispom.types import Camera, Image, Rig
+from ispom.types import Camera, Image, Rig, is_stereo, is_video
 from ispom.types import Sequence as Recorded
 from tests.sequences.folders import HEIGHT, WIDTH, images
 

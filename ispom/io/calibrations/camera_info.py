@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.pair import rectified
@@ -189,6 +190,7 @@ def ros_text(each: Placed) -> str:
 def _text(each: Placed, rectification: Array, projection: Array) -> str:
     camera = each.camera
     model, count = "plumb_bob", 5
+    require_opencv(camera, "ROS")
     if camera.lens == "fisheye":
         model, count = "equidistant", 4
     elif len(camera.distortion) > 5:

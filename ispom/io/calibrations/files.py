@@ -30,7 +30,7 @@ def placed_of(rig: Rig) -> list[Placed]:
 
 def camera_text(camera: Camera) -> str:
     """Returns a camera.yaml."""
-    values: dict[str, object] = {"model": "fisheye"} if camera.lens == "fisheye" else {}
+    values: dict[str, object] = {"model": camera.lens} if camera.lens != "opencv" else {}
     values |= {key: getattr(camera, key) for key in SIZES}
     values |= {key: float(getattr(camera, key)) for key in INTRINSICS}
     values |= {"distortion": list(map(float, camera.distortion)), **line_delay_entry(camera)}

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import require_opencv
 from ispom.geometry import Pose
 from ispom.types import Camera
 
@@ -69,4 +70,5 @@ def rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArr
 
 def coefficients_of(camera: Camera) -> NDArray:
     """Its distortion as OpenCV takes it."""
+    require_opencv(camera, "rectification")
     return np.array(camera.distortion or (0.0,) * (4 if camera.lens == "fisheye" else 0), float)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import doubts, usable
@@ -116,6 +117,7 @@ def pose_of(path: Path, where: str, value: Any) -> Pose:
 
 def distortion_name(camera: Camera, names: dict[str, str], program: str, most: int) -> str:
     """Returns the format's name of the lens. Raises InputError where it has none that holds all coefficients."""
+    require_opencv(camera, program)
     if any(camera.distortion[most:]):
         raise InputError(
             f"{program} has no lens with {len(camera.distortion)} coefficients: calibrate with --model radtan, "
