@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ispom.cameras import CameraModel
     from ispom.ensemble import Ensemble, build
-    from ispom.errors import InputError
-    from ispom.estimator import Estimator, Integrator, Method, MethodConfig
+    from ispom.errors import InputError, UnreadableImage
+    from ispom.estimator import Estimator, Integrator, Method, MethodConfig, require_frame
     from ispom.evaluation.metrics import errors
     from ispom.evaluation.trajectory_error import aligned, ate_m
     from ispom.frontends.buckets import detect_spread
@@ -74,9 +74,10 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
+    "ispom.cameras": "CameraModel",
     "ispom.ensemble": "Ensemble build",
-    "ispom.errors": "InputError",
-    "ispom.estimator": "Estimator Integrator Method MethodConfig",
+    "ispom.errors": "InputError UnreadableImage",
+    "ispom.estimator": "Estimator Integrator Method MethodConfig require_frame",
     "ispom.evaluation.trajectory_error": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
     "ispom.frontends.buckets": "detect_spread",
