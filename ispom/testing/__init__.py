@@ -1,6 +1,5 @@
 """The contract test of estimators, for built-in methods and plug-ins.
 
-from ispom.testing.cameras import check_camera_model
 from ispom.testing import check_estimator
 check_estimator("orb")
 """
@@ -13,6 +12,7 @@ from typing import Any
 
 from ispom.estimator import Method
 from ispom.methods import method as registered
+from ispom.testing.cameras import check_camera_model
 from ispom.testing.inputs import (
     check_cameras_alone,
     check_colour,
