@@ -59,8 +59,8 @@ def recognised(
 ) -> tuple[Places, Recognised | None]:
     """The image that shows most of what the new one shows, if that is enough; and the places with what was described.
 
-    Of the last one located, `before`, if there is one, and some of the places, at each `turn` others. `extra` (2,) is the lens's
-    correction, `now` are the features of the new image.
+    Of the last one located, `before`, if there is one, and some of the places, at each `turn` others. `extra` (2,) is
+    the lens's correction, `now` are the features of the new image.
     """
     best, described = None, 0
     first = () if before is None else (before,)
