@@ -12,6 +12,7 @@ from ispom.kernels import kernel, part
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.reductions import median
 from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
+from ispom.numerics.robust import weighted_information
 from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
 from ispom.solvers.epipolar import Rays
@@ -140,7 +141,7 @@ def _add_point(n, xyz, seen, r, t, baseline, per, h, g):
     right = x - baseline * iz if paired else 0.0
     ex, ey, er = x - seen[n, 0], y - seen[n, 1], right - seen[n, 2] if paired else 0.0
     square = ex * ex + ey * ey + er * er
-    weighted = per / (1.0 + square * per) * iz
+    weighted = weighted_information(square, per) * iz
     hessian = hessian_by_point(x, y, right, weighted * iz, 1.0, 0.0, 1.0, 1.0 if paired else 0.0)
     add_by_twist(g, 0, q, gradient_by_point(x, y, right, weighted, ex, ey, er))
     subtract_by_twists(h, 0, 0, q, symmetric(hessian), q)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.numerics.reprojection import reprojected
+from ispom.numerics.robust import cauchy_weights
 
 SAMPLES = 1000
 """Of four points, at most: where 30 % of the points agree with the pose, 850 of them hold such a sample at 99.9 %."""
@@ -123,7 +124,7 @@ def refine_pose(
         residual, jacobian, front = _reprojection(xyz, x, pose)
         if front.sum() < 6:
             return None
-        weight = np.repeat(1 / (1 + (residual**2).sum(1) / loss**2), 2)
+        weight = np.repeat(cauchy_weights((residual**2).sum(1), loss), 2)
         j, r = jacobian.reshape(-1, 6), residual.ravel()
         normal = j.T @ (weight[:, None] * j)
         try:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import normalised_mad
 from ispom.solvers.multiview.essential import relative_pose
 from ispom.solvers.multiview.resection import resect
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
@@ -86,5 +87,4 @@ def depth_ratio(known_depths: Array, triple_depths: Array) -> tuple[float, float
     if positive.sum() < 8:
         return np.nan, np.nan
     log_ratio = np.log(known_depths[positive] / triple_depths[positive])
-    middle = np.median(log_ratio)
-    return float(np.exp(middle)), float(1.4826 * np.median(np.abs(log_ratio - middle)))
+    return float(np.exp(np.median(log_ratio))), normalised_mad(log_ratio)

@@ -47,7 +47,7 @@ def told(
     all_points = np.arange(count)
     points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32), np.zeros((len(uv), 2)))
     setup = ESTIMATOR._setup
-    located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.loss, setup.limit, setup.baseline_m)
+    located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.noise.width, setup.limit, setup.baseline_m)
     assert located is not None
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)

@@ -135,9 +135,9 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())
         assert found.motion is not None and found.unplaced is not None
         args = found.ids, found.xyz, found.seen, found.motion
-        covariance = known.of_pose(*args, WIDTH * SETUP.sigma, found.unplaced)
+        covariance = known.of_pose(*args, WIDTH * SETUP.noise.width, found.unplaced)
         nees.append(off(found) @ np.linalg.solve(covariance, off(found)))
-        alone = known.of_pose(*args, WIDTH * SETUP.sigma, replace(found.unplaced, key_ns=5))
+        alone = known.of_pose(*args, WIDTH * SETUP.noise.width, replace(found.unplaced, key_ns=5))
         assert unsure_rad == 0 or np.trace(alone[3:, 3:]) < np.trace(covariance[3:, 3:])
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high

@@ -23,10 +23,11 @@ from ispom.estimators.modern.integrated.right_fits import right_fits
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
-from ispom.estimators.modern.integrated.view import Noise
+from ispom.estimators.modern.integrated.view import RigNoise
 from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
+from ispom.numerics.robust import Noise
 from ispom.settings import Range
 from ispom.solvers.multiview.resection import Resection
 from ispom.solvers.spline.problem import RigModel
@@ -146,7 +147,11 @@ class ModernIntegrated:
     def _setup(self) -> Setup:
         c = self.config
         video, left = (TrackedSize.of(self.rig.camera(name), c.max_width_px).tracked for name in ("video", "left"))
-        noise = Noise(c.video_sigma_px / video.fx, c.stereo_sigma_px / left.fx, c.disparity_sigma_px / left.fx, c.loss)
+        noise = RigNoise(
+            Noise(c.video_sigma_px / video.fx, c.loss),
+            Noise(c.stereo_sigma_px / left.fx, c.loss),
+            Noise(c.disparity_sigma_px / left.fx, c.loss),
+        )
         return Setup(
             rig=self.rig,
             noise=noise,

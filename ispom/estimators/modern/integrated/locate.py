@@ -12,7 +12,7 @@ from ispom.estimators.modern.integrated.rows import at_middle
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
-from ispom.estimators.modern.integrated.view import Noise, View
+from ispom.estimators.modern.integrated.view import RigNoise, View
 from ispom.estimators.modern.rolling import LEAST, PASSES, motion_at
 from ispom.geometry import Array
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
@@ -70,7 +70,7 @@ def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> b
     return int((adjusted[known] & found.inliers).sum()) >= MIN_POINTS
 
 
-def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
+def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
     """The view as if all its rows had been exposed together, by the motion before it and, of the video, that which
     leads to it; and its resection."""
     view = at_middle(window, view, window.motion(view.video))
@@ -88,14 +88,13 @@ def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View,
     return view, found
 
 
-def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:
+def _resected(noise: RigNoise, window: JointWindow, view: View) -> Resection | None:
     """camera_from_world by resection from the points known by now."""
     place, (known, _) = window.table.places(view.ids), _known(window, view)
     if known.sum() < MIN_POINTS:
         return None
     xyz, seen = window.table.select(place[known]).points.xyz_in_world, window.seen(view)[known]
-    sigma = noise.of(view.video)
-    threshold, scale = INLIER * sigma, noise.loss * sigma
+    threshold, scale = INLIER * noise.of(view.video).sigma, noise.of(view.video).width
     predicted = replace(view, world_from_rig=window.predicted(view.time_ns))
     found = refine_pose(xyz, seen, window.camera_pose(predicted).inverse(), threshold, scale=scale)
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
@@ -115,7 +114,7 @@ def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[
     return adjusted if adjusted.sum() >= ENOUGH_POINTS else known, adjusted
 
 
-def _information(noise: Noise, window: JointWindow, view: View) -> Array:
+def _information(noise: RigNoise, window: JointWindow, view: View) -> Array:
     """(6, 6) of a pose by resection, relative to the points."""
     place = window.table.places(view.ids)
     return pose_information(
@@ -124,5 +123,4 @@ def _information(noise: Noise, window: JointWindow, view: View) -> Array:
         window.table.select(place[place >= 0]).points,
         window.seen(view)[place >= 0],
         noise.of(view.video),
-        noise.loss,
     )

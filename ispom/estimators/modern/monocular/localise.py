@@ -96,7 +96,7 @@ def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed
     assert new.predicted is not None
     places = world.known(live.ids)
     _, xyz, x = _seen(setup, live, world, followed, places)
-    motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.sigma), np.zeros(len(followed.status), bool)
+    motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.noise.width), np.zeros(len(followed.status), bool)
     if motion is not None:
         pose = motion.camera_from_world.inverse()
         followed, compared = set_right(setup, live, world, new, followed, pose, places)
@@ -119,8 +119,8 @@ def located_by(
     `predicted` where the motion before leads, if that is another one."""
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
-    limit = INLIER * setup.sigma
-    motion, unplaced = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit), None
+    limit = INLIER * setup.noise.width
+    motion, unplaced = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.noise.width, limit), None
     if motion is not None:
         motion, unplaced = with_unplaced(
             setup, live, world, followed, places, motion, (xyz, x), world_from_guess if predicted is None else predicted
@@ -157,7 +157,7 @@ def set_right(
     lens = Lens(setup.camera, world.extra)
     late = late_px(setup.camera, followed.uv, followed.speed)
     expected = projected(lens, places, pose, followed.uv - late) + late
-    misplaced = lengths(expected - followed.uv) > INLIER * setup.loss_px
+    misplaced = lengths(expected - followed.uv) > INLIER * setup.noise_px.width
     lost = followed.status != TrackStatus.ALIVE
     expected = np.where((misplaced | lost)[:, None], expected, followed.uv)
     origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}

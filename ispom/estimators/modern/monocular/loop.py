@@ -32,7 +32,7 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma), None
+    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.noise.sigma), None
     if outcome.key_frame and after.map is not None:
         joined = before.start is None or before.start.joined
         key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)

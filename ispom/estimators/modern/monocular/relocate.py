@@ -113,5 +113,5 @@ def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
     keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
     # In the unit of the cost, in which a loss as wide as before any data stands for errors of `noise`.
-    prior = anchored_prior(poses, world.extra_sigma, (world.loss / setup.noise) ** 2 * known, 0.0)
+    prior = anchored_prior(poses, world.extra_sigma, (world.loss / setup.noise.sigma) ** 2 * known, 0.0)
     return replace(world, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())

@@ -51,8 +51,8 @@ def located(
         seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
         return _located(setup, last, world, place, seen, predicted), None
     believed = last.believed_motion(time_ns, setup.baseline_m)
-    believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.loss)))
-    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.loss)
+    believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.noise)))
+    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.noise.width)
     motion, found = believed.motion if motion is None else motion, None
     for _ in range(ROUNDS):
         guess = predicted if found is None else found.camera_from_world
@@ -86,8 +86,11 @@ def _located(
     xyz, prior = world.xyz[place], None
     if len(xyz) < FEW * setup.min_inliers:
         prior = np.diag(unforeseen(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
-    limits = setup.loss, setup.limit, setup.baseline_m
-    found, usual = fit_pose(xyz, seen, predicted, *limits, prior), max(setup.loss, world.noise.sigma(setup.loss))
+    limits = setup.noise.width, setup.limit, setup.baseline_m
+    found, usual = (
+        fit_pose(xyz, seen, predicted, *limits, prior),
+        max(setup.noise.width, world.noise.sigma(setup.noise.sigma)),
+    )
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE or _unusual(found, usual):
         sampled = resect(xyz, seen[:, :2], CLOSE * usual)
         if sampled is not None:
@@ -104,4 +107,4 @@ def _unusual(found: PoseFit, usual: float) -> bool:
 
 def _cost(found: PoseFit, setup: Setup) -> float:
     """Twice the loss, of which what does not agree has as much as what only just does."""
-    return float(np.log1p((np.minimum(found.distances, setup.limit) / setup.loss) ** 2).sum())
+    return float(np.log1p((np.minimum(found.distances, setup.limit) / setup.noise.width) ** 2).sum())
