@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import normalised_mad
+from ispom.solvers.localisation import resect
 from ispom.solvers.multiview.essential import relative_pose
-from ispom.solvers.multiview.resection import resect
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
 
 ScaleTransfer = Literal["norm", "vector", "depth", "unit"]
@@ -63,7 +63,7 @@ def solve_triple(x1: Array, x2: Array, x3: Array, threshold: float, min_parallax
     if resection is None:
         return None
     residuals, resected = np.full(len(x1), np.nan), np.zeros(len(x1), bool)
-    residuals[usable], resected[usable] = resection.residuals, resection.inliers
+    residuals[usable], resected[usable] = resection.distances, resection.inliers
     return Triple(resection.camera_from_world, third_from_first, xyz, good, residuals, resected)
 
 

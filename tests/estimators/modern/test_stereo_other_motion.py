@@ -14,7 +14,7 @@ from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.types import Camera, Decision, Rig, Step, StereoPair, TrackStatus
 from tests.estimators.modern import waved_card
 from tests.estimators.modern.waved_card import FX, SIZE

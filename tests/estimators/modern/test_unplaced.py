@@ -19,8 +19,7 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
-from ispom.solvers import motion_only
-from ispom.solvers.motion_only import PoseFit, fit_pose
+from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import LENS, POSE
 from ispom.types import Camera, Rig, TrackStatus
 
@@ -107,7 +106,7 @@ def test_where_points_lead_away_tracks_are_also_asked_from_where_the_motion_lead
 ) -> None:
     """Around a corner all points were on one facade at the image's edge. They led 2 degrees beside the turn; from there
     all tracks together found another minimum, 9 degrees beside it, and the drive lost its unit."""
-    monkeypatch.setattr(motion_only, "fit_pose", led_away)
+    monkeypatch.setattr("ispom.estimators.modern.monocular.localise.fit_pose", led_away)
     led, predicted = (ASIDE @ NEW.inverse()).inverse(), LAST @ (KEY.inverse() @ LAST)
     for seed in range(5):
         found, stuck = (located(seed, guess=led, predicted=by) for by in (predicted, None))

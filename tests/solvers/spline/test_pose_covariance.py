@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
-from ispom.solvers.multiview.resection import refine_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.spline import continuous
 from ispom.solvers.spline.continuous import PointUncertainty, Solution, covariance_of, solve
 from ispom.solvers.spline.observation import slope
@@ -37,7 +37,7 @@ def scene(count: int = 12) -> tuple[Pose, AnchoredPoints, Array]:
 
 def relocated(points: AnchoredPoints, seen: Array, rig_from_video: Pose, pose: Pose) -> Array:
     """(6,) twist on the right of `pose` that leads to where other points, or another rig, put it."""
-    found = refine_pose(points.xyz_in_world, seen, (pose @ rig_from_video).inverse(), 1.0, 30)
+    found = fit_pose(points.xyz_in_world, seen, (pose @ rig_from_video).inverse(), 1e-4, 1.0)
     assert found is not None
     return (pose.inverse() @ found.camera_from_world.inverse() @ rig_from_video.inverse()).log()
 
@@ -162,9 +162,7 @@ def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     uncertainty = found.point_uncertainty(chosen, *found.as_far_off(parameters))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx / claimed
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
-    located = refine_pose(
-        points.xyz_in_world, seen, (guess @ RIG.rig_from_video).inverse(), 8 * sigma, scale=50 * sigma
-    )
+    located = fit_pose(points.xyz_in_world, seen, (guess @ RIG.rig_from_video).inverse(), 50 * sigma, 8 * sigma)
     assert located is not None
     pose = located.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
     covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, Noise(sigma, 50.0), uncertainty)
@@ -198,7 +196,7 @@ def test_a_pose_is_as_far_off_as_the_errors_put_it(alike: bool, loss: float) -> 
     for seed in range(60):
         errors = NOISE * np.random.default_rng(seed).normal(size=exact.shape)
         seen = exact + (errors[patch.reshape(-1)] if alike else errors)
-        found = refine_pose(points.xyz_in_world, seen, camera_from_world, 1.0, 60, scale=loss * NOISE)
+        found = fit_pose(points.xyz_in_world, seen, camera_from_world, loss * NOISE, 1.0)
         assert found is not None
         located = found.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
         covariance = pose_covariance(located, RIG.rig_from_video, False, points, seen, Noise(NOISE, loss), of_nothing)

@@ -29,7 +29,7 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
 from ispom.settings import Range
-from ispom.solvers.multiview.resection import Resection
+from ispom.solvers.localisation import PoseFit
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
@@ -171,10 +171,10 @@ class ModernIntegrated:
         free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
         return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
 
-    def _residuals_px(self, found: Resection | None, is_pair: bool) -> Array:
+    def _residuals_px(self, found: PoseFit | None, is_pair: bool) -> Array:
         if found is None:
             return np.zeros(0)
-        return found.residuals[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
+        return found.distances[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
 
 
 def _passed_over(

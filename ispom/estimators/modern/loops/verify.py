@@ -12,8 +12,7 @@ from ispom.estimators.modern.places import MIN_ALIKE, confirmed, plausible
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose, Similarity
 from ispom.numerics.robust import normalised_mad
-from ispom.solvers.motion_only import fit_pose
-from ispom.solvers.multiview.resection import refine_pose, resect
+from ispom.solvers.localisation import fit_pose, refine_pose, resect
 from ispom.solvers.pose_graph import FREEDOM
 
 MAX_RATIO = 0.8

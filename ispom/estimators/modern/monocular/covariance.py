@@ -21,7 +21,7 @@ from ispom.estimators.modern.monocular.unplaced import Unplaced
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.numerics.robust import cauchy_weights
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 

@@ -13,12 +13,12 @@ from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
 from ispom.estimators.modern.monocular.second_motion import second_motion
-from ispom.estimators.modern.monocular.setup import LOSS, MIN_INLIER_SHARE, MISTRACKED
+from ispom.estimators.modern.monocular.setup import LOSS, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, NEWEST, Start, poses_held
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise, normalised_mad
-from ispom.solvers import motion_only
+from ispom.solvers.localisation import MIN_INLIER_SHARE, fit_pose
 from ispom.solvers.multiview.rotation import rotate
 from ispom.solvers.multiview.two_view import hypotheses
 from ispom.solvers.trajectory.interpolation import interpolate
@@ -243,7 +243,7 @@ def _resected(state: Map, frame: TrackedFrame, guess: Pose, threshold: float, le
     place = state.points.places(frame.ids)
     known = place >= 0
     x = corrected(frame.x[known], state.extra)
-    found = motion_only.fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
+    found = fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE or found.inliers.sum() < least:
         return None
     return found.camera_from_world.inverse()

@@ -18,8 +18,8 @@ from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose, skew
 from ispom.numerics.robust import Noise
+from ispom.solvers.localisation import PoseFit, refine_pose, resect
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 from ispom.solvers.multiview.rotation import rotate
 
 FEATURE_ERROR = 3.0
@@ -153,7 +153,7 @@ def at_middle(setup: Setup, place: Place, uv: Array) -> Array:
     return uv - late_px(setup.camera, at, nearest_speed(*place.moving, at))
 
 
-def _plausible(place: Place, xyz: Array, found: Resection) -> NDArray[np.bool_]:
+def _plausible(place: Place, xyz: Array, found: PoseFit) -> NDArray[np.bool_]:
     """Which (N,) of the points agree with the pose, and can do so."""
     then, now = place.camera_from_world.apply(xyz), found.camera_from_world.apply(xyz)
     return plausible(found.inliers, then[:, 2], now[:, 2])

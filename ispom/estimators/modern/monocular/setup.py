@@ -23,8 +23,6 @@ MOVING = 8.0
 for map points, as the pose's error, and that of a young point, come in addition."""
 TURN_LOSS = 3.0
 """Width of the loss where a pure turn is fitted, in those of a pose: parallax is an error there, too."""
-MIN_INLIER_SHARE = 0.6
-"""A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
 
 
 @dataclass(frozen=True, eq=False)

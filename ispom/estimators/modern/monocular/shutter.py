@@ -21,7 +21,7 @@ from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
 from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, late_px, late_s, motion_at, moved
 from ispom.geometry import Array, Pose
-from ispom.solvers import motion_only
+from ispom.solvers.localisation import fit_pose
 
 AROUND = 5
 """Poses of the polynomial before the newest frame (see rolling.AHEAD)."""
@@ -129,5 +129,5 @@ def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motio
     if any(k.time_ns == sight.time_ns for k in world.keys):
         return world.placed_anew(sight.time_ns, sight.ids, setup.camera.normalise(uv))
     has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.noise.width
-    found = motion_only.fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
+    found = fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
     return world if found is None else world.moved(sight.time_ns, found.camera_from_world.inverse())

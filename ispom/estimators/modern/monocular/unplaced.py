@@ -20,9 +20,8 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, unrol
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
-from ispom.solvers import motion_only
 from ispom.solvers.epipolar import Rays
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import POSE
 from ispom.types import TrackStatus
 
@@ -87,7 +86,7 @@ def with_unplaced(
         return motion, None
     scale, limit, pose = WIDTH * setup.noise.width, INLIER * setup.noise.width, motion.camera_from_world
     starts = (pose, world_from_guess.inverse())
-    fits = [motion_only.fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
+    fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
     found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, unplaced, scale), default=None)
     most = MOST_COST * world.noise.variance(setup.noise.sigma)
     if found is None or _cost(found, scale) - _cost(motion, scale) > most:

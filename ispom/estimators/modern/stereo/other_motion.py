@@ -13,9 +13,8 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.track import located_by
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit, resect
 from ispom.solvers.multiview.essential import sampson_distance
-from ispom.solvers.multiview.resection import resect
 from ispom.types import Decision, Tracks
 
 INLIER = 4.0

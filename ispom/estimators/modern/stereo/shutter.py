@@ -15,7 +15,7 @@ from ispom.estimators.modern.rolling import mean_rates, moved
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.numerics.robust import cauchy_weights
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera
 
 
