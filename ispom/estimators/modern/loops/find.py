@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri
 
 from ispom.estimators.modern.loops.nodes import Loop, Node, step_between
 from ispom.geometry import Similarity, rotation_angle_rad
@@ -31,7 +32,7 @@ AGREEING_DEPTHS, AGREEING_DEG = 0.1, 2.0
 """By how much what they tell of the last pose may differ, beside what odometry drifts between them; of the unit, which
 some views know to 1 % and others to 10 %, by what they claim."""
 
-MOST_UNLIKELY = 14.07
+MOST_UNLIKELY = float(chdtri(FREEDOM, 0.05))
 """The squared deviations of that difference, by what both views and the odometry between them claim: 95 % of seven
 degrees of freedom. Of 600 pairs of true views none had more than 9.6; of four that were 0.4-0.9 m off, by 26 to 64
 points, up to 41."""

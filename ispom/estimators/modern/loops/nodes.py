@@ -166,6 +166,6 @@ def _way(parent: Node, node: Node) -> tuple[Similarity, Array]:
 def edges_of(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[Edge, ...]:
     """Of odometry, and of the loops."""
     index = {n.time_ns: i for i, n in enumerate(nodes)}
-    ways = [(index[n.parent_ns], i, *_way(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i]
-    found = [(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance) for x in loops]
-    return tuple(Edge(*e) for e in (*ways, *found))
+    ways = (Edge(index[n.parent_ns], i, *_way(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i)
+    found = (Edge(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance, True) for x in loops)
+    return (*ways, *found)

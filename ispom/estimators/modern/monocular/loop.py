@@ -32,7 +32,7 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma), None
+    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.noise.sigma), None
     if outcome.key_frame and after.map is not None:
         joined = outcome.segment is not None or (
             not outcome.restarted and (before.start is None or before.start.joined)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
-from ispom.solvers.multiview.resection import refine_pose
+from ispom.solvers.localisation import refine_pose
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.types import Trajectory
 

@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.localisation import Policy, PoseFit, locate
 
 MIN_POINTS = 10
 """Fewer known points than this, and a frame gets no pose of its own."""
-MIN_INLIER_SHARE = 0.6
-"""A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
 
 
 @dataclass(frozen=True, eq=False)
 class Resected:
     """The pose of a frame, and which of its points took part."""
 
-    resection: Resection | None
+    resection: PoseFit | None
     points: NDArray[np.int64]
     """(K,) index in the frame."""
 
@@ -40,9 +38,4 @@ def resected(window: KeyFrameWindow, frame: TrackedFrame, limit: float) -> Resec
     if predicted is None or len(known) < MIN_POINTS:
         return Resected(None, known)
     xyz, x = window.landmarks.xyz[place[known]], frame.x[known]
-    found = refine_pose(xyz, x, predicted.inverse(), 2 * limit)
-    if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
-        again = resect(xyz, x, 2 * limit)
-        if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
-            found = again
-    return Resected(found, known)
+    return Resected(locate(xyz, x, predicted.inverse(), Policy(limit, 2 * limit, 2 * limit)), known)

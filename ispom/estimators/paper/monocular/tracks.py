@@ -39,7 +39,7 @@ class Followed:
         """With those ended that fit the pose or the triple badly."""
         status, residual, alive = self.status.copy(), self.residual_px.copy(), np.flatnonzero(self.alive)
         if (found := located.resection) is not None:
-            residual[alive[located.points]] = found.residuals * camera.fx
+            residual[alive[located.points]] = found.distances * camera.fx
             status[alive[located.points[~found.inliers]]] = TrackStatus.REPROJECTION
         if revision.triple is not None:
             status[np.isin(self.ids, revision.ids[~revision.triple.epipolar])] = TrackStatus.EPIPOLAR
