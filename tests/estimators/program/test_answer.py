@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ispom.estimators.program.answer import read_step
 from ispom.estimators.program.pipe import ProgramFault
+from ispom.estimators.program.protocol import read_step
 from ispom.types import Camera, Check, Status, Step, Tracks, TrackStatus
 
 CAMERAS = {"video": Camera(320, 240, 230.0, 230.0, 159.5, 119.5)}

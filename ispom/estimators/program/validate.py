@@ -1,4 +1,4 @@
-"""Values of an answer, looked at before they are trusted. All raise ProgramFault: the rest of a sentence."""
+"""Checks of the values in an answer. All raise ProgramFault, whose text continues a sentence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LARGEST_ID = 1 << 53
 
 
 def known(answer: dict[str, Any], names: Iterable[str], where: str) -> None:
-    """No other names than these."""
+    """Refuses names other than these."""
     if unknown := sorted(answer.keys() - set(names)):
         raise ProgramFault(f"answers with {unknown[0][:QUOTED]!r}, which {where} does not have")
 
@@ -25,14 +25,14 @@ def mapping(value: Any, where: str) -> dict[str, Any]:
 
 
 def items(value: Any, where: str, most: int, exactly: int | None = None) -> list[Any]:
-    """A list of at most, or exactly, so many."""
+    """Returns a list of at most `most`, or of `exactly`, entries."""
     if not isinstance(value, list) or len(value) > most or exactly not in (None, len(value)):
         raise wrong(where, value, f"a list of {exactly}" if exactly is not None else f"a list of at most {most}")
     return value
 
 
 def number(value: Any, where: str) -> float:
-    """A finite number."""
+    """Returns a finite number."""
     try:
         if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
             return float(value)
@@ -42,7 +42,7 @@ def number(value: Any, where: str) -> float:
 
 
 def count(value: Any, where: str, most: int) -> int:
-    """An integer from 0 to the largest."""
+    """Returns an integer from 0 to `most`."""
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
         raise wrong(where, value, f"an integer from 0 to {most}")
     return value
@@ -67,6 +67,8 @@ def text(value: Any, where: str) -> str:
     return value
 
 
-def wrong(where: str, value: Any, wanted: str) -> ProgramFault:
+def wrong(where: str, value: Any, expected: str) -> ProgramFault:
     shown = repr(value)
-    return ProgramFault(f"answers with {where} {shown if len(shown) <= QUOTED else shown[:QUOTED] + '…'}, not {wanted}")
+    return ProgramFault(
+        f"answers with {where} {shown if len(shown) <= QUOTED else shown[:QUOTED] + '…'}, not {expected}"
+    )
