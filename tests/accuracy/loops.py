@@ -21,8 +21,8 @@ from rich.table import Table
 from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
-from ispom.evaluation.ate import rms
 from ispom.evaluation.consistency import PARTS, band, errors
+from ispom.evaluation.trajectory_error import rms
 from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.simulation.cameras import simulated_rig

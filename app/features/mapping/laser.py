@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.evaluation.association import associate
+from ispom.evaluation.trajectory_error import associate
 from ispom.geometry import Array, Pose
 from ispom.io.files import expanded
 from ispom.io.timed_points import read_timed_points

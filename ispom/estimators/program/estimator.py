@@ -22,7 +22,11 @@ from ispom.estimators.program.pipe import Pipe, ProgramFault
 from ispom.estimators.program.protocol import (
     Description,
     greet,
+    images_of,
     read_step,
+    restore_request,
+    start_request,
+    step_request,
 )
 from ispom.estimators.program.store import STORE, StoredFrame
 from ispom.geometry import Pose
@@ -216,7 +220,7 @@ def program_method(config: type[ProgramConfig], needs: Iterable[Kind]) -> Method
         described = greet(pipe)
     except ProgramFault as fault:
         pipe.stop()
-        raise InputError(fault_message(config, fault, "when it was greet", pipe)) from None
+        raise InputError(fault_message(config, fault, "when it was greeted", pipe)) from None
     finally:
         pipe.stop()
     return Method(config.name, frozenset(needs), config, described.unit, described.source, checks=described.checks)

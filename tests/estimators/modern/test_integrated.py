@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
-from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
 from ispom.simulation.faults import with_late_video, with_turned_video
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
