@@ -29,7 +29,7 @@ from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_scenario
-from ispom.simulation.cache import default_folder
+from ispom.simulation.rendering.cache import default_folder
 from ispom.simulation.scenario.scenario import scenario_of_words
 from ispom.types import Image, Sequence, Status, StereoPair, VideoFrame
 

@@ -27,8 +27,8 @@ from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
-from ispom.simulation.renderer import Renderer
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town
+from ispom.simulation.rendering.renderer import Renderer
 from ispom.types import Rig, Step, StereoPair, Trajectory, VideoFrame
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight

@@ -15,7 +15,7 @@ from ispom_app.features.sweep import process as sweep
 
 from ispom.child import PYTHON, Child
 from ispom.estimators.program.pipe import Pipe, ProgramFault
-from ispom.simulation import process as rendering
+from ispom.simulation.rendering import process as rendering
 
 ROOT = Path(__file__).parents[2]
 PLANTED = ("json", "argparse", "yaml", "numpy", "cv2", "numba", "ispom", "ispom_app", "psutil", "contextlib")

@@ -8,7 +8,7 @@ from ispom.calibration.detection import Detection
 from ispom.calibration.result import Views
 from ispom.calibration.targets import Target
 from ispom.geometry import Pose
-from ispom.simulation.filming import seen_points
+from ispom.simulation.filmed_board import seen_points
 from ispom.types import Camera
 
 NOISE_PX = 0.2

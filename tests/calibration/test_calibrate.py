@@ -17,7 +17,7 @@ from ispom.calibration.result import Redo
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.simulation.filming import LEFT, VIDEO, board_poses, filming_rig
+from ispom.simulation.filmed_board import LEFT, VIDEO, board_poses, filming_rig
 from ispom.types import Camera
 from tests.calibration.corners import seen_by, views_of
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ispom.simulation.ahead import AheadRenderer
-from ispom.simulation.cache import ImageCache
+from ispom.simulation.rendering.cache import AheadRenderer, ImageCache
 from ispom.types import Image
 
 NAMES = [f"{i:03d}" for i in range(30)]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ispom.simulation.cache import ImageCache, source_key
+from ispom.simulation.rendering.cache import ImageCache, source_key
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)
 

@@ -8,13 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ispom.simulation.city import build_city
-from ispom.simulation.laser import Profiler
-from ispom.simulation.path import Path
-from ispom.simulation.scene import Scene
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.city import build_city
+from ispom.simulation.rendering.scene import Scene
+from ispom.simulation.truth import Profiler
 from ispom.types import TimedPoints
 
-MOTION = Path.seeded(3)
+MOTION = Flight.seeded(3)
 EXACT = replace(Profiler(), noise_m=0.0)
 START_NS, END_NS = 2_000_000_000, 2_200_000_000
 

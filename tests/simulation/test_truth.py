@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.simulation.renderer import Renderer
+from ispom.simulation.rendering.renderer import Renderer, View
 from ispom.simulation.source import Source
 from ispom.simulation.truth import Truth
-from ispom.simulation.view import View
 
 SOURCE = Source(2, False, 0.4, vehicles=12, people=12)
 T_NS, LATER_NS = 3_000_000_000, 3_100_000_000

@@ -242,7 +242,7 @@ def test_what_is_broken_is_named(sentence: str) -> None:
         ("does not explain its setting size", method(config=Unexplained)),
         ("has no Range for its setting size", method(config=Unlimited)),
         ("has a name that is not", method(name="My Walker")),
-        ("does not say in Method.source", method(source=" ")),
+        ("gives no reference in Method.source", method(source=" ")),
     ],
 )
 def test_what_a_method_says_about_itself(sentence: str, broken: Method) -> None:

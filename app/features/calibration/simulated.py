@@ -15,8 +15,7 @@ from ispom.calibration.targets.drawing import MARGIN_M, raster
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.settings import check
-from ispom.simulation.board import Picture
-from ispom.simulation.calibrating import FilmedBoard, How
+from ispom.simulation.filmed_board import FilmedBoard, How, Picture
 from ispom.types import Frame, Rig
 
 from .images import CAMERAS, Source

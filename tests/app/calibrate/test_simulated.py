@@ -20,7 +20,7 @@ from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
 from ispom.io.files import bounded
 from ispom.io.rig import read_rig
-from ispom.simulation.filming import VIDEO
+from ispom.simulation.filmed_board import VIDEO
 
 SPEC = "chessboard:7x5:0.03"
 

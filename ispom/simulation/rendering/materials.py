@@ -1,4 +1,4 @@
-"""The colours of the simulated place: what each material looks like at metric coordinates of a face (u right, v up)."""
+"""The colours of the simulated place: each material as a function of metric coordinates of a face (u right, v up)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.simulation.facades import Fronts
-from ispom.simulation.noise import (
+from ispom.simulation.rendering.facades import Fronts
+from ispom.simulation.rendering.noise import (
     Cells,
     Values,
     cells,
@@ -26,7 +26,7 @@ from ispom.simulation.noise import (
 
 
 class Material(IntEnum):
-    """What a face is made of."""
+    """The material of a face."""
 
     PLASTER = 0
     BRICK = 1
@@ -69,10 +69,10 @@ _LOOKS = (
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """All faces of a scene, as what is looked up for each sample."""
+    """The properties of all faces of a scene, as the shader looks them up."""
 
     look: NDArray[np.uint8]
-    """(F,) the material, of facades 14 + their wall: what samples are sorted by, to be worked on together."""
+    """(F,) the material, of facades 14 + their wall: samples are sorted by it, to be shaded together."""
     seed: Cells
     size: tuple[Values, Values]
     """(F,) width and height [m]."""
@@ -82,7 +82,7 @@ class Surfaces:
 
     @staticmethod
     def of(material: NDArray[np.int64], seed: NDArray[np.int64], parameters: Array) -> Surfaces:
-        """Of faces with parameters (F, 8)."""
+        """Makes surfaces from parameters (F, 8)."""
         facade, seeds = material == Material.FACADE, seed.astype(np.uint32)
         single = parameters.T.astype(np.float32)
         look = np.where(facade, _COUNT + parameters[:, STYLE].astype(np.int64), material).astype(np.uint8)
@@ -95,7 +95,7 @@ class Surfaces:
         )
 
     def colour(self, look: int, face: NDArray[np.intp], u: Values, v: Values, wu: Values, wv: Values) -> Values:
-        """(3, N) mean colours, 0-255, of faces that share a look, in plain light.
+        """Returns mean colours (3, N), 0-255, of faces that share a look, in plain light.
 
         Footprints of wu x wv [m] are centred on (u, v) [m].
         """
@@ -128,7 +128,7 @@ class Surfaces:
 
 
 def _mix(colour: Values, other: Values, part: Values) -> Values:
-    """Between two colours (3, N), part 0..1."""
+    """Blends two colours (3, N); part 0..1."""
     return colour + (other - colour) * part
 
 
@@ -185,7 +185,7 @@ def _print(
 
 
 def sky(x: Values, y: Values, z: Values, width: Values) -> Values:
-    """(3, N) colours of the sky in directions (x, y down, z), seen over angles `width` [rad]."""
+    """Returns colours (3, N) of the sky in directions (x, y down, z), for angles of view `width` [rad]."""
     up = np.maximum(-y, 0) / np.sqrt(x * x + y * y + z * z)
     reach = 1.5 / (up + 0.15)
     _, stain = grain(x * reach, z * reach, width * reach * reach, np.full(len(x), 7, np.uint32))

@@ -6,12 +6,11 @@ import cv2
 import numpy as np
 
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.city import build_city
 from ispom.simulation.motions import motion_of
-from ispom.simulation.movers import DRIVING_M_S, WALKING_M_S, city_with_traffic
-from ispom.simulation.renderer import Renderer
+from ispom.simulation.places.city import build_city
+from ispom.simulation.places.traffic import DRIVING_M_S, WALKING_M_S, city_with_traffic
+from ispom.simulation.rendering.renderer import Renderer, View
 from ispom.simulation.source import Source
-from ispom.simulation.view import View
 
 T_NS, SECOND_NS = 3_000_000_000, 1_000_000_000
 

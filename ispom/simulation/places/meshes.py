@@ -1,4 +1,4 @@
-"""A place of any triangles: rays by Embree, colours by whoever knows the surface, each pixel the mean of four looks."""
+"""A place of triangles: rays by Embree, colours by a function of the surface, each pixel the mean of four samples."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.files import expanded, read_bytes
 from ispom.io.meshes import ColouredMesh, read_coloured_mesh
-from ispom.simulation.caster import NOTHING, RayCaster
-from ispom.simulation.samples import ROOKS
-from ispom.simulation.view import View
+from ispom.simulation.rendering.renderer import ROOKS, View
+from ispom.simulation.rendering.scene import NOTHING, RayCaster
 from ispom.types import Camera, Image
 
 WORD = "mesh:"
-"""Begins the name of a place that is a file's."""
+"""Prefix of the name of a place from a file."""
 MOST_BYTES = 1 << 30
 _ROWS = 40
-"""Of an image that a thread shades at once."""
+"""Rows of an image that a thread shades at once."""
 _LEVELS = 10
-"""Of a texture, each half as large as the one before."""
+"""Levels of a texture pyramid, each half as large as the one before."""
 Colour = Callable[[NDArray[np.intp], Array, Array, Array], Array]
-"""(N,) triangles, (N, 3) weights of their corners, (N, 3) points in the world, (N,) widths [m] -> (N, 3) 0-255."""
+"""Maps (N,) triangles, (N, 3) weights of their corners, (N, 3) points in the world, (N,) widths [m] to (N, 3) 0-255."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +37,9 @@ class MeshPlace:
     """Triangles with colours, in the axes of their own."""
 
     triangles: NDArray[np.float32]
-    """(T, 3, 3) corners [m]."""
+    """(T, 3, 3) corners in the world [m]."""
     colour: Colour
-    """Of what a pixel sees, light included."""
+    """Colour of a pixel's surface, with light."""
     background: tuple[float, float, float]
     caster: RayCaster
     _views: dict[Camera, View] = field(default_factory=dict)
@@ -48,8 +47,10 @@ class MeshPlace:
     def image(
         self, camera: Camera, world_from_camera: Pose, threads: int = 1, rows: Sequence[Pose] | None = None
     ) -> NDArray[np.float32]:
-        """(H, W, 3) RGB, 0-255 without noise or rounding; `rows` (H,) camera_from_row of a rolling shutter. The same
-        for any number of threads."""
+        """Renders (H, W, 3) RGB, 0-255, without noise or rounding; `rows` (H,) camera_from_row of a rolling shutter.
+
+        The result is the same for any number of threads.
+        """
         if camera not in self._views:
             self._views[camera] = View.of(camera)
         view = self._views[camera] if rows is None else self._views[camera].rolled(rows)
@@ -68,7 +69,7 @@ class MeshPlace:
     def _look(
         self, change: NDArray[np.float32], rotation: Array, origin: Array, x: float, y: float
     ) -> NDArray[np.float32]:
-        """(N, 3) what is seen at (x, y) [px] from the centres of N pixels, from `origin` (3,) or (N, 3)."""
+        """Returns the colours (N, 3) at (x, y) [px] from the centres of N pixels, from `origin` (3,) or (N, 3)."""
         a, b, ra, rb, da, db = change
         rays = np.stack([a + x * ra + y * da, b + x * rb + y * db, np.ones_like(a)], axis=1)
         directions = rays @ rotation.T.astype(np.float32)
@@ -80,13 +81,15 @@ class MeshPlace:
             found = hits[seen].astype(np.intp)
             begin = origin if origin.ndim == 1 else origin[seen]
             xyz, weights, depth = self.met(found, begin, directions[seen].astype(float))
-            width = depth * np.sqrt(np.abs(ra * db - rb * da))[seen] / 2  # four looks to a pixel
+            width = depth * np.sqrt(np.abs(ra * db - rb * da))[seen] / 2  # four samples per pixel
             out[seen] = self.colour(found, weights, xyz, width)
         return out
 
     def met(self, triangle: NDArray[np.intp], origin: Array, directions: Array) -> tuple[Array, Array, Array]:
-        """Where rays from `origin` (3,) or (N, 3) along `directions` (N, 3) meet triangles (N,): (N, 3) points in the
-        world, (N, 3) weights of the corners, (N,) lengths in units of the directions."""
+        """Intersects rays from `origin` (3,) or (N, 3) along `directions` (N, 3) with triangles (N,).
+
+        Returns points in the world (N, 3), weights of the corners (N, 3), and lengths (N,) in units of the directions.
+        """
         first, along, up, normal = (part[triangle] for part in self._edges)
         t = ((first - origin) * normal).sum(axis=1) / (directions * normal).sum(axis=1)
         xyz = origin + t[:, None] * directions
@@ -97,14 +100,14 @@ class MeshPlace:
 
     @cached_property
     def _edges(self) -> tuple[Array, Array, Array, Array]:
-        """(T, 3) each: a corner, two edges from there, their cross product."""
+        """A corner, two edges from there, and their cross product, (T, 3) each."""
         first = self.triangles[:, 0].astype(float)
         along, up = self.triangles[:, 1] - first, self.triangles[:, 2] - first
         return first, along, up, np.cross(along, up)
 
 
 def mesh_name(path: str) -> str:
-    """A name that tells files of other content apart. InputError where the file is no mesh."""
+    """Returns a name that differs for files of other content. Raises InputError where the file is no mesh."""
     found = expanded(path).absolute()
     digest = hashlib.blake2b(read_bytes(found, MOST_BYTES), digest_size=8).hexdigest()
     if len(read_coloured_mesh(found).triangles) == 0:
@@ -113,7 +116,7 @@ def mesh_name(path: str) -> str:
 
 
 def mesh_place(name: str) -> MeshPlace:
-    """Of a name as `mesh_name` gives it. InputError where the file is gone."""
+    """Reads the place of a name of `mesh_name`. Raises InputError where the file is gone."""
     mesh = read_coloured_mesh(Path(name.split(":", 2)[2]))
     caster = RayCaster(mesh.triangles)
     colour = _of_corners(mesh) if mesh.texture is None else _of_texture(mesh, mesh.texture)
@@ -130,7 +133,7 @@ def _of_corners(mesh: ColouredMesh) -> Colour:
 
 
 def _of_texture(mesh: ColouredMesh, texture: Image) -> Colour:
-    """From a pyramid of the texture, by the size that a look has on it (Williams 1983)."""
+    """Takes colours from a pyramid of the texture, by the size of a sample on it (Williams 1983)."""
     assert mesh.uv is not None
     uv, levels = mesh.uv.astype(float), [texture.astype(np.float32)]
     while len(levels) < _LEVELS and min(levels[-1].shape[:2]) > 1:
@@ -158,7 +161,7 @@ def _of_texture(mesh: ColouredMesh, texture: Image) -> Colour:
 
 
 def _at(image: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 3) of the places (1, N), in pieces that OpenCV takes."""
+    """Samples the image at (1, N) positions, in pieces that OpenCV accepts; returns (N, 3)."""
     most, pieces = 30_000, []
     for start in range(0, x.shape[1], most):
         some = slice(start, start + most)
@@ -167,7 +170,7 @@ def _at(image: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float3
 
 
 def _texels_per_m(mesh: ColouredMesh, uv: Array, texture: Image) -> Array:
-    """(T,) along a side: by the areas of each triangle in the texture and in the world."""
+    """Returns texels per metre (T,) by the areas of each triangle in the texture and in the world."""
     height, width = texture.shape[:2]
     one, other = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     texels = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) * width * height

@@ -1,6 +1,6 @@
-"""Places of one wall, for what images cannot tell: all points in a plane, nothing to track, too much that is alike.
+"""Places of one wall, for degenerate cases: all points in a plane, nothing to track, repetitive texture.
 
-The wall is the plane z = WALL_M, and fills the view of whoever moves along x at z about 0 and looks at it.
+The wall is the plane z = WALL_M, and fills the view of a camera that moves along x at z about 0 and looks at it.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.simulation.materials import Material, Surfaces
-from ispom.simulation.noise import Values
-from ispom.simulation.scene import Scene, SceneBuilder
+from ispom.simulation.rendering.materials import Material, Surfaces
+from ispom.simulation.rendering.noise import Values
+from ispom.simulation.rendering.scene import Scene, SceneBuilder
 
 WALL_M = 6.0
 TILE_M = 0.5
-"""Of the repetitive wall, along u and v."""
+"""Period of the repetitive wall, along u and v."""
 PLAIN = (150.0, 146.0, 140.0)
 """Colour of the wall without texture."""
 Wall = Literal["wall", "blank", "tiles"]
@@ -46,7 +46,7 @@ class Blank(Surfaces):
 
 @dataclass(frozen=True, eq=False)
 class Tiled(Surfaces):
-    """What is in the first tile, everywhere."""
+    """Repeats the first tile everywhere."""
 
     def colour(self, look: int, face: NDArray[np.intp], u: Values, v: Values, wu: Values, wv: Values) -> Values:
         return super().colour(look, face, u % np.float32(TILE_M), v % np.float32(TILE_M), wu, wv)

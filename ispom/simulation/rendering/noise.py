@@ -1,7 +1,7 @@
 """Band-limited noise and patterns, evaluated for many samples at once: nothing repeats, no face needs a texture.
 
-Every function takes the widths of the samples' footprints on the surface and answers with the mean over them, so that
-nothing finer than a pixel is left to alias: aliasing would look like motion of its own. All arrays are (N,) float32.
+Every function takes the widths of the samples' footprints on the surface and returns the mean over them, so that
+nothing finer than a pixel is left to alias: aliasing would look like motion. All arrays are (N,) float32.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 Values = NDArray[np.floating]
 Cells = NDArray[np.uint32]
-"""Whole numbers modulo 2^32, so that cells left of 0 have a number too."""
+"""Integers modulo 2^32, so that cells left of 0 have a number too."""
 
 _SIZE, _TEXEL_M = 2048, 0.005
 _LEVELS = 10
 """Mip levels of the grain: 2048 .. 4 texels wide."""
 _COLUMNS = 64
-"""OpenCV looks up images, of at most 32767 rows: samples are laid out this wide."""
+"""OpenCV accepts images of at most 32767 rows: samples are laid out this wide."""
 
 
 def cells(x: Values) -> Cells:
@@ -29,7 +29,7 @@ def cells(x: Values) -> Cells:
 
 
 def hash01(i: Cells | int, j: Cells | int, seed: Cells) -> Values:
-    """(N,) numbers in [0, 1) that depend on nothing but the three whole numbers."""
+    """Returns numbers (N,) in [0, 1) that depend only on the three integers."""
     h = seed * np.uint32(83492791) ^ _times(i, 73856093) ^ _times(j, 19349663)
     h ^= h >> np.uint32(15)
     h *= np.uint32(2246822519)
@@ -97,12 +97,12 @@ def grain(x: Values, y: Values, width: Values, seed: Cells) -> tuple[Values, Val
     )
     texels = np.concatenate([width * (1 / _TEXEL_M), width[:1].repeat(spare)])
     fine, stain = np.float32(0), np.float32(0)
-    # The second copy is turned and larger, so that the sum does not repeat.
+    # The second copy is rotated and larger, so that the sum does not repeat.
     for weight in (0.8, 0.6):
         if weight == 0.6:
             x, y = 0.2476 * x - 0.1866 * y + 977, 0.1866 * x + 0.2476 * y + 313
             texels = 0.31 * texels
-        # The number's own exponent and mantissa: the level, and how far it is to the next one.
+        # The number's own exponent and mantissa: the level, and the fraction to the next one.
         bits = np.clip(texels, 1, 0.999 * 2 ** (_LEVELS - 1)).view(np.int32)
         exponent = bits >> 23
         factor = ((254 - exponent) << 23).view(np.float32)
@@ -116,7 +116,7 @@ def grain(x: Values, y: Values, width: Values, seed: Cells) -> tuple[Values, Val
 
 
 def span(x: Values, width: Values, low: Values | float, high: Values | float) -> Values:
-    """How much of x +- width/2 lies in low..high, 0..1."""
+    """Returns the share of x +- width/2 that lies in low..high."""
     half = 0.5 * width
     return np.maximum(np.minimum(x + half, high) - np.maximum(x - half, low), 0) / width
 
@@ -124,18 +124,18 @@ def span(x: Values, width: Values, low: Values | float, high: Values | float) ->
 def rectangle(
     x: Values, y: Values, wx: Values, wy: Values, x0: Values | float, y0: Values | float, x1: Values, y1: Values
 ) -> Values:
-    """How much of the footprint lies in a rectangle, 0..1."""
+    """Returns the share of the footprint that lies in a rectangle."""
     return span(x, wx, x0, x1) * span(y, wy, y0, y1)
 
 
 def disc(x: Values, y: Values, width: Values, cx: Values | float, cy: Values | float, radius: Values | float) -> Values:
-    """How much of the footprint lies in a disc, 0..1."""
+    """Returns the share of the footprint that lies in a disc."""
     dx, dy = x - cx, y - cy
     return np.clip((radius - np.sqrt(dx * dx + dy * dy)) / width + 0.5, 0, 1)
 
 
 def joints(x: Values, width: Values, period: Values | float, joint: Values | float) -> Values:
-    """How much of x +- width/2 lies in joints of width `joint` centred on the multiples of period."""
+    """Returns the share of x +- width/2 that lies in joints of width `joint` centred on the multiples of period."""
     part = joint / period
     middle, half = (x + 0.5 * joint) / period, 0.5 * width / period
     low, high = middle - half, middle + half
@@ -145,7 +145,7 @@ def joints(x: Values, width: Values, period: Values | float, joint: Values | flo
 
 
 def _across(inside: Values, width: Values) -> tuple[Values, Values]:
-    """From 0..1 within a cell and the footprint's width: to which neighbour it reaches (-1 or 1), and by how much."""
+    """Returns which neighbour cell the footprint reaches (-1 or 1), and its share there."""
     right = np.floor(inside + 0.5)  # 0 left of the middle, 1 right of it
     edge = np.abs(inside - right)
     return 2 * right - 1, np.maximum(0.5 - edge / width, 0)
@@ -211,7 +211,7 @@ _PIXELS = (_FONT[:, None] >> np.arange(14, -1, -1) & 1).astype(np.float32).resha
 
 
 def lettering(x: Values, y: Values, wx: Values, wy: Values, cell: Values, seed: Cells) -> Values:
-    """How much of the footprint is ink of seeded capitals of height 5 cells [m] standing on y = 0, 0..1."""
+    """Returns the share of the footprint that is ink of seeded capitals of height 5 cells [m] standing on y = 0."""
     letter = np.floor(x / (4 * cell))
     number = letter.astype(np.int32).view(np.uint32)
     pixels = _PIXELS[(hash01(number, 5, seed) * 26).astype(np.intp)] * (hash01(number, 3, seed) >= 0.14)[:, None, None]

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ispom.geometry import Pose, so3_exp
-from ispom.simulation.city import PAINTS, pick_colour
-from ispom.simulation.materials import Material
-from ispom.simulation.path import SHAKE_DEG, SHAKE_M, Path
-from ispom.simulation.scene import Colour, Scene, SceneBuilder
+from ispom.simulation.places.city import PAINTS, pick_colour
+from ispom.simulation.rendering.materials import Material
+from ispom.simulation.rendering.scene import Colour, Scene, SceneBuilder
 
 CORRIDOR_HALF_M, CORRIDOR_M, CEILING_M = 1.3, 16.0, 2.8
 STEPS, TREAD_M, RISE_M = 12, 0.3, 0.17
 HALL_HALF_M, HALL_M, HALL_CEILING_M = 7.0, 20.0, 5.5
-SPEED_M_S = 0.9
-EYES_M = 1.6
 STAIRS_FROM_M = CORRIDOR_M
 HALL_FROM_M, HALL_FLOOR_M = CORRIDOR_M + STEPS * TREAD_M, STEPS * RISE_M
 _START_M = -4.0
@@ -34,7 +28,7 @@ def build_building(seed: int) -> Scene:
 
 
 def _wall(builder: SceneBuilder, x: float, z0: float, z1: float, low: float, high: float, material: Material) -> None:
-    """Along z on the side of x, seen from the middle; heights above the lower floor."""
+    """Adds a wall along z at the side x, visible from the middle; heights are above the lower floor."""
     side, along = np.sign(x), z1 - z0
     start = np.array([x, -low, z0 if side < 0 else z1])
     builder.face(
@@ -43,14 +37,14 @@ def _wall(builder: SceneBuilder, x: float, z0: float, z1: float, low: float, hig
 
 
 def _level(builder: SceneBuilder, half: float, z0: float, z1: float, height: float, up: bool, colour: Colour) -> None:
-    """A floor seen from above, or a ceiling seen from below."""
+    """Adds a floor, visible from above, or a ceiling, visible from below."""
     corner = np.array([-half if up else half, -height, z0])
     across = np.array([2 * half if up else -2 * half, 0.0, 0.0])
     builder.face(corner, across, np.array([0.0, 0.0, z1 - z0]), Material.PAVING if up else Material.PLASTER, colour)
 
 
 def _end(builder: SceneBuilder, half: float, z: float, low: float, high: float, material: Material) -> None:
-    """A wall across z, seen from smaller z."""
+    """Adds a wall across z, visible from smaller z."""
     across, up = np.array([-2 * half, 0.0, 0.0]), np.array([0.0, low - high, 0.0])
     builder.face(np.array([half, -low, z]), across, up, material, _WALL)
 
@@ -114,31 +108,3 @@ def _hall(builder: SceneBuilder) -> None:
     for x in np.arange(-6, 6.1, 2.4):
         board, colour = (1.6, rng.uniform(0.8, 1.6), 0.06), pick_colour(builder, PAINTS)
         builder.box((float(x), end - 0.04), board, Material.POSTER, colour, bottom=floor + 1.2)
-
-
-@dataclass(frozen=True)
-class Walk:
-    """Down the corridor, up the stairs and into the hall, with the shake of a hand."""
-
-    path: Path
-
-    def pose_at(self, time_ns: int) -> Pose:
-        """world_from_rig at a time [ns]."""
-        t, path = time_ns * 1e-9, self.path
-        along = SPEED_M_S * t
-        wave = np.sin(2 * np.pi * path.sway[:, 1] * t + path.sway[:, 2])
-        step = 0.015 * np.sin(2 * np.pi * 1.7 * t)
-        place = np.array([0.35 * wave[0], -EYES_M - _climbed(along) + 0.04 * wave[1] + step, along])
-        yaw, pitch = np.radians(14) * wave[3] + 0.1 * wave[2], np.radians(3) * wave[1]
-        smooth = so3_exp(np.array([0, yaw, 0])) @ so3_exp(np.array([pitch, 0, 0]))
-        shake = np.sin(2 * np.pi * path.shake_hz * t + path.shake_phase).sum(axis=1)
-        turn = smooth @ so3_exp(np.radians(SHAKE_DEG) * shake[3:])
-        return Pose(turn, place + smooth @ (SHAKE_M * shake[:3]))
-
-
-def _climbed(along_m: float) -> float:
-    """Height of the feet [m]: the slope of the stairs, its ends rounded so that the way is smooth."""
-    slope, round_m = RISE_M / TREAD_M, 0.8
-    ends = np.array([STAIRS_FROM_M, HALL_FROM_M])
-    rising = round_m * np.logaddexp(0, (along_m - ends) / round_m)  # softplus: 0 before, along - end after
-    return float(slope * (rising[0] - rising[1]))

@@ -1,6 +1,6 @@
-"""Rendering in a process of its own: beside it neither estimators nor the page wait for Python's lock.
+"""Rendering in separate processes, so that neither estimators nor the page wait for Python's lock.
 
-It can be started before anything else, and ends when the process that wants its images does.
+A process can be started before anything else, and ends with its parent.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from ispom.stop import wait_or_stop
 if TYPE_CHECKING:
     from ispom.types import Image, Kind
 
-_COMMAND = [*PYTHON, "-m", "ispom.simulation.process"]
+_COMMAND = [*PYTHON, "-m", "ispom.simulation.rendering.process"]
 IDLE_S = 60.0
-"""A process that is asked for nothing for so long ends, and is started anew where it is wanted again: a scene and its
-textures take 0.36 GB, and most runs find their images on the disk."""
+"""A process without requests for this time ends, and is started again when needed: a scene and its textures take 0.36
+GB, and most runs find their images on the disk."""
 
 
 class RenderPool:
-    """Two processes at most, of which the second is started when the first has answered and both are wanted.
+    """Two processes at most; the second is started when the first has answered and both are needed.
 
-    Two, not two threads: those would wait for each other's turn with Python. Safe from several threads.
+    Two threads would wait for each other's turn with Python. Safe from several threads.
     """
 
     def __init__(self) -> None:
@@ -46,14 +46,14 @@ class RenderPool:
         self._free, self._warm = list(self._processes), False
 
     def start(self) -> None:
-        """Begins to get the first one ready, and returns at once; where that fails, the first image says so."""
+        """Starts the first process, and returns at once; a failure is raised by the first image."""
         with suppress(OSError):
             self._processes[0].start()
 
     def render(
         self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int, *more: str | int
     ) -> Image:
-        """As `RenderProcess.render`, in a process that is free; waits for one."""
+        """Calls `RenderProcess.render` in a process that is free; waits for one."""
         with self._change:
             wait_or_stop(lambda seconds: bool(self._change.wait_for(self._has_room, seconds)))
             process = min(self._free, key=self._processes.index)
@@ -76,7 +76,7 @@ class RenderPool:
             process.stop()
 
     def end(self) -> None:
-        """The same, and none is started again: threads that wait for an image end soon."""
+        """Ends the processes for good: threads that wait for an image end soon."""
         for process in self._processes:
             process.end()
 
@@ -105,9 +105,9 @@ class RenderProcess:
     def render(
         self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int, *more: str | int
     ) -> Image:
-        """As `Source(seed, motion_blur, scale, *more).render(time_ns, kind, threads)`.
+        """Returns `Source(seed, motion_blur, scale, *more).render(time_ns, kind, threads)`.
 
-        InputError where no process lives long enough for it; RuntimeError where rendering fails in it.
+        Raises InputError where the process dies repeatedly; RuntimeError where rendering fails in it.
         """
         request = json.dumps([seed, motion_blur, scale, time_ns, kind, threads, *more]).encode() + b"\n"
         with self._talking:
@@ -146,14 +146,14 @@ class RenderProcess:
             child.stop()
 
     def end(self) -> None:
-        """The same, and it is not started again."""
+        """Ends the process for good."""
         with self._starting:
             self._over = True
         self.stop()
 
 
 class _Ended(Exception):
-    """How the process ended before it had answered: the rest of a sentence."""
+    """The end of the process before its answer: the text continues a sentence."""
 
 
 @cache
@@ -165,7 +165,7 @@ def render_pool() -> RenderPool:
 
 
 def _ask(child: Child, request: bytes) -> Image:
-    """The image asked for; OSError or EOFError where the process ended before it was whole."""
+    """Returns the requested image. Raises OSError or EOFError where the process ended before it was complete."""
     child.requests.write(request)
     child.requests.flush()
     if hasattr(select, "poll"):  # not on Windows
@@ -185,9 +185,9 @@ def _ask(child: Child, request: bytes) -> Image:
 
 
 def _requests(idle_s: float) -> Iterator[bytes]:
-    """The lines of standard input, until none has come for so long.
+    """Yields the lines of standard input, until none has come for `idle_s`.
 
-    The process ends with its input, also in the middle of an image: nobody waits for that.
+    The process ends with its input, also in the middle of an image: its parent has ended.
     """
     lines: SimpleQueue[bytes] = SimpleQueue()
 
@@ -207,7 +207,7 @@ def _serve(requests: Iterable[bytes], answers: BinaryIO) -> None:
     """Answers every line of requests with the image's shape in a line and its bytes, or with a sentence."""
     import cv2
 
-    from ispom.simulation.noise import grain_levels
+    from ispom.simulation.rendering.noise import grain_levels
     from ispom.simulation.source import Source
 
     cv2.setNumThreads(1)  # the renderer has its own threads
@@ -227,7 +227,7 @@ def _serve(requests: Iterable[bytes], answers: BinaryIO) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all of a terminal's processes; the first one decides
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all of a terminal's processes; the parent decides
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no answer
     with suppress(OSError):

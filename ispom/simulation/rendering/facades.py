@@ -1,4 +1,4 @@
-"""House fronts: shops and doors below, floors of windows above, no two alike."""
+"""House fronts: shops and doors below, floors of windows above, all different."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.simulation.noise import Cells, Values, disc, hash01, joints, masonry, rectangle, span
+from ispom.simulation.rendering.noise import Cells, Values, disc, hash01, joints, masonry, rectangle, span
 
 _GROUND_M = 3.7
 """Height of the ground floor."""
@@ -18,10 +18,10 @@ WINDOW, SHOP, DOOR, BLANK = range(4)
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """What stands in every bay of every floor, so that no pixel has to work it out."""
+    """The openings of all bays of all floors, computed once."""
 
     first: NDArray[np.int64]
-    """(F,) where the openings of a face begin, ground floor first, bay by bay; then (F,) per face:"""
+    """(F,) index of the first opening of a face, ground floor first, bay by bay; then (F,) per face:"""
     bays: Values
     bay_m: Values
     floor_m: Values
@@ -32,7 +32,8 @@ class Fronts:
 
     @staticmethod
     def of(size: Array, bay: Array, floor: Array, seed: Cells, is_front: NDArray[np.bool_]) -> Fronts:
-        """Of faces of a size (F, 2) [m], with bays of about this width and floors of this height, (F,) [m]."""
+        """Makes fronts for faces of a size (F, 2) [m], with bays of about this width and floors of this height, (F,)
+        [m]."""
         bay, floor = np.where(is_front, bay, 1.0), np.where(is_front, floor, 1.0)
         bays = np.where(is_front, np.maximum(1, np.floor(size[:, 0] / bay)), 0).astype(np.int64)
         floors = np.where(is_front, 2 + np.maximum(0, np.floor((size[:, 1] - _GROUND_M) / floor)), 0).astype(np.int64)

@@ -1,4 +1,4 @@
-"""The simulated moon: a plain with craters and rocks under a low sun and a black sky. Everything is grey and alike."""
+"""The simulated moon: a grey, self-similar plain with craters and rocks under a low sun and a black sky."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.simulation.caster import RayCaster
-from ispom.simulation.meshes import Colour, MeshPlace
-from ispom.simulation.noise import grain
+from ispom.simulation.places.meshes import Colour, MeshPlace
+from ispom.simulation.rendering.noise import grain
+from ispom.simulation.rendering.scene import RayCaster
 
 SUN = np.array([0.78, -0.5, -0.38])
 """Towards it, 30 degrees above the horizon."""
 SKY = (6.0, 6.0, 8.0)
 FROM_M, TO_M, HALF_M = -25.0, 150.0, 60.0
-"""Of the plain, along z and to both sides of the route."""
+"""Extent of the plain along z, and to both sides of the route."""
 FREE_M = 4.0
 """To both sides of the route there is no crater and no rock larger than a fist."""
 CRATERS, ROCKS = 70, 700
@@ -32,7 +32,7 @@ def build_moon(seed: int) -> MeshPlace:
 
 
 def _ground(rng: np.random.Generator) -> tuple[Array, Array]:
-    """(T, 3, 3) triangles, and the normals at their corners."""
+    """Returns triangles (T, 3, 3), and the normals at their corners."""
     near, far = np.arange(-12, 12.01, 0.2), np.arange(13, HALF_M + 1, 1.0)
     x, z = np.meshgrid(np.concatenate([-far[::-1], near, far]), np.arange(FROM_M, TO_M, 0.25))
     height = _heights(x, z, rng)
@@ -67,7 +67,7 @@ def _heights(x: Array, z: Array, rng: np.random.Generator) -> Array:
 
 
 def _rocks(rng: np.random.Generator) -> tuple[Array, Array]:
-    """As `_ground`: dented spheres, half in the ground."""
+    """Returns dented spheres, half in the ground, in the form of `_ground`."""
     directions, faces = _sphere()
     triangles, normals = [], []
     for _ in range(ROCKS):

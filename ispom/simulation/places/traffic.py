@@ -1,4 +1,4 @@
-"""What moves in the simulated street by itself: vehicles in its lanes, people on its pavements."""
+"""Traffic in the simulated street: vehicles in its lanes, people on its pavements."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.simulation.caster import RayCaster
-from ispom.simulation.city import PAINTS, STREET_FROM_M, STREET_TO_M, add_car, build_city, pick_colour
-from ispom.simulation.materials import Material
-from ispom.simulation.scene import Scene, SceneBuilder
+from ispom.simulation.places.city import PAINTS, STREET_FROM_M, STREET_TO_M, add_car, build_city, pick_colour
+from ispom.simulation.rendering.materials import Material
+from ispom.simulation.rendering.scene import RayCaster, Scene, SceneBuilder
 
 LANE_M = 2.98
-"""From the middle of the street: between the parked cars and the flight."""
+"""Distance from the middle of the street: between the parked cars and the flight."""
 PAVEMENT_M = (6.2, 6.7)
 DRIVING_M_S, WALKING_M_S = (5.0, 10.0), (0.9, 1.7)
 _CLOTHES, _SKIN = (64, 68, 84), (188, 144, 116)
@@ -25,7 +24,7 @@ class Mover:
     """Some faces that move along the street; beyond its end they come in again at its start."""
 
     faces: slice
-    """Of the scene, which has them at z = 0."""
+    """Faces of the scene, which has them at z = 0."""
     start_m: float
     """z at time 0."""
     speed_m_s: float
@@ -53,7 +52,7 @@ class Traffic:
         return replace(moved, caster=RayCaster(moved.triangles))
 
     def shifts(self, face: NDArray[np.int32], from_ns: int, to_ns: int) -> Array:
-        """(N, 3) how far faces (N,) move from one time to another [m]; no face is -1."""
+        """Returns the displacements (N, 3) [m] of faces (N,) from one time to another; no face is -1."""
         along = np.zeros(len(self.scene.corner) + 1)
         for mover in self.movers:
             along[mover.faces] = mover.along_m(to_ns) - mover.along_m(from_ns)

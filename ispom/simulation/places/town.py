@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ispom.geometry import Array, Pose, so3_exp
-from ispom.simulation.city import ROAD_HALF_M, line_street
-from ispom.simulation.materials import Material
-from ispom.simulation.path import Path
-from ispom.simulation.scene import Colour, Scene, SceneBuilder
+from ispom.simulation.places.city import ROAD_HALF_M, line_street
+from ispom.simulation.rendering.materials import Material
+from ispom.simulation.rendering.scene import Colour, Scene, SceneBuilder
 
 SIDE_M = 132.0
-"""Between the middles of two crossings; the town's corners are at (0, 0) and (SIDE_M, SIDE_M) of x and z."""
+"""Distance of two crossings; the town's corners are at (0, 0) and (SIDE_M, SIDE_M) of x and z."""
 CORNER_M = 10.0
-"""Radius of the route's turns."""
+"""Radius of the route's corners."""
 SPEED_M_S = 6.0
 LAP_M = 4 * (SIDE_M - 2 * CORNER_M) + 2 * np.pi * CORNER_M
 """Length of the route until it is back."""
 _SET_BACK_M = 26.0
-"""From the middle of a crossing to the first house."""
+"""Distance from the middle of a crossing to the first house."""
 _CORNER_HOUSE: Colour = (172, 150, 120)
 _ROAD_ABOVE_M = 0.02
 
@@ -69,20 +66,6 @@ def _street(builder: Placed) -> None:
         size = (rng.uniform(11, 13), rng.uniform(9, 17), rng.uniform(11, 13))
         style, bay, floor = float(rng.integers(3)), rng.uniform(2.2, 3.0), rng.uniform(2.9, 3.4)
         builder.box((x, z), size, Material.FACADE, _CORNER_HOUSE, style, bay, floor)
-
-
-@dataclass(frozen=True)
-class Loop:
-    """A drive around the block, with the sway and shake of the flight on top."""
-
-    path: Path
-
-    def pose_at(self, time_ns: int) -> Pose:
-        """world_from_rig at a time [ns]."""
-        t = time_ns * 1e-9
-        sway = self.path.pose_at(time_ns)
-        ahead = np.array([0.0, 0.0, self.path.speed_m_s * t])
-        return on_route(SPEED_M_S * t) @ Pose(sway.rotation, sway.translation - ahead)
 
 
 def on_route(along_m: float) -> Pose:

@@ -1,4 +1,4 @@
-"""The simulated place: a street between house fronts, with cars, trees, stalls and signs, seeded."""
+"""The simulated city: a seeded street between house fronts, with cars, trees, stalls and signs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ispom.simulation.materials import Material
-from ispom.simulation.scene import Colour, Scene, SceneBuilder
+from ispom.simulation.rendering.materials import Material
+from ispom.simulation.rendering.scene import Colour, Scene, SceneBuilder
 
 ROAD_HALF_M = 6.0
 STREET_FROM_M, STREET_TO_M = -24.0, 84.0
@@ -39,7 +39,7 @@ def build_city(seed: int, more: Callable[[SceneBuilder], None] = lambda _: None)
 
 
 def line_street(builder: SceneBuilder, start_m: float, end_m: float) -> None:
-    """What stands on both sides of a street along z, from `start_m` to `end_m`."""
+    """Adds the houses and things on both sides of a street along z, from `start_m` to `end_m`."""
     for side in (-1, 1):
         _houses(builder, side, start_m, end_m)
         _kerb_lane(builder, side, start_m, end_m)
@@ -162,7 +162,7 @@ def _kerb_lane(builder: SceneBuilder, side: int, start_m: float, end_m: float) -
 
 
 def add_car(builder: SceneBuilder, x: float, z: float, yaw: float) -> None:
-    """Four boxes and wheels, standing at (x, z) and turned by `yaw` [rad]; x is across."""
+    """Adds four boxes and wheels at (x, z), rotated by `yaw` [rad]; x is across."""
     colour = pick_colour(builder, PAINTS)
     length, shape = builder.rng.uniform(3.8, 4.5), builder.rng.uniform(0.5, 0.66)
     forward = np.array([np.sin(yaw), np.cos(yaw)])
@@ -230,7 +230,7 @@ def _tree(builder: SceneBuilder, x: float, z: float) -> None:
 
 
 def _horizon(builder: SceneBuilder) -> None:
-    """What closes the street at both ends, and a bridge across it."""
+    """Closes the street at both ends, and adds a bridge across it."""
     rng = builder.rng
     colour = pick_colour(builder, _WALLS)
     builder.box((0.0, STREET_TO_M), (26.0, 15.0, 8.0), Material.FACADE, colour, 2.0, 2.9, 3.3)
