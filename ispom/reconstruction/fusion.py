@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 from ispom.reconstruction.depth import Depth
 from ispom.reconstruction.model import Mesh, Points, without_crumbs, without_outliers
 from ispom.types import Camera, Image

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 
 
 @dataclass(frozen=True, eq=False)

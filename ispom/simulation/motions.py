@@ -14,7 +14,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.io.files import expanded, read_bytes
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.places.building import HALL_FROM_M, RISE_M, STAIRS_FROM_M, TREAD_M
 from ispom.simulation.places.town import SPEED_M_S, on_route

@@ -24,7 +24,7 @@ from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.evaluation.metrics import errors
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 from ispom.simulation.rendering.scene import NOTHING, RayCaster, by_open3d
 
 RNG = np.random.default_rng(3)

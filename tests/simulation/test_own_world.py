@@ -10,7 +10,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Flight

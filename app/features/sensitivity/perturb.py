@@ -15,7 +15,7 @@ from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.io.whole import write_whole
 from ispom.methods import with_asked
 from ispom.settings import check

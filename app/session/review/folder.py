@@ -13,7 +13,7 @@ from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import Config, method, with_asked
 from ispom.types import Frame, Rig, Sequence, Trajectory
 

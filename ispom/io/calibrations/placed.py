@@ -1,4 +1,4 @@
-"""A camera and where it sits, between the formats; and the pieces that several formats share."""
+"""Rotation matrices in files: rounded as files are, made orthonormal here."""
 
 from __future__ import annotations
 
@@ -13,9 +13,36 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import doubts, usable
 from ispom.io.mapping import finite_numbers
-from ispom.io.rotations import rotation_of
 from ispom.types import Camera
 from ispom.types.camera import Lens
+
+ROUNDED = 1e-3
+"""Largest deviation of a rotation in a file from an orthonormal matrix, whatever its digits."""
+EXACT = 1e-12
+"""Rotations nearer than this to one are taken as they stand."""
+_SHARE = 2.0
+"""Rounding moves each value by half of its last digit, and so R R^T by up to sqrt(3) of one."""
+
+
+def rotation_of(path: Path, where: str, matrix: Array) -> Array:
+    """The rotation (3, 3) nearest to a matrix (3, 3); InputError where its rounding does not explain the difference."""
+    away = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if away > max(ROUNDED, _SHARE * 10.0 ** -_decimals(matrix)) or np.linalg.det(matrix) <= 0:
+        raise InputError(f"{path}: {where} is no rotation (its rows are not of length 1 at right angles): correct it")
+    if away <= EXACT:
+        return matrix
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
+
+
+def _decimals(matrix: Array) -> int:
+    """Returns the digits after the point of the value with most of them; at least 2."""
+    words = [np.format_float_positional(value, trim="-") for value in np.ravel(matrix)]
+    return max(2, *(len(word.partition(".")[2]) for word in words))
+
+
+# A camera and where it sits, between the formats; and the pieces that several formats share.
+
 
 HOMOGENEOUS = 1e-6
 """The last row of a rigid motion is 0 0 0 1, to this."""
@@ -28,13 +55,13 @@ class Placed:
     name: str
     camera: Camera
     body_from_camera: Pose | None
-    """None where its file does not say where it sits."""
+    """None where its file has no pose."""
     notes: tuple[str, ...] = ()
     """Sentences about what of the file is skipped, and what in it is likely a mistake."""
 
     @property
     def pose(self) -> Pose:
-        """The same, of a camera whose place is known."""
+        """A camera with a known pose."""
         assert self.body_from_camera is not None
         return self.body_from_camera
 
@@ -57,7 +84,7 @@ def placed(
 def camera_from(
     path: Path, where: str, size: Array, intrinsics: list[float], distortion: list[float], lens: str
 ) -> Camera:
-    """The camera of a file's numbers; InputError says what is impossible about it."""
+    """Returns the camera of a file's values. Raises InputError for an impossible one."""
     width, height = (float(side) for side in size)
     if not (width > 0 and height > 0 and width == int(width) and height == int(height)):
         raise InputError(f"{path}: the size of {where} is not in whole pixels: correct it")
@@ -75,7 +102,7 @@ def matrix_of(pose: Pose) -> list[list[float]]:
 
 
 def pose_of(path: Path, where: str, value: Any) -> Pose:
-    """Of a (4, 4) matrix as nested or flat lists; InputError where it is no rigid motion."""
+    """Reads a (4, 4) matrix as nested or flat lists. Raises InputError where it is no rigid motion."""
     flat = value
     if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) for row in value):
         flat = [number for row in value for number in row]
@@ -88,7 +115,7 @@ def pose_of(path: Path, where: str, value: Any) -> Pose:
 
 
 def distortion_name(camera: Camera, names: dict[str, str], program: str, most: int) -> str:
-    """The format's name of the lens; InputError where it has none that holds all coefficients."""
+    """Returns the format's name of the lens. Raises InputError where it has none that holds all coefficients."""
     if any(camera.distortion[most:]):
         raise InputError(
             f"{program} has no lens with {len(camera.distortion)} coefficients: calibrate with --model radtan, "

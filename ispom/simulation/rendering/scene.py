@@ -60,7 +60,7 @@ def by_embreex(triangles: Rays) -> Cast:
 
 def by_open3d(triangles: Rays) -> Cast:
     """Linux on ARM has wheels of nothing else."""
-    from ispom.io.open3d import open3d
+    from ispom.io.meshes import open3d
 
     core, scene = open3d().core, open3d().t.geometry.RaycastingScene(nthreads=1)
     corners = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
