@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.calibration.detection import Detection
+from ispom.calibration.detection.detection import Detection
 from ispom.calibration.result import Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Pose
 from ispom.simulation.filmed_board import seen_points
 from ispom.types import Camera

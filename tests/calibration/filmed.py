@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.calibration.result import Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Array, Pose
 from ispom.simulation.filmed_board import Filming
 from tests.calibration.corners import NOISE_PX, seen_by, views_of

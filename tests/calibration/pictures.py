@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ispom.calibration.targets import Target
 from ispom.calibration.targets.drawing import MARGIN_M, raster
+from ispom.calibration.targets.target import Target
 from ispom.simulation.filmed_board import Picture
 
 LONGER_SIDE_PX = 1800

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from ispom.calibration.diagnostics.parameters import Parameter
+from ispom.calibration.diagnostics import Parameter
 from ispom.calibration.result import Redo, Verdict
 from ispom.calibration.tracked.opened import SURE, found_in, rounded, told
 from ispom.calibration.tracked.solve import TrackedLens

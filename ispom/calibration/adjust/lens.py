@@ -13,7 +13,7 @@ from ispom.types import Camera
 
 Model = Literal["pinhole", "radtan", "rational", "fisheye"]
 MODELS: tuple[Model, ...] = ("pinhole", "radtan", "fisheye", "rational")
-"""From the simplest on: without distortion; k1 k2 p1 p2; Kannala and Brandt's k1 to k4; k1 k2 p1 p2 k3 k4 k5 k6."""
+"""In order of complexity: no distortion; k1 k2 p1 p2; Kannala and Brandt's k1 to k4; k1 k2 p1 p2 k3 k4 k5 k6."""
 _DISTORTION: dict[Model, tuple[str, ...]] = {
     "pinhole": (),
     "radtan": ("k1", "k2", "p1", "p2"),
@@ -24,7 +24,7 @@ FOCAL_AND_CENTRE = ("fx", "fy", "cx", "cy")
 
 
 def parameter_names(model: Model) -> tuple[str, ...]:
-    """Of the vector of a camera of this model, in its order."""
+    """Returns the names of the elements of a camera's vector."""
     return (*FOCAL_AND_CENTRE, *_DISTORTION[model])
 
 
@@ -36,7 +36,7 @@ def model_of(camera: Camera) -> Model:
 
 
 def as_model(camera: Camera, model: Model) -> Camera:
-    """The same camera with as many coefficients as the model has; more than those are dropped.
+    """Returns the camera with the coefficients of the model; further ones are dropped.
 
     Between a fisheye lens and the others only focal lengths and centre are kept.
     """
@@ -58,8 +58,10 @@ def with_vector(camera: Camera, vector: Array) -> Camera:
 
 
 def projected(camera: Camera, xyz_in_camera: Array) -> tuple[Array, Array, Array]:
-    """Of points (N, 3) before the camera: pixels (N, 2), and their change by the point (N, 2, 3) and by the camera's
-    vector (N, 2, P)."""
+    """Projects points (N, 3) in front of the camera.
+
+    Returns pixels (N, 2), and their derivatives by the point (N, 2, 3) and by the camera's vector (N, 2, P).
+    """
     n, count = len(xyz_in_camera), 4 + len(camera.distortion)
     if not n:
         return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, count))

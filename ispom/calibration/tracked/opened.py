@@ -1,4 +1,4 @@
-"""A sequence without a calibration, with the camera that its own images tell."""
+"""Self-calibration of a sequence without a calibration, by its own images."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
 
 MOST_IMAGES, MOST_VIEWS = 600, 45
 BETTER = 0.8
-"""Of the guess's standard deviation: a focal length that is no surer was not found."""
+"""Share of the prior standard deviation: a focal length that is not better determined was not found."""
 SURE = 0.03
-"""Standard deviation of a focal length that is good for more than a first look."""
+"""Relative standard deviation of a focal length that suffices for more than a first look."""
 _BETTER = "Better: film a target and run `ispom calibrate video`, or give --camera."
 
 
 def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
-    """The same, with the camera found in its first images, and in the notes how sure it is; as it is with a
-    calibration. Where the images say nothing, the guess stays, and the notes say that, too."""
+    """Returns the sequence with the camera estimated from its first images, and its uncertainty in the notes.
+
+    Unchanged with a calibration. Where the images do not determine the camera, the guess stays, with a note.
+    """
     guess = sequence.guess
     if guess is None:
         return sequence
@@ -37,7 +39,7 @@ def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int 
 
 
 def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
-    """What the tracks through the first images of the video say."""
+    """Estimates the lens by the tracks through the first images of the video."""
     camera = sequence.rig.camera("video")
     width = round(camera.width * guess.aspect)
     square = replace(guess, aspect=1.0).camera((width, camera.height))
@@ -54,18 +56,18 @@ def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int
 
 
 def told(guess: Guess, found: TrackedLens) -> bool:
-    """Whether the images say more about the focal length than the guess."""
+    """Returns whether the images determine the focal length better than the guess."""
     return bool(found.sigma[0] < BETTER * guess.sigma)
 
 
 def rounded(camera: Camera) -> Camera:
-    """To fewer digits than are known, so that no machine's arithmetic makes another camera."""
+    """Rounds to fewer digits than are significant, so that every machine's arithmetic makes the same camera."""
     values = {name: round(getattr(camera, name), 2) for name in ("fx", "fy", "cx", "cy")}
     return replace(camera, **values, distortion=tuple(round(k, 5) for k in camera.distortion))
 
 
 def words(guess: Guess, found: TrackedLens | None) -> str:
-    """For people: what is assumed, how sure it is, and how to do better."""
+    """Returns a note for people: the assumption, its uncertainty, and how to do better."""
     if found is None:
         return (
             f"{guess.note} The first images have too little motion or texture to refine it: shape and scale drift "
@@ -89,14 +91,14 @@ def words(guess: Guess, found: TrackedLens | None) -> str:
 
 
 def _resized(image: Image, width: int) -> Image:
-    """With square pixels."""
+    """Returns the camera with square pixels."""
     if image.shape[1] == width:
         return image
     return np.asarray(cv2.resize(image, (width, image.shape[0]), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def _images(sequence: Sequence, most: int) -> Iterator[Image]:
-    """The video's first images; those that cannot be read are skipped here and told by the run."""
+    """Yields the video's first images; those that cannot be read are skipped here and reported by the run."""
     for i in np.flatnonzero(np.array(sequence.kinds) == "video")[:most].tolist():
         try:
             exposure = sequence[i]

@@ -24,7 +24,7 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.two_view import hypotheses
 
 FIRST_SHARE = 0.1
-"""Of the image's width, at the median: so far points have moved between the two views that begin."""
+"""Median motion of points between the two initial views, as a share of the image's width."""
 MOST_FIRST = 12
 LEAST_SHARED = 50
 ROUGH_PX, FINE_PX = 4.0, 1.0
@@ -36,7 +36,7 @@ STEPS_FIRST, STEPS_ONE, STEPS_ALL = 15, 6, 5
 
 
 def first_views(tracks: Tracks) -> int:
-    """Key frames, from the first on, that begin: up to the one that sees a wide enough motion, or few shared points."""
+    """Returns the initial keyframes: up to the one with a wide enough motion, or few shared points."""
     for j in range(2, min(MOST_FIRST, len(tracks.views))):
         a, b = _shared(tracks, 0, j)
         if len(a) < LEAST_SHARED:
@@ -71,7 +71,7 @@ def begun(tracks: Tracks, lens: Array, prior: Prior, scale_px: float, count: int
 
 
 def grown(scene: Scene, tracks: Tracks, prior: Prior, scale_px: float, count: int) -> Scene:
-    """All key frames, from the first `count` on."""
+    """Adds all keyframes, from the first `count` on."""
     views = len(tracks.views)
     for v in range(count, views):
         before, now = tracks.in_views(0, v), tracks.in_views(v, v + 1)
@@ -89,7 +89,7 @@ def grown(scene: Scene, tracks: Tracks, prior: Prior, scale_px: float, count: in
 
 
 def _located(scene: Scene, v: int, points: NDArray[np.int64], uv: Array, scale_px: float) -> Scene:
-    """With view v where it sees these points, from where the view before is."""
+    """Adds view v by the points that it observes, starting from the pose of the view before."""
     alone = Scene(scene.lens, scene.rotations[v - 1 : v], scene.translations[v - 1 : v], scene.points[points])
     seen = Seen(np.zeros(len(points), np.int64), np.arange(len(points)), uv)
     still, free = Prior(scene.lens, np.zeros(len(scene.lens))), Held(np.zeros(1, bool), points=True)
@@ -110,7 +110,7 @@ def adjusted_part(
     tolerance: float = 1e-4,
     by: Callable[[Scene, Seen, Prior, Held, Scale, int, float], tuple[Scene, float]] = adjusted,
 ) -> tuple[Scene, float]:
-    """As `adjusted`, or `settled`, of those views and points only that are seen twice or more."""
+    """Adjusts the views, and the points observed at least twice."""
     often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
     seen = seen.select(often)
     scale_px = scale_px[often] if isinstance(scale_px, np.ndarray) else scale_px
@@ -127,8 +127,8 @@ def adjusted_part(
 
 
 def with_points(scene: Scene, seen: Seen, points: NDArray[np.int64]) -> Scene:
-    """With these points where their first and last rays meet (linear, homogeneous; Hartley & Zisserman 12.2), before
-    both cameras; at infinity along the first ray where they do not."""
+    """Adds these points where their first and last rays meet (linear, homogeneous; Hartley & Zisserman 12.2), in
+    front of both cameras; at infinity along the first ray where they do not."""
     first = np.searchsorted(seen.point, points)
     last = np.searchsorted(seen.point, points, side="right") - 1
     rows, rays = [], []
@@ -151,7 +151,7 @@ def with_points(scene: Scene, seen: Seen, points: NDArray[np.int64]) -> Scene:
 
 
 def outliers(scene: Scene, seen: Seen, limit: float) -> NDArray[np.bool_]:
-    """(K,) what is off by more than `limit` times the median error, if that is more than a pixel."""
+    """Returns which observations (K,) exceed `limit` times the median error, if that is more than a pixel."""
     errors = errors_px(scene, seen)
     return errors > max(limit * float(np.median(errors)), 1.0)
 

@@ -11,7 +11,7 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.calibration.images import open_sources
 
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.io.rig import read_rig
 from ispom.simulation.filmed_board import LEFT, Exposing, board_image, board_poses, filming_rig
 from tests.calibration.pictures import picture_of

@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ispom.calibration.motion.course import Course
+from ispom.calibration.motion.course import STILL_RAD, Course, start_of
 from ispom.calibration.motion.hand_eye import HandEye, hand_eye
-from ispom.calibration.motion.start import STILL_RAD, start_of
 from ispom.geometry import Array, Pose
 from ispom.simulation.motions import Flight
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.calibration.calibrate import calibrate
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, so3_exp
 from ispom.sequences.rectification import Rectification, remapped
