@@ -103,8 +103,7 @@ def _with_line_delay(
     target: Target, found: Solution, views: Views, around: Views, image_of: NDArray[np.int64]
 ) -> tuple[Solution, LineDelay | None]:
     """Estimates the line delay from the camera's motion around its views."""
-    assert views.times_ns is not None
-    times_ns = views.times_ns[image_of]
+    times_ns = views.known_times_ns[image_of]
     zero_ns = int(times_ns[0])
     film = Film.of(target, around, zero_ns)
     return (found, None) if film is None else with_line_delay(found, film, (times_ns - zero_ns) * 1e-9)
@@ -241,7 +240,7 @@ def _camera_result(
     halves: tuple[Estimate, Estimate] | None,
 ) -> CameraResult:
     camera = found.estimate.cameras[c]
-    interior, _ = found.unknowns.places[c]
+    interior, _ = found.unknowns.slices[c]
     one, other = (camera, camera) if halves is None else (halves[0].cameras[c], halves[1].cameras[c])
     mine = found.seen.select(found.seen.camera == c)
     present = np.unique(mine.view)

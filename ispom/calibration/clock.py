@@ -50,14 +50,13 @@ def with_clock(
         )
     require_together(start, most_offset_s)
     own = views[VIDEO]
-    assert own.times_ns is not None
-    at = np.searchsorted((own.times_ns - zero) * 1e-9, left.times_s - start.offset_s)
+    at = np.searchsorted((own.known_times_ns - zero) * 1e-9, left.times_s - start.offset_s)
     around = np.unique(np.clip(at[:, None] + np.arange(-AROUND, AROUND), 0, len(own.images) - 1))
     return (*views[:VIDEO], own.select(around)), start
 
 
 def require_together(start: Start, most_offset_s: float) -> None:
-    """Redo where the two courses are not of one rig at one time."""
+    """Raises Redo where the two courses are not of one rig at one time."""
     if not start.together:
         raise Redo(
             f"video and pair do not turn alike at any clock offset within {most_offset_s:g} s "
@@ -75,8 +74,7 @@ def with_video_placed(
     left_seen = np.isin(np.arange(len(image_of)), found.seen.view[found.seen.camera == 0])
     parts = []
     for c, chosen in ((0, left_seen), (VIDEO, solved & (image_of[:, VIDEO] >= 0))):
-        index, times_ns = np.flatnonzero(chosen), views[c].times_ns
-        assert times_ns is not None
+        index, times_ns = np.flatnonzero(chosen), views[c].known_times_ns
         parts.append(views_of(found, index, (times_ns[image_of[index, c]] - zero) * 1e-9))
     left, video = parts
     finite = np.where(np.isfinite(found.covariance), found.covariance, 0.0)
@@ -113,16 +111,13 @@ def _first_pose(left: Course, video: Course, start: Start) -> Pose:
 
 
 def course_of(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:
-    """board_from_camera of the images that show the target, each by itself; times count from `zero_ns`."""
+    """Returns board_from_camera of each image that shows the target; times count from `zero_ns`."""
     good = [i for i, d in enumerate(views.detections) if not d.reason]
     seen = Observations.of(target, [[views.detections[i] for i in good]])
     poses = [pose.inverse() for pose in board_poses(camera, seen)]
-    assert views.times_ns is not None
-    times_s = (views.times_ns[good] - zero_ns) * 1e-9
+    times_s = (views.known_times_ns[good] - zero_ns) * 1e-9
     return Course(times_s, np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))
 
 
 def _zero(views: tuple[Views, ...]) -> int:
-    times_ns = views[0].times_ns
-    assert times_ns is not None
-    return int(times_ns[0])
+    return int(views[0].known_times_ns[0])

@@ -182,7 +182,7 @@ def parameters(solution: Solution, names: tuple[str, ...]) -> tuple[Parameter, .
     """Returns all parameters that the views share, in the order of the solution's covariance."""
     errors = np.sqrt(np.maximum(np.diag(solution.covariance), 0)) if len(solution.covariance) else np.zeros(0)
     out: list[Parameter] = []
-    for c, (interior, pose) in enumerate(solution.unknowns.places):
+    for c, (interior, pose) in enumerate(solution.unknowns.slices):
         camera = solution.estimate.cameras[c]
         free = solution.unknowns.interior[c]
         labels = np.array(parameter_names(model_of(camera)))[free]

@@ -37,13 +37,12 @@ class Film:
 
     @staticmethod
     def of(target: Target, around: Views, zero_ns: int) -> Film | None:
-        """Times count from `zero_ns`; None where the images are too few."""
-        assert around.times_ns is not None
+        """Collects the images; times count from `zero_ns`. None where they are too few."""
         good = [i for i, d in enumerate(around.detections) if not d.reason]
         if len(good) < NEIGHBOURS:
             return None
         seen = Observations.of(target, [[around.detections[i] for i in good]])
-        return Film(seen, (around.times_ns[good] - zero_ns) * 1e-9)
+        return Film(seen, (around.known_times_ns[good] - zero_ns) * 1e-9)
 
     def solved(self, camera: Camera, delay_s: float, before: Solution | None) -> Solution:
         """The board's poses before the camera, with corners corrected by the delay as it moved `before`."""

@@ -37,6 +37,13 @@ class Views:
     times_ns: NDArray[np.int64] | None = None
     """(N,) increasing, by the camera's own clock; None where they are not known."""
 
+    @property
+    def known_times_ns(self) -> NDArray[np.int64]:
+        """The times (N,). Raises ValueError where they are not known."""
+        if self.times_ns is None:
+            raise ValueError(f"the images of {self.name} have no times")
+        return self.times_ns
+
     def select(self, index: NDArray[np.int64]) -> Views:
         """Some of the images."""
         times_ns = None if self.times_ns is None else self.times_ns[index]

@@ -99,9 +99,7 @@ def glb_bytes(xyz: Array, normals: Array, rgb: NDArray[np.uint8], triangles: NDA
 
     moved, turned = GLTF_FROM_WORLD.apply(np.asarray(xyz, float)), normals @ GLTF_FROM_WORLD.rotation.T
     mesh = trimesh.Trimesh(moved, triangles, vertex_normals=turned, vertex_colors=rgb, process=False)
-    content = mesh.export(file_type="glb", include_normals=True)
-    assert isinstance(content, bytes)
-    return content
+    return bytes(mesh.export(file_type="glb", include_normals=True))  # type: ignore[arg-type]
 
 
 def read_coloured_mesh(path: Path) -> ColouredMesh:

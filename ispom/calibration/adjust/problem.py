@@ -123,7 +123,7 @@ class Unknowns:
         return Unknowns(free, tuple(c > 0 and c != apart for c in range(len(estimate.cameras))))
 
     @property
-    def places(self) -> tuple[tuple[slice, slice], ...]:
+    def slices(self) -> tuple[tuple[slice, slice], ...]:
         """Slices of each camera's interior and pose."""
         out, at = [], 0
         for free, moves in zip(self.interior, self.pose, strict=True):
@@ -135,7 +135,7 @@ class Unknowns:
 
     @property
     def count(self) -> int:
-        return self.places[-1][1].stop
+        return self.slices[-1][1].stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +197,7 @@ def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns,
         by_view = np.concatenate([in_rig_frame, -in_rig_frame @ skew(in_rig)], axis=2).reshape(-1, 6)
         shared = np.concatenate(blocks, axis=2).reshape(len(by_view), -1)
         flat = residual.ravel()
-        interior, pose = unknowns.places[c]
+        interior, pose = unknowns.slices[c]
         here = slice(interior.start, pose.stop)
         out.shared[here, here] += shared.T @ shared
         out.shared_gradient[here] += shared.T @ flat
@@ -214,7 +214,7 @@ def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns,
 def moved(estimate: Estimate, unknowns: Unknowns, shared: Array, views: Array) -> Estimate:
     """Returns the estimate after a step: interiors by addition, poses by left twists."""
     cameras, poses = [], []
-    for c, (interior, pose) in enumerate(unknowns.places):
+    for c, (interior, pose) in enumerate(unknowns.slices):
         vector = vector_of(estimate.cameras[c])
         vector[unknowns.interior[c]] += shared[interior]
         cameras.append(with_vector(estimate.cameras[c], vector))

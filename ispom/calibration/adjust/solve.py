@@ -123,7 +123,7 @@ class Solution:
     unit_sigma: float
     """Ratio of the residuals to their sigmas."""
     covariance: Array
-    """(G, G) of the shared parameters, in the order of `unknowns.places`; scaled by `unit_sigma`. Infinite on the
+    """(G, G) of the shared parameters, in the order of `unknowns.slices`; scaled by `unit_sigma`. Infinite on the
     diagonal where a parameter is not determined."""
     equations: NormalEquations
 

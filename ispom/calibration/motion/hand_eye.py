@@ -203,25 +203,25 @@ def _problem(
     index = np.flatnonzero(keep & seen.known[:-1] & seen.known[1:])
     here, there = index, index + 1
     inverse = np.swapaxes(seen.rotations, 1, 2)
-    turn = inverse[here] @ seen.rotations[there]
-    way = (inverse[here] @ (seen.positions[there] - seen.positions[here])[..., None])[..., 0]
+    video_rotation = inverse[here] @ seen.rotations[there]
+    displacement = (inverse[here] @ (seen.positions[there] - seen.positions[here])[..., None])[..., 0]
     own = np.swapaxes(left.rotations[here], 1, 2)
-    left_turn = own @ left.rotations[there]
-    left_way = (own @ (left.positions[there] - left.positions[here])[..., None])[..., 0]
+    left_rotation = own @ left.rotations[there]
+    left_displacement = (own @ (left.positions[there] - left.positions[here])[..., None])[..., 0]
     basis = _basis(left.times_s[here], left.times_s)
     x = pose.inverse()
-    scales = given if given is not None else _one_scale(left_way, way, basis.shape[1])
-    way = (basis @ scales)[:, None] * way
+    scales = given if given is not None else _one_scale(left_displacement, displacement, basis.shape[1])
+    displacement = (basis @ scales)[:, None] * displacement
     # X B X^-1
-    rotation = x.rotation @ turn @ x.rotation.T
-    shift = way @ x.rotation.T + x.translation - (rotation @ x.translation)
-    back = np.swapaxes(left_turn, 1, 2)
-    residual_turn = so3_log(back @ rotation)
-    residual_shift = (back @ (shift - left_way)[..., None])[..., 0]
+    rotation = x.rotation @ video_rotation @ x.rotation.T
+    shift = displacement @ x.rotation.T + x.translation - (rotation @ x.translation)
+    back = np.swapaxes(left_rotation, 1, 2)
+    residual_rotation = so3_log(back @ rotation)
+    residual_shift = (back @ (shift - left_displacement)[..., None])[..., 0]
     jacobian = np.zeros((len(index), 6, SIZE + basis.shape[1]))
     # A small left twist of video_from_left multiplies X by its inverse on the right: X exp(-d) B exp(d) X^-1.
     x_adjoint = x.adjoint
-    after = _adjoints(turn, way)  # of B^-1
+    after = _adjoints(video_rotation, displacement)  # of B^-1
     jacobian[:, :, :6] = x_adjoint @ (np.eye(6) - after)
     # A later offset takes the video at an earlier stamp, at both ends of the motion.
     rates = seen.rates.copy()
@@ -230,24 +230,24 @@ def _problem(
     at_end[:, :3] *= (basis @ scales)[:, None]
     jacobian[:, :, 6] = -(at_end - (after @ rates[here][..., None])[..., 0]) @ x_adjoint.T
     along = np.zeros((len(index), 6))
-    along[:, :3] = (np.swapaxes(turn, 1, 2) @ way[..., None])[..., 0]
+    along[:, :3] = (np.swapaxes(video_rotation, 1, 2) @ displacement[..., None])[..., 0]
     share = basis * scales / np.maximum(basis @ scales, 1e-12)[:, None]
     jacobian[:, :, SIZE:] = (along @ x_adjoint.T)[..., None] * share[:, None, :]
-    return _Problem(index, np.concatenate([residual_shift, residual_turn], axis=1), jacobian, scales)
+    return _Problem(index, np.concatenate([residual_shift, residual_rotation], axis=1), jacobian, scales)
 
 
-def _one_scale(left_way: Array, way: Array, count: int) -> Array:
+def _one_scale(left_displacement: Array, displacement: Array, count: int) -> Array:
     """Returns the ratio of all lengths, K times."""
-    own = float(np.linalg.norm(way, axis=1).sum())
-    return np.full(count, float(np.linalg.norm(left_way, axis=1).sum()) / own if own > 0 else 1.0)
+    own = float(np.linalg.norm(displacement, axis=1).sum())
+    return np.full(count, float(np.linalg.norm(left_displacement, axis=1).sum()) / own if own > 0 else 1.0)
 
 
-def _adjoints(turn: Array, way: Array) -> Array:
+def _adjoints(video_rotation: Array, displacement: Array) -> Array:
     """(U, 6, 6) of the inverses of motions."""
-    inverse = np.swapaxes(turn, 1, 2)
-    out = np.zeros((len(turn), 6, 6))
+    inverse = np.swapaxes(video_rotation, 1, 2)
+    out = np.zeros((len(video_rotation), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = inverse
-    out[:, :3, 3:] = skew(-(inverse @ way[..., None])[..., 0]) @ inverse
+    out[:, :3, 3:] = skew(-(inverse @ displacement[..., None])[..., 0]) @ inverse
     return out
 
 

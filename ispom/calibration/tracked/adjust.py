@@ -16,12 +16,12 @@ from ispom.calibration.tracked.bundle import (
     LENS,
     MIN_DEPTH,
     POSE,
-    Held,
+    Fixed,
     Normal,
+    Observed,
     Prior,
     Scale,
     Scene,
-    Seen,
     cost,
     in_camera,
     normal_equations,
@@ -42,13 +42,13 @@ less."""
 
 
 def adjusted(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, iterations: int, tolerance: float = 1e-4
 ) -> tuple[Scene, float]:
     """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
     found = minimise(
         scene,
         lambda values: cost(values, seen, prior, scale_px),
-        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping, bent=False),
+        lambda values, damping: _stepped(values, seen, prior, fixed, scale_px, damping, bent=False),
         iterations,
         tolerance,
         highest=1e6,
@@ -57,13 +57,13 @@ def adjusted(
 
 
 def settled(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, iterations: int, tolerance: float
 ) -> tuple[Scene, float]:
     """Continues `adjusted` from near the least cost to it, along bent valleys as well."""
     found = minimise(
         scene,
         lambda values: cost(values, seen, prior, scale_px),
-        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping, bent=True),
+        lambda values, damping: _stepped(values, seen, prior, fixed, scale_px, damping, bent=True),
         iterations,
         tolerance,
         highest=1e6,
@@ -73,8 +73,10 @@ def settled(
     return found.values, found.cost
 
 
-def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float, bent: bool) -> Scene:
-    normal = normal_equations(scene, seen, prior, held, scale_px, damping)
+def _stepped(
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, damping: float, bent: bool
+) -> Scene:
+    normal = normal_equations(scene, seen, prior, fixed, scale_px, damping)
     matrix, gradient = reduced(normal)
     matrix = matrix + np.diag(damping * np.diag(normal.matrix) + 1e-9)
     step = -np.linalg.solve(matrix, gradient)
@@ -101,7 +103,7 @@ def _gone(scene: Scene, normal: Normal, step: Array, along: Array) -> Scene:
     return replace(scene, lens=scene.lens + step[:LENS], rotations=rotations, translations=translations, points=points)
 
 
-def _second_derivative(scene: Scene, seen: Seen, normal: Normal, step: Array, along: Array) -> Array:
+def _second_derivative(scene: Scene, seen: Observed, normal: Normal, step: Array, along: Array) -> Array:
     """Returns second derivatives (K, 2) of the weighted residuals along a step; 0 for points that it moves behind a
     camera."""
     places, ahead = [], np.ones(len(seen.uv), bool)

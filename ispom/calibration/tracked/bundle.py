@@ -48,7 +48,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Observed:
     """Observations."""
 
     view: NDArray[np.int64]
@@ -58,13 +58,13 @@ class Seen:
     uv: Array
     """(K, 2) [px]."""
 
-    def select(self, keep: NDArray) -> Seen:
+    def select(self, keep: NDArray) -> Observed:
         """Selects observations by a boolean mask or index array."""
-        return Seen(self.view[keep], self.point[keep], self.uv[keep])
+        return Observed(self.view[keep], self.point[keep], self.uv[keep])
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class Fixed:
     """The parameters that are not adjusted."""
 
     views: NDArray[np.bool_]
@@ -73,7 +73,7 @@ class Held:
     """All points are fixed."""
 
 
-def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
+def cost(scene: Scene, seen: Observed, prior: Prior, scale_px: Scale) -> float:
     """Half the robust sum of squares, with the prior's part."""
     squares = np.minimum((errors_px(scene, seen) / scale_px) ** 2, BEHIND)
     free = prior.sigma > 0
@@ -81,7 +81,7 @@ def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
     return 0.5 * float(np.log1p(squares).sum()) + 0.5 * float(away @ away)
 
 
-def errors_px(scene: Scene, seen: Seen) -> Array:
+def errors_px(scene: Scene, seen: Observed) -> Array:
     """Returns distances (K,) of predicted from observed positions; large behind a camera."""
     q = in_camera(scene, seen)
     ahead = q[:, 2] > MIN_DEPTH
@@ -89,7 +89,7 @@ def errors_px(scene: Scene, seen: Seen) -> Array:
     return np.where(ahead, np.linalg.norm(uv - seen.uv, axis=1), 1e9)
 
 
-def in_camera(scene: Scene, seen: Seen) -> Array:
+def in_camera(scene: Scene, seen: Observed) -> Array:
     """Returns points (K, 3) in their cameras, up to scale."""
     x = scene.points[seen.point]
     turned = (scene.rotations[seen.view] @ x[:, :3, None])[..., 0]
@@ -126,7 +126,7 @@ class Jacobian:
     root: Array
     """(K, 1) factor of a residual [px]; 0 behind a camera."""
 
-    def gradient(self, residual: Array, seen: Seen, views: int, points: int) -> tuple[Array, Array]:
+    def gradient(self, residual: Array, seen: Observed, views: int, points: int) -> tuple[Array, Array]:
         """(P,) and (M, 3) that weighted residuals (K, 2) have by lens and poses, and by the points."""
         by_lens = self.by_lens.reshape(-1, LENS).T @ residual.ravel()
         by_pose = _summed((self.by_pose * residual[..., None]).sum(1), seen.view, views)
@@ -158,7 +158,7 @@ class Normal:
 
 
 def normal_equations(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float, scored: bool = False
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, damping: float, scored: bool = False
 ) -> Normal:
     """Computes the equations at a scene, in loss widths."""
     views, count = len(scene.rotations), len(scene.points)
@@ -202,12 +202,12 @@ def normal_equations(
     index = np.flatnonzero(free)
     matrix[index, index] += prior.sigma[free] ** -2
     gradient[index] += (scene.lens - prior.mean)[free] / prior.sigma[free] ** 2
-    fixed = np.concatenate([np.flatnonzero(~free), LENS + np.flatnonzero(np.repeat(held.views, POSE))])
-    matrix[fixed, fixed] += HELD
-    gradient[fixed] = 0.0
+    fixed_index = np.concatenate([np.flatnonzero(~free), LENS + np.flatnonzero(np.repeat(fixed.views, POSE))])
+    matrix[fixed_index, fixed_index] += HELD
+    gradient[fixed_index] = 0.0
     block = own * (1 + damping * np.eye(3)) + 1e-12 * np.eye(3)
-    inverse = np.zeros_like(block) if held.points else np.linalg.inv(block)
-    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, fixed, jacobian, scores)
+    inverse = np.zeros_like(block) if fixed.points else np.linalg.inv(block)
+    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, fixed_index, jacobian, scores)
 
 
 def reduced(normal: Normal) -> tuple[Array, Array]:

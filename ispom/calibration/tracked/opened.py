@@ -16,12 +16,12 @@ from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
 MOST_IMAGES, MOST_VIEWS = 600, 45
 BETTER = 0.8
 """Share of the prior standard deviation: a focal length that is not better determined was not found."""
-SURE = 0.03
+RELIABLE_SIGMA = 0.03
 """Relative standard deviation of a focal length that suffices for more than a first look."""
 _BETTER = "Better: film a target and run `ispom calibrate video`, or give --camera."
 
 
-def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
+def self_calibrated(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
     """Returns the sequence with the camera estimated from its first images, and its uncertainty in the notes.
 
     Unchanged with a calibration. Where the images do not determine the camera, the guess stays, with a note.
@@ -29,16 +29,16 @@ def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int 
     guess = sequence.guess
     if guess is None:
         return sequence
-    found = found_in(sequence, guess, most_images, most_views)
+    found = estimate_lens(sequence, guess, most_images, most_views)
     note = words(guess, found)
-    if found is not None and told(guess, found):
+    if found is not None and is_informative(guess, found):
         origin = f"from the motion in {found.views} of its images"
-        surer = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
-        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=surer)
+        estimate = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
+        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=estimate)
     return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
 
 
-def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
+def estimate_lens(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
     """Estimates the lens by the tracks through the first images of the video."""
     camera = sequence.rig.camera("video")
     width = round(camera.width * guess.aspect)
@@ -55,7 +55,7 @@ def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int
     return replace(found, camera=as_filmed, covariance=found.covariance * np.outer(scale, scale))
 
 
-def told(guess: Guess, found: TrackedLens) -> bool:
+def is_informative(guess: Guess, found: TrackedLens) -> bool:
     """Returns whether the images determine the focal length better than the guess."""
     return bool(found.sigma[0] < BETTER * guess.sigma)
 
@@ -74,7 +74,7 @@ def words(guess: Guess, found: TrackedLens | None) -> str:
             f"suffer. {_BETTER}"
         )
     percent = 100 * found.sigma[0]
-    if not told(guess, found):
+    if not is_informative(guess, found):
         return (
             f"{guess.note} The motion in the first images does not tell it (a camera must turn as well as move): shape "
             f"and scale drift suffer. {_BETTER}"
@@ -85,7 +85,7 @@ def words(guess: Guess, found: TrackedLens | None) -> str:
         f"The camera has no calibration: from the motion in {found.views} of its images, focal length "
         f"{found.camera.fy:.0f} px +- {percent:.1f} %{pixels}, distortion k1 {k1:+.3f} +- {sigma:.3f}"
     )
-    if found.sigma[0] <= SURE:
+    if found.sigma[0] <= RELIABLE_SIGMA:
         return f"{head}. {_BETTER}"
     return f"{head}: for a first look only; a camera that turns more tells more. {_BETTER}"
 

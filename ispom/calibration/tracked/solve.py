@@ -16,10 +16,10 @@ from ispom.calibration.tracked.adjust import realigned, settled
 from ispom.calibration.tracked.bundle import (
     LENS,
     POSE,
-    Held,
+    Fixed,
+    Observed,
     Prior,
     Scene,
-    Seen,
     errors_px,
     normal_equations,
     reduced,
@@ -109,37 +109,39 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
     if not good:
         return None
     scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
-    held = Held(np.arange(len(tracks.views)) == 0)
+    fixed = Fixed(np.arange(len(tracks.views)) == 0)
     followed, left = tracks, np.zeros(LENS)
     for rounds in ROUNDS:
-        scene, left = _weighed(scene, _seen(tracks), prior, held, scale_px, rounds)
+        scene, left = _weighed(scene, _seen(tracks), prior, fixed, scale_px, rounds)
         if rounds != ROUNDS[-1]:
             tracks = realigned(followed, scene)
     seen = _seen(tracks)
-    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, held, scale_px, tracks, guess)
+    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, fixed, scale_px, tracks, guess)
     left = left * _units(tracks.factor)
     return replace(found, covariance=found.covariance + np.outer(left, left))
 
 
-def _seen(tracks: Tracks) -> Seen:
-    return Seen(tracks.view, tracks.point, tracks.uv)
+def _seen(tracks: Tracks) -> Observed:
+    return Observed(tracks.view, tracks.point, tracks.uv)
 
 
-def _weighed(scene: Scene, seen: Seen, prior: Prior, held: Held, unit_px: float, rounds: int) -> tuple[Scene, Array]:
+def _weighed(
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, unit_px: float, rounds: int
+) -> tuple[Scene, Array]:
     """Adjusts lens and loss widths of tracks in turn, until the lens converges; returns the remaining change (5,),
     too."""
     last = step = np.zeros(LENS)
     for _ in range(rounds):
         before = scene.lens
         weights = scales(scene, seen, unit_px)
-        scene = adjusted_part(scene, seen, prior, held, weights, STEPS, TOLERANCE, settled)[0]
+        scene = adjusted_part(scene, seen, prior, fixed, weights, STEPS, TOLERANCE, settled)[0]
         last, step = step, scene.lens - before
         if (np.abs(step) < SMALL).all():
             return scene, np.zeros(LENS)
-    return scene, left_to_go(last, step)
+    return scene, remaining_change(last, step)
 
 
-def left_to_go(last: Array, step: Array) -> Array:
+def remaining_change(last: Array, step: Array) -> Array:
     """Extrapolates (5,) after two steps by a geometric series.
 
     Steps that do not shrink show that the lens has not converged, not by how much.
@@ -153,7 +155,7 @@ def _units(factor: float) -> Array:
     return np.array([1, 1 / factor, 1 / factor, 1, 1])
 
 
-def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
+def scales(scene: Scene, seen: Observed, unit_px: float) -> Array:
     """Returns the loss width (K,) of each observation: that of its track.
 
     A printed corner is exact to a twentieth of a pixel; one on an edge, in a glass, or on a moving hand is off by
@@ -170,7 +172,7 @@ def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
 
 
 def _result(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, tracks: Tracks, guess: Camera
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: float, tracks: Tracks, guess: Camera
 ) -> TrackedLens:
     often = np.bincount(seen.point, minlength=tracks.points) >= LEAST_SEEN
     seen = seen.select(often[seen.point])
@@ -182,13 +184,13 @@ def _result(
     camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
     units = _units(factor)
     scale = scales(scene, seen, scale_px)
-    covariance = spread(scene, seen, prior, held, scale) * np.outer(units, units)
+    covariance = sandwich_covariance(scene, seen, prior, fixed, scale) * np.outer(units, units)
     covariance *= halves_differ(scene, seen, prior, scale) ** 2
     rms = float(np.sqrt((errors**2).mean())) / factor
     return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
 
 
-def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> float:
+def halves_differ(scene: Scene, seen: Observed, prior: Prior, scale_px: Array) -> float:
     """Returns the difference of the lenses of both halves of the keyframes, in standard errors; at least 1.
 
     Errors that many tracks share (a rolling shutter, another kind of lens) show only in it.
@@ -203,23 +205,23 @@ def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> fl
             return 1.0
         points, owner = np.unique(seen.point[inside], return_inverse=True)
         half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
-        part, held = Seen(seen.view[inside] - first, owner, seen.uv[inside]), Held(np.arange(end - first) == 0)
-        half = settled(half, part, prior, held, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
+        part, fixed = Observed(seen.view[inside] - first, owner, seen.uv[inside]), Fixed(np.arange(end - first) == 0)
+        half = settled(half, part, prior, fixed, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
         lenses.append(half.lens)
-        covariances.append(spread(half, part, prior, held, scale_px[inside]))
+        covariances.append(sandwich_covariance(half, part, prior, fixed, scale_px[inside]))
     apart = lenses[1] - lenses[0]
     chi2 = float(apart @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ apart)
     return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
-def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Array) -> Array:
+def sandwich_covariance(scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Array) -> Array:
     """Returns the covariance (5, 5) of the lens at the least cost, by the scatter of the points.
 
     Errors of one track are correlated from image to image, those of different tracks are not: the points are the
     clusters of a sandwich covariance (Huber 1967), and the prior is one more. The degrees of freedom correct for the
     errors that points and poses absorb.
     """
-    normal = normal_equations(scene, seen, prior, held, scale_px, UNTOLD, scored=True)
+    normal = normal_equations(scene, seen, prior, fixed, scale_px, UNTOLD, scored=True)
     matrix, _ = reduced(normal)
     matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
     inverse = np.linalg.inv(matrix)[:LENS]

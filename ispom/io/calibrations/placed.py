@@ -61,8 +61,9 @@ class Placed:
 
     @property
     def pose(self) -> Pose:
-        """A camera with a known pose."""
-        assert self.body_from_camera is not None
+        """body_from_camera. Raises ValueError where it is not known."""
+        if self.body_from_camera is None:
+            raise ValueError(f"the pose of {self.name} is not known")
         return self.body_from_camera
 
     def at(self, body_from_camera: Pose | None) -> Placed:

@@ -134,7 +134,8 @@ def _of_corners(mesh: ColouredMesh) -> Colour:
 
 def _of_texture(mesh: ColouredMesh, texture: Image) -> Colour:
     """Takes colours from a pyramid of the texture, by the size of a sample on it (Williams 1983)."""
-    assert mesh.uv is not None
+    if mesh.uv is None:
+        raise ValueError("a mesh with a texture needs texture coordinates")
     uv, levels = mesh.uv.astype(float), [texture.astype(np.float32)]
     while len(levels) < _LEVELS and min(levels[-1].shape[:2]) > 1:
         height, width = levels[-1].shape[:2]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -159,6 +159,5 @@ def _plain(word: str) -> Any:
 
 
 def _changed(values: Any) -> list[str]:
-    assert is_dataclass(values)
     differing = [f.name for f in fields(values) if getattr(values, f.name) != f.default]
     return [f"{name} {getattr(values, name)}" for name in differing]
