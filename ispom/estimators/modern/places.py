@@ -64,6 +64,8 @@ class Place:
     """Of one camera with a rolling shutter: where tracks were (M, 2) [px], and how fast (M, 2) [px/s]."""
     features: sift.Features | None = None
     """Of the first image, at the camera's pixels, once they were needed."""
+    segment: int = 0
+    """The segment in whose world its pose is."""
 
     @staticmethod
     def of(
@@ -73,6 +75,7 @@ class Place:
         covariance: Array | None,
         motion: Array | None = None,
         moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
+        segment: int = 0,
     ) -> Place:
         """With the images reduced where they are large."""
         height, width = images[0].shape
@@ -81,7 +84,8 @@ class Place:
             size = (round(width * reduction), round(height * reduction))
             # At every key frame, so it must be quick; by less than half, hence without much aliasing.
             images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
-        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, motion, moving)
+        reduction = images[0].shape[1] / width
+        return Place(time_ns, camera_from_world, images, reduction, covariance, motion, moving, segment=segment)
 
     def reduced(self, uv: Array) -> Array:
         """Pixels (N, 2) of the camera as those of the reduced images."""
@@ -128,11 +132,12 @@ class Places:
     def at(self, time_ns: int) -> Place | None:
         return next((p for p in self.kept if p.time_ns == time_ns), None)
 
-    def before(self, time_ns: int) -> tuple[Place, ...]:
-        """Some before this time; those after it, where there are none."""
-        i = sum(p.time_ns < time_ns for p in self.kept)
-        index = [i - k for k in BESIDE if i >= k] or [i + k for k in BESIDE if i + k < len(self.kept)]
-        return tuple(self.kept[j] for j in sorted(index))
+    def before(self, place: Place) -> tuple[Place, ...]:
+        """Some of the same segment before a place; those after it, where there are none."""
+        kept = [p for p in self.kept if p.segment == place.segment]
+        i = sum(p.time_ns < place.time_ns for p in kept)
+        index = [i - k for k in BESIDE if i >= k] or [i + k for k in BESIDE if i + k < len(kept)]
+        return tuple(kept[j] for j in sorted(index))
 
     def alike(self, grey: Image, turn: int) -> tuple[Place, ...]:
         """The newest place, and those of the others that look most like the image: at each `turn` the next ones."""

@@ -35,5 +35,5 @@ def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> Moder
     world = with_key_frame(setup, replace(world, relative_frames=others), frame).map
     world, settled = shortened(world, live.ids, setup.key_frames)
     moved = moving(setup.camera, live.uv, live.speed)
-    place = Place.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved)
+    place = Place.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
     return replace(state, map=world, settled=state.settled.extended(settled), places=state.places.with_place(place))

@@ -55,17 +55,18 @@ class Recognised:
 
 
 def recognised(
-    setup: Setup, places: Places, extra: Array, new: NewImage, now: sift.Features, before: Place, turn: int
+    setup: Setup, places: Places, extra: Array, new: NewImage, now: sift.Features, before: Place | None, turn: int
 ) -> tuple[Places, Recognised | None]:
     """The image that shows most of what the new one shows, if that is enough; and the places with what was described.
 
-    Of the last one located, `before`, and some of the places, at each `turn` others. `extra` (2,) is the lens's
+    Of the last one located, `before`, if there is one, and some of the places, at each `turn` others. `extra` (2,) is the lens's
     correction, `now` are the features of the new image.
     """
     best, described = None, 0
-    others = Places(tuple(p for p in places.kept if p.time_ns != before.time_ns))
-    for place in (before, *others.alike(new.grey, turn)):
-        chosen = [*places.before(place.time_ns), places.at(place.time_ns) or place]
+    first = () if before is None else (before,)
+    others = Places(tuple(p for p in places.kept if p.time_ns not in {b.time_ns for b in first}))
+    for place in (*first, *others.alike(new.grey, turn)):
+        chosen = [*places.before(place), places.at(place.time_ns) or place]
         described += sum(p.features is None for p in chosen)
         if described > MOST_DESCRIBED:
             break
