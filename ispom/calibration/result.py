@@ -175,8 +175,8 @@ GOOD_HALVES, USABLE_HALVES = 1 / 500, 1 / 100
 """Difference of two halves of the views, the same way. Each half is uncertain by sqrt(2) times as much as all views,
 so they should differ by twice the uncertainty. Larger differences mean images that are not of one unchanged
 camera: some are rotated, mirrored, zoomed or refocused."""
-COVERED, BARELY_COVERED = 0.6, 0.25
-"""Shares of the image."""
+COVERED = 0.6
+"""Least share of the image with enough views."""
 MOSTLY = 0.5
 """Least share of the images that must be used."""
 GOOD_ROWS_PX = 0.5

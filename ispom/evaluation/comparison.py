@@ -19,9 +19,9 @@ from ispom.types import Trajectory
 class Coverage:
     """How much of a reference an estimate covers."""
 
-    given: int
+    compared: int
     """Poses of the estimate that were compared."""
-    asked: int
+    expected: int
     """Poses that the estimate, at its own median rate, would have over the reference's span; at most the number of
     the reference's poses."""
     longest_gap_ns: int
@@ -31,14 +31,14 @@ class Coverage:
 def coverage(estimate: Trajectory, reference: Trajectory, compared_ns: NDArray[np.int64]) -> Coverage:
     """Compares whole trajectories with at least one pose each; `compared_ns` (K,): times of the compared poses."""
     first_ns, last_ns = int(reference.times_ns[0]), int(reference.times_ns[-1])
-    asked = len(reference)
-    apart_ns = np.diff(np.unique(estimate.times_ns))
-    if len(apart_ns):
-        interval_ns = float(np.median(apart_ns))
-        asked = min(asked, round((last_ns - first_ns) / interval_ns) + 1)
-    given = len(np.unique(compared_ns))
+    expected = len(reference)
+    intervals_ns = np.diff(np.unique(estimate.times_ns))
+    if len(intervals_ns):
+        interval_ns = float(np.median(intervals_ns))
+        expected = min(expected, round((last_ns - first_ns) / interval_ns) + 1)
+    compared = len(np.unique(compared_ns))
     gaps_ns = np.diff(np.concatenate([[first_ns], np.sort(compared_ns), [last_ns]]))
-    return Coverage(given, max(asked, given), int(gaps_ns.max()))
+    return Coverage(compared, max(expected, compared), int(gaps_ns.max()))
 
 
 STRAIGHT = 0.05
@@ -113,8 +113,8 @@ def measures(found: Comparison) -> dict[str, float | None]:
     relative_m, relative_deg = found.relative_errors
     drift = kitti_errors(found.estimate, found.reference)
     return {
-        "poses_given": found.coverage.given,
-        "poses_asked": found.coverage.asked,
+        "poses_given": found.coverage.compared,
+        "poses_asked": found.coverage.expected,
         "longest_gap_s": found.coverage.longest_gap_ns * 1e-9,
         "alignment_scale": found.world_from_own.scale,
         **_statistics("ate", "m", found.position_errors),

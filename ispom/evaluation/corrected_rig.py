@@ -61,10 +61,6 @@ class Corrected:
     rig: Rig
     findings: tuple[Finding, ...]
 
-    @property
-    def any_applied(self) -> bool:
-        return any(finding.applied for finding in self.findings)
-
 
 def corrected(rig: Rig, calibration: Mapping[str, Array]) -> Corrected:
     """Applies the corrections of the last steps (Step.calibration): `lens`, `pair` and `rig`, with NAME_covariance.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Array
-from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
 from ispom.types.camera import Lens
 
@@ -100,7 +100,7 @@ def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], t
         raise InputError(f"{path}: the last row of {where} is {row}, not 0 0 1: {cure}")
     if matrix[1, 0] != 0 or abs(skew) > LARGEST_SKEW * abs(fx):
         raise InputError(
-            f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} beside its focal lengths, where 0 should be: correct it"
+            f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} next to its focal lengths, where 0 should be: correct it"
         )
     note = f"{path}: the skew of {skew:g} px in {where} is skipped, as cameras here have none"
     return [fx, fy, float(matrix[0, 2]), float(matrix[1, 2])], (note,) if skew else ()
@@ -136,11 +136,6 @@ USUAL_FOCAL = 0.12
 """and that of a lens that is no fisheye rarely shorter than this share of the longer side (a view of 153 degrees)."""
 UNDONE_PX = 1.0
 """A pixel's distortion counts as undone where distorting again leads back this near."""
-
-
-def read_camera(path: Path) -> Camera:
-    """Reads a file such as camera.yaml. Raises InputError that names the missing or invalid value."""
-    return camera_of(path, read_mapping(path))
 
 
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:

@@ -147,7 +147,7 @@ def _companions(path: Path) -> Any:
         def get(self, key: str) -> bytes:
             found = Path(os.path.realpath(folder / key.strip()))
             if not found.is_relative_to(folder):
-                raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: put the file beside it")
+                raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: move the file into it")
             return read_bytes(found, COMPANION_BYTES)
 
         def keys(self) -> list[str]:

@@ -115,10 +115,10 @@ def unit_of(words: list[str]) -> str:
             return unit
     if any(value != value.to_integral_value() for value in values):
         return "s"
-    apart = sorted(b - a for a, b in pairwise(values) if b > a)
-    if not apart:
+    intervals = sorted(b - a for a, b in pairwise(values) if b > a)
+    if not intervals:
         return "ns" if values[0] > MAX_TIME_S else "s"
-    usual_s = float(apart[len(apart) // 2])
+    usual_s = float(intervals[len(intervals) // 2])
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 

@@ -102,8 +102,8 @@ class Surface:
 
     def distances(self, xyz: Array) -> NDArray[np.float32]:
         """Returns the distances (N,) [m] of points (N, 3) from the nearest triangle."""
-        asked = self._core.Tensor.from_numpy(np.ascontiguousarray(xyz, np.float32))
-        return self._scene.compute_distance(asked).numpy()
+        points = self._core.Tensor.from_numpy(np.ascontiguousarray(xyz, np.float32))
+        return self._scene.compute_distance(points).numpy()
 
 
 def _order(rows: NDArray[Any]) -> NDArray[np.intp]:

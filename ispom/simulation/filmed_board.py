@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from ispom.geometry import Array, Pose, so3_exp
+from ispom.geometry import Pose, so3_exp
 from ispom.settings import Range
 from ispom.types import Camera, Frame, Image, Rig
 
@@ -170,17 +170,6 @@ class Filming:
         """Returns the pose at a time [s] of the video camera's clock."""
         video_from_left = self.rig.rig_from_video.inverse() @ self.rig.rig_from_left
         return video_from_left @ self.left_from_board_at(video_time_s - self.clock_offset_s)
-
-
-def seen_points(
-    camera: Camera, camera_from_board: Pose, xyz_in_board: Array, noise_px: float, rng: np.random.Generator
-) -> tuple[NDArray[np.intp], Array]:
-    """Indices (N,) and pixels (N, 2) with Gaussian noise of the points that are in the image."""
-    uv = camera.project(camera_from_board.apply(xyz_in_board))
-    uv = uv + noise_px * rng.standard_normal(uv.shape)
-    inside = (uv >= 0).all(1) & (uv <= (camera.width - 1, camera.height - 1)).all(1)
-    ids = np.flatnonzero(inside)
-    return ids, uv[ids]
 
 
 @dataclass(frozen=True)

@@ -63,10 +63,10 @@ class Truth:
         uv, in_sight = np.full((len(xyz), 2), np.nan), np.zeros(len(xyz), bool)
         uv[some] = target.project(then.inverse().apply(xyz[some]))
         inside = ((uv >= -0.5) & (uv <= (target.width - 0.5, target.height - 0.5))).all(axis=1)
-        scene, asked = self._scene(other, other_ns), np.flatnonzero(inside)
-        towards = xyz[asked] - then.translation
+        scene, index = self._scene(other, other_ns), np.flatnonzero(inside)
+        towards = xyz[index] - then.translation
         hits = scene.caster.hits(then.translation, towards.astype(np.float32))
-        in_sight[asked] = _lengths(scene, hits, then.translation, towards) > 1 - SAME
+        in_sight[index] = _lengths(scene, hits, then.translation, towards) > 1 - SAME
         pixel = np.stack(np.meshgrid(np.arange(float(camera.width)), np.arange(float(camera.height))), axis=-1)
         shape = (camera.height, camera.width)
         return uv.reshape(*shape, 2) - pixel, in_sight.reshape(shape)

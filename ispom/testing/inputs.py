@@ -92,12 +92,12 @@ def check_cameras_alone(trial: Trial) -> None:
     """Checks a rig that has only the cameras that the method needs."""
     rig, needs = trial.rig, trial.method.needs
     if needs == {"video"}:
-        alone = Rig(video=rig.video, rig_from_video=rig.rig_from_video)
+        reduced = Rig(video=rig.video, rig_from_video=rig.rig_from_video)
     elif needs == {"stereo"}:
-        alone = Rig(None, rig.left, rig.right, rig.rig_from_video, rig.rig_from_left, rig.rig_from_right)
+        reduced = Rig(None, rig.left, rig.right, rig.rig_from_video, rig.rig_from_left, rig.rig_from_right)
     else:
         return
-    walked(trial.build(rig=alone), trial.frames[:FEW])
+    walked(trial.build(rig=reduced), trial.frames[:FEW])
 
 
 def _changed(numbered: Numbered, change: Callable[[Image], Image], how: str) -> Numbered:

@@ -70,7 +70,7 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
     wrong = _wrong_landmarks(step.landmarks)
     require(wrong is None, f"has landmarks {wrong}")
     names = [(decision.key, decision.about) for decision in step.decisions]
-    require(len(set(names)) == len(names), "has a check twice in one Step: tell them apart by Decision.about")
+    require(len(set(names)) == len(names), "has a check twice in one Step: distinguish them by Decision.about")
     for decision in step.decisions:
         wrong = _wrong_decision(decision)
         require(wrong is None, f"has a check {decision.key!r} {wrong}")

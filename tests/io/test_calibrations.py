@@ -15,7 +15,7 @@ from ispom.io.calibrations.files import camera_text
 from ispom.io.calibrations.kalibr import euroc_sensor_text, kalibr_text, read_euroc_sensor, read_kalibr
 from ispom.io.calibrations.opencv import opencv_text, read_opencv
 from ispom.io.calibrations.placed import Placed
-from ispom.io.camera import read_camera
+from ispom.io.calibrations.recognised import one_camera
 from ispom.io.colmap import colmap_cameras_text, read_colmap_cameras
 from ispom.io.rig import read_rig, rig_text
 from ispom.types import Camera, Rig
@@ -69,7 +69,7 @@ def test_round_trip_of_opencv_ros_colmap_and_ours(tmp_path: Path, camera: Camera
     path.write_text(colmap_cameras_text(placed))
     assert all(close(each.camera, found) for each, found in zip(placed, read_colmap_cameras(path), strict=True))
     path.write_text(camera_text(camera))
-    assert close(camera, read_camera(path))
+    assert close(camera, one_camera(path)[0])
     path.write_text(rig_text(Rig(video=camera, rig_from_video=POSE)))
     assert close(camera, read_rig(path).camera("video"))
 

@@ -18,8 +18,6 @@ FOCALS = np.geomspace(0.25, 6.0, 20)
 """Focal lengths that are tried, as shares of the image's longer side."""
 TRIED_VIEWS = 12
 HUBER_SIGMAS = 20.0
-POOR_SHARE = 0.1
-"""Largest error of a pose relative to the view's extent in the image."""
 
 
 def start_of(seen: Observations, size: tuple[int, int], model: Model) -> Estimate:

@@ -20,7 +20,6 @@ CHEQUERED = 0.7
 """Least correlation of the squares' brightness with a chessboard."""
 WINDOW = 0.35
 """Half side of the window for a corner, of the distance to the next."""
-CUT_MARGIN_PX = 3
 
 
 def detect_chessboard(target: Target, grey: Image) -> Detection:

@@ -234,7 +234,7 @@ def _decisions(entries: list[Any], checks: Mapping[str, Check]) -> tuple[Decisio
     for entry in entries:
         decision = _decision(validate.mapping(entry, "a check"), checks)
         if (decision.key, decision.about) in found:
-            raise ProgramFault(f"answers with the check {decision.key!r} twice: tell them apart by about")
+            raise ProgramFault(f"answers with the check {decision.key!r} twice: distinguish them by about")
         found[decision.key, decision.about] = decision
     return tuple(found.values())
 

@@ -22,7 +22,7 @@ def pair_fault(left_from_right: Pose) -> str:
     if not np.hypot(np.hypot(x, y), z) > 0:
         return "both cameras are at one place, without a baseline"
     if abs(x) <= abs(y):
-        return f"the right camera is {abs(y):.4g} m {'below' if y > 0 else 'above'} the left one, not beside it"
+        return f"the right camera is {abs(y):.4g} m {'below' if y > 0 else 'above'} the left one, not to its right"
     if x < 0:
         return f"the cameras are exchanged: the right one is {-x:.4g} m to the left of the left one"
     return ""

@@ -53,11 +53,6 @@ class CalibrationFile:
     """All entries, also those that are not of the camera, such as the rate of its images; empty for several cameras."""
 
 
-def any_camera(path: Path) -> Camera:
-    """Reads the one camera of a file. Raises InputError where it holds several, or none."""
-    return one_camera(path)[0]
-
-
 def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[Any, Any], tuple[str, ...]]:
     """Reads the one camera of a file, with all entries of the file, and notes about what is skipped or likely wrong.
 
@@ -69,22 +64,15 @@ def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[
     return found.cameras[0].camera, found.entries, found.cameras[0].notes
 
 
-def any_rig(paths: tuple[Path, ...]) -> Rig:
-    """Reads the rig of one file, or of files of one camera each; a folder holds such files, or folders with
-    sensor.yaml.
-
-    Cameras have the names of the files, else left, right and video in this order; a single one is video. Raises
-    InputError where a file is of no known format, several cameras have no poses, or left and right are exchanged.
-    """
-    return one_rig(paths)[0]
-
-
 def one_rig(
     paths: tuple[Path, ...], every_placed: bool = True, size: ImageSize | None = None
 ) -> tuple[Rig, tuple[str, ...]]:
-    """Reads the rig, with notes about what is skipped or likely wrong.
+    """Reads the rig of one file, or of files of one camera each, with notes about what is skipped or likely wrong.
 
-    Unless `every_placed`, the video camera of a rig.yaml may be without a pose: it is then that of the rig.
+    A folder holds such files, or folders with sensor.yaml. Cameras have the names of the files, else left, right and
+    video in this order; a single one is video. Unless `every_placed`, the video camera of a rig.yaml may be without a
+    pose: it is then that of the rig. Raises InputError where a file is of no known format, several cameras have no
+    poses, or left and right are exchanged.
     """
     found = [_read(file, size, every_placed) for path in paths for file in _files(path)]
     cameras = [each for file in found for each in file.cameras]

@@ -52,7 +52,7 @@ def test_the_camera_of_a_simulation_is_found_in_its_images() -> None:
 def test_how_sure_it_is_stands_in_the_notes(
     lens: TrackedLens | None, said: str, focal: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(opened, "found_in", lambda *_: lens)
+    monkeypatch.setattr(opened, "estimate_lens", lambda *_: lens)
     sequence = opened.self_calibrated(uncalibrated())
     assert said in sequence.notes[0]
     assert sequence.rig.camera("video").fx == focal
@@ -60,6 +60,6 @@ def test_how_sure_it_is_stands_in_the_notes(
 
 
 def test_a_calibrated_sequence_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opened, "found_in", lambda *_: pytest.fail("its images are not looked at"))
+    monkeypatch.setattr(opened, "estimate_lens", lambda *_: pytest.fail("its images are not looked at"))
     sequence = open_sequence("sim:tiny")
     assert opened.self_calibrated(sequence) is sequence
