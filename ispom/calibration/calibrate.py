@@ -198,10 +198,20 @@ def _result(
         camera = replace(found.estimate.cameras[0], line_delay_s=line_delay.seconds)
         rig = replace(rig, **{name: camera})
     return Calibration(
-        target, cameras, found, image_of, rig, listed, correlations(found),
-        _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,
-        verdict(found, cameras, listed, rows, of_images, clock),
-    )  # fmt: skip
+        target=target,
+        cameras=cameras,
+        solution=found,
+        image_of=image_of,
+        rig=rig,
+        parameters=listed,
+        correlations=correlations(found),
+        rejected=_rejections(views, seen, keep, image_of),
+        row_error=rows,
+        halves_pose=between,
+        clock=clock,
+        line_delay=line_delay,
+        verdict=verdict(found, cameras, listed, rows, of_images, clock),
+    )
 
 
 def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
@@ -247,9 +257,13 @@ def _camera_result(
     poses = [found.estimate.camera_from_rig[c] @ found.estimate.rig_from_board(v) for v in present]
     points: list[Array] = [mine.uv[mine.view == v] for v in present]
     return CameraResult(
-        views, camera, trials, uncertainty_map(camera, found.covariance[interior, interior]),
-        difference_map(one, other), coverage(camera, points, poses, target.xyz_in_board.mean(0)),
-    )  # fmt: skip
+        views=views,
+        camera=camera,
+        trials=trials,
+        uncertainty=uncertainty_map(camera, found.covariance[interior, interior]),
+        halves=difference_map(one, other),
+        coverage=coverage(camera, points, poses, target.xyz_in_board.mean(0)),
+    )
 
 
 def _rejections(

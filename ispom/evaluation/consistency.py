@@ -104,14 +104,14 @@ def consistency(runs: list[Errors], part: slice = PARTS["pose"]) -> Consistency 
     mean = rows.mean(axis=0)
     above, below = mean > high, mean < low
     return Consistency(
-        dof,
-        count,
-        float(rows.mean()),
-        (low, high),
-        float((~above & ~below).mean()),
-        float(above.mean()),
-        float(below.mean()),
-        _longest_s(np.array(common), above),
+        dof=dof,
+        runs=count,
+        average=float(rows.mean()),
+        band=(low, high),
+        inside=float((~above & ~below).mean()),
+        above=float(above.mean()),
+        below=float(below.mean()),
+        longest_above_s=_longest_s(np.array(common), above),
     )
 
 

@@ -100,7 +100,8 @@ def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], t
         raise InputError(f"{path}: the last row of {where} is {row}, not 0 0 1: {cure}")
     if matrix[1, 0] != 0 or abs(skew) > LARGEST_SKEW * abs(fx):
         raise InputError(
-            f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} next to its focal lengths, where 0 should be: correct it"
+            f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} next to its focal lengths, where 0 should be: "
+            "correct it"
         )
     note = f"{path}: the skew of {skew:g} px in {where} is skipped, as cameras here have none"
     return [fx, fy, float(matrix[0, 2]), float(matrix[1, 2])], (note,) if skew else ()

@@ -52,13 +52,13 @@ def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> Colmap
     row, frame, uv, error_px = row[order], frame[order], uv[order], error_px[order]
     starts = np.searchsorted(frame, np.arange(len(keys) + 1))
     return ColmapModel(
-        f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{camera_line(camera)}\n",
-        _images(scene, uv, landmarks.ids[row], starts),
-        _points(scene, row, frame, np.arange(len(row)) - starts[frame], error_px),
-        len(row),
-        int(known.sum()),
-        len(np.unique(row)),
-        float(error_px.mean()) if len(row) else None,
+        cameras=f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{camera_line(camera)}\n",
+        images=_images(scene, uv, landmarks.ids[row], starts),
+        points=_points(scene, row, frame, np.arange(len(row)) - starts[frame], error_px),
+        kept=len(row),
+        observations=int(known.sum()),
+        point_count=len(np.unique(row)),
+        mean_error_px=float(error_px.mean()) if len(row) else None,
     )
 
 

@@ -152,7 +152,9 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
         return None
     which, unit = _best_times(times)
     metres = _METRES[lengths.pop()] if lengths else 1.0
-    return Columns(which, xyz, xyzw, unit, len(words), line, spaced, metres)
+    return Columns(
+        times=which, xyz=xyz, xyzw=xyzw, unit=unit, count=len(words), line=line, spaced=spaced, metres=metres
+    )
 
 
 def _unit(word: str) -> tuple[str, str | None]:

@@ -86,12 +86,12 @@ def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
     stereo = Rig.stereo(optics.of(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale)), BASELINE_M)
     video = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
     return Rig(
-        optics.of(video.scaled(scale)),
-        stereo.left,
-        stereo.right,
-        Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
-        stereo.rig_from_left,
-        stereo.rig_from_right,
+        video=optics.of(video.scaled(scale)),
+        left=stereo.left,
+        right=stereo.right,
+        rig_from_video=Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
+        rig_from_left=stereo.rig_from_left,
+        rig_from_right=stereo.rig_from_right,
         video_sigma=EXACT_LENS,
         pair_sigma=EXACT_PAIR,
     )

@@ -111,7 +111,7 @@ def filming_rig() -> Rig:
     """Returns three cameras that are not rectified; the rig frame is that of the left camera."""
     right = Pose.from_rotvec(np.radians([0.6, -0.9, 0.4]), np.array([BASELINE_M, 0.0008, -0.0011]))
     video = Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.06, -0.045, 0.03]))
-    return Rig(VIDEO, LEFT, RIGHT, video, Pose(), right)
+    return Rig(video=VIDEO, left=LEFT, right=RIGHT, rig_from_video=video, rig_from_left=Pose(), rig_from_right=right)
 
 
 def board_poses(camera: Camera, size_m: tuple[float, float], count: int, seed: int, alike: bool = False) -> list[Pose]:

@@ -195,7 +195,15 @@ def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solu
     chi2 = float(((residuals / seen.sigma_px[:, None]) ** 2).sum())
     unit = float(np.sqrt(chi2 / max(freedom, 1)))
     equations = normal_equations(estimate, seen, unknowns, 1 / seen.sigma_px**2)
-    return Solution(estimate, seen, unknowns, residuals, unit, unit**2 * _inverse(equations), equations)
+    return Solution(
+        estimate=estimate,
+        seen=seen,
+        unknowns=unknowns,
+        residuals_px=residuals,
+        unit_sigma=unit,
+        covariance=unit**2 * _inverse(equations),
+        equations=equations,
+    )
 
 
 def _inverse(equations: NormalEquations) -> Array:

@@ -63,7 +63,15 @@ class Course:
         moves = np.einsum("ek,eki->ei", slopes, self.positions[index] - self.positions[index[:, :1]])
         inverse = np.swapaxes(rotations, 1, 2)
         rates = np.concatenate([(inverse @ moves[..., None])[..., 0], np.einsum("ek,eki->ei", slopes, turns)], axis=1)
-        return Between(rotations, positions, rates, index, weights, slopes, self._known(times_s, index))
+        return Between(
+            rotations=rotations,
+            positions=positions,
+            rates=rates,
+            index=index,
+            weights=weights,
+            slopes=slopes,
+            known=self._known(times_s, index),
+        )
 
     def _first(self, times_s: Array, shift: int) -> NDArray[np.int64]:
         """Returns the indices of the four poses around each time (E, 4)."""

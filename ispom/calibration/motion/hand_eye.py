@@ -185,9 +185,15 @@ class _Problem:
         turns = so3_log(np.swapaxes(left.rotations[self.index], 1, 2) @ left.rotations[self.index + 1])
         moments, axes = np.linalg.eigh(turns.T @ turns / len(turns))
         return HandEye(
-            pose, offset_s, covariance[:SIZE, :SIZE], float(np.median(self.scales)), self.index, self.residuals,
-            np.sqrt(np.maximum(moments, 0)), axes.T,
-        )  # fmt: skip
+            video_from_left=pose,
+            offset_s=offset_s,
+            covariance=covariance[:SIZE, :SIZE],
+            scale=float(np.median(self.scales)),
+            used=self.index,
+            residuals=self.residuals,
+            turned_rad=np.sqrt(np.maximum(moments, 0)),
+            axes=axes.T,
+        )
 
 
 def _applied(root: Array, values: Array) -> Array:

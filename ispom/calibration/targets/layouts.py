@@ -28,7 +28,16 @@ def chessboard(spec: str, columns: int, rows: int, square_m: float) -> Target:
     black = tuple(_square(x * square_m, y * square_m, square_m) for x, y in squares if (x + y) % 2 == 0)
     points = _grid(columns, rows, square_m, square_m)
     size = (columns + 1) * square_m, (rows + 1) * square_m
-    return Target(spec, "chessboard", columns, rows, square_m, points, size, black)
+    return Target(
+        spec=spec,
+        kind="chessboard",
+        columns=columns,
+        rows=rows,
+        pitch_m=square_m,
+        xyz_in_board=points,
+        size_m=size,
+        black=black,
+    )
 
 
 def charuco(spec: str, columns: int, rows: int, square_m: float, marker_m: float, dictionary: str) -> Target:
@@ -44,7 +53,18 @@ def charuco(spec: str, columns: int, rows: int, square_m: float, marker_m: float
         black += marker_shapes(dictionary, number, corners, 1)
     points = _grid(columns - 1, rows - 1, square_m, square_m)
     size = columns * square_m, rows * square_m
-    return Target(spec, "charuco", columns, rows, square_m, points, size, tuple(black), tuple(tags), dictionary)
+    return Target(
+        spec=spec,
+        kind="charuco",
+        columns=columns,
+        rows=rows,
+        pitch_m=square_m,
+        xyz_in_board=points,
+        size_m=size,
+        black=tuple(black),
+        tags=tuple(tags),
+        dictionary=dictionary,
+    )
 
 
 def aprilgrid(spec: str, columns: int, rows: int, tag_m: float, spacing: float) -> Target:
@@ -68,7 +88,17 @@ def aprilgrid(spec: str, columns: int, rows: int, tag_m: float, spacing: float) 
     black += [_square(x * pitch, y * pitch, gap) for y in range(rows + 1) for x in range(columns + 1)]
     size = columns * pitch + gap, rows * pitch + gap
     return Target(
-        spec, "aprilgrid", columns, rows, pitch, points, size, tuple(black), tuple(tags), APRILGRID, APRILGRID_BORDER
+        spec=spec,
+        kind="aprilgrid",
+        columns=columns,
+        rows=rows,
+        pitch_m=pitch,
+        xyz_in_board=points,
+        size_m=size,
+        black=tuple(black),
+        tags=tuple(tags),
+        dictionary=APRILGRID,
+        border_bits=APRILGRID_BORDER,
     )
 
 
@@ -83,7 +113,18 @@ def tag_board(spec: str, columns: int, rows: int, tag_m: float, gap_m: float, di
         black += marker_shapes(dictionary, number, corners, 1)
     points = np.concatenate([np.column_stack([tag.corners_m, np.zeros(4)]) for tag in tags])
     size = columns * (tag_m + gap_m) - gap_m, rows * (tag_m + gap_m) - gap_m
-    return Target(spec, "tags", columns, rows, tag_m + gap_m, points, size, tuple(black), tuple(tags), dictionary)
+    return Target(
+        spec=spec,
+        kind="tags",
+        columns=columns,
+        rows=rows,
+        pitch_m=tag_m + gap_m,
+        xyz_in_board=points,
+        size_m=size,
+        black=tuple(black),
+        tags=tuple(tags),
+        dictionary=dictionary,
+    )
 
 
 def circles(spec: str, columns: int, rows: int, pitch_m: float, radius_m: float, asymmetric: bool) -> Target:
@@ -101,7 +142,17 @@ def circles(spec: str, columns: int, rows: int, pitch_m: float, radius_m: float,
     black = tuple(Disc(centre, radius_m) for centre in xy)
     points = np.column_stack([xy, np.zeros(len(xy))])
     kind = "acircles" if asymmetric else "circles"
-    return Target(spec, kind, columns, rows, pitch_m, points, (size[0], size[1]), black, disc_radius_m=radius_m)
+    return Target(
+        spec=spec,
+        kind=kind,
+        columns=columns,
+        rows=rows,
+        pitch_m=pitch_m,
+        xyz_in_board=points,
+        size_m=(size[0], size[1]),
+        black=black,
+        disc_radius_m=radius_m,
+    )
 
 
 @cache

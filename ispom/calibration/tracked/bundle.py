@@ -207,7 +207,17 @@ def normal_equations(
     gradient[fixed_index] = 0.0
     block = own * (1 + damping * np.eye(3)) + 1e-12 * np.eye(3)
     inverse = np.zeros_like(block) if fixed.points else np.linalg.inv(block)
-    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, fixed_index, jacobian, scores)
+    return Normal(
+        matrix=matrix,
+        gradient=gradient,
+        mixed=mixed,
+        inverse=inverse,
+        by_point=point_gradient,
+        tangents=tangents,
+        fixed=fixed_index,
+        jacobian=jacobian,
+        scores=scores,
+    )
 
 
 def reduced(normal: Normal) -> tuple[Array, Array]:

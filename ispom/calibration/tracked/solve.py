@@ -187,7 +187,14 @@ def _result(
     covariance = sandwich_covariance(scene, seen, prior, fixed, scale) * np.outer(units, units)
     covariance *= halves_differ(scene, seen, prior, scale) ** 2
     rms = float(np.sqrt((errors**2).mean())) / factor
-    return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
+    return TrackedLens(
+        camera=camera,
+        covariance=covariance,
+        prior_sigma=prior.sigma * units,
+        rms_px=rms,
+        views=len(scene.rotations),
+        points=len(points),
+    )
 
 
 def halves_differ(scene: Scene, seen: Observed, prior: Prior, scale_px: Array) -> float:

@@ -191,7 +191,14 @@ class Monocular:
             window, bundled = adjust_window(window, self._max_error)
             step = step.with_length_from(window.keys)
         window = fill_between(window, config.interpolation, 2 * self._max_error)
-        return WindowUpdate(window, step, (*tests, *solved, *transferred, *bundled), triple, ids, scale)
+        return WindowUpdate(
+            window=window,
+            step_scale=step,
+            decisions=(*tests, *solved, *transferred, *bundled),
+            triple=triple,
+            ids=ids,
+            scale=scale,
+        )
 
     def _without_triple(
         self, state: MonocularState, frame: TrackedFrame, n_common: int, decisions: tuple[Decision, ...]
@@ -636,13 +643,13 @@ def adjust_window(window: KeyframeWindow, loss_width: float) -> tuple[KeyframeWi
         return window, ()
     bundle = adjust(
         poses,
-        window.landmarks.xyz[chosen],
-        np.concatenate(cameras),
-        np.concatenate(points),
-        np.concatenate(x),
-        FIXED_KEYFRAMES,
-        loss_width,
-        BUNDLE_ITERATIONS,
+        xyz_in_world=window.landmarks.xyz[chosen],
+        camera_index=np.concatenate(cameras),
+        point_index=np.concatenate(points),
+        x=np.concatenate(x),
+        fixed=FIXED_KEYFRAMES,
+        scale=loss_width,
+        iterations=BUNDLE_ITERATIONS,
     )
     xyz = window.landmarks.xyz.copy()
     xyz[chosen] = bundle.xyz_in_world

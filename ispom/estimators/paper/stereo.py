@@ -117,7 +117,15 @@ class Stereo:
 
         is_localised, decisions = self._decide(state, cloud, common, motion)
         pose = self._moved(state, motion) if is_localised else None
-        result = PairResult(matches, has_depth, cloud, common, motion, pose, decisions)
+        result = PairResult(
+            matches=matches,
+            has_depth=has_depth,
+            cloud=cloud,
+            common=common,
+            motion=motion,
+            world_from_rig=pose,
+            decisions=decisions,
+        )
         cloud, next_id = _with_new_ids(cloud, common, motion, matches.next_id)
         after = self._next_state(state, exposure.time_ns, cloud, pose, next_id)
         return after, as_step(self.rig, exposure, reference, result, cloud, self._depth_limit_m, watch.seconds)

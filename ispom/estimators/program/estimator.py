@@ -143,14 +143,14 @@ class Program:
         alive = {name: _alive(tracks) for name, tracks in step.tracks.items()}
         highest = {name: int(tracks.ids.max(initial=-1)) + 1 for name, tracks in step.tracks.items()}
         return State(
-            state.count + 1,
-            blake2b(state.chain + digest, digest_size=16).digest(),
-            saved,
-            seen,
-            poses,
-            step.frame,
-            {**state.tracks, **alive},
-            {**state.ids, **{name: max(first, state.ids.get(name, 0)) for name, first in highest.items()}},
+            count=state.count + 1,
+            chain=blake2b(state.chain + digest, digest_size=16).digest(),
+            saved=saved,
+            seen=seen,
+            poses=poses,
+            frame=step.frame,
+            tracks={**state.tracks, **alive},
+            ids={**state.ids, **{name: max(first, state.ids.get(name, 0)) for name, first in highest.items()}},
         )
 
     def _at(self, state: State) -> _Running:

@@ -59,7 +59,16 @@ class Sensitivity:
         by_error = np.stack(columns, axis=2)
         whole = solve(scene, values, adjustment, errors, by_error)
         poses = _fixed_motions(scene, adjustment, errors, by_error, whole)
-        return Sensitivity(scene, adjustment, values, errors, tuple(names), by_error, poses, whole)
+        return Sensitivity(
+            scene=scene,
+            adjustment=adjustment,
+            values=values,
+            errors=errors,
+            names=tuple(names),
+            by_error=by_error,
+            poses=poses,
+            whole=whole,
+        )
 
     def amounts(self, perturbation: Perturbation) -> Array:
         """Returns the amounts (P,) of the perturbation, in the order of `names`."""

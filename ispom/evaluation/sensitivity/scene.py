@@ -83,7 +83,19 @@ class Scene:
         if camera == "left" and rig.has_stereo:
             near = np.einsum("nij,nj->ni", rotations[view], xyz[used][point]) + translations[view]
             right_rate = drift(near, _rates(keys.times_ns, rotations, translations)[view], 0.0, rig.baseline_m)
-        return Scene(rig, camera, keys.times_ns, rotations, translations, xyz[used], view, point, uv, right, right_rate)
+        return Scene(
+            rig=rig,
+            camera=camera,
+            times_ns=keys.times_ns,
+            rotations=rotations,
+            translations=translations,
+            xyz_in_world=xyz[used],
+            view=view,
+            point=point,
+            uv=uv,
+            right_px=right,
+            right_rate=right_rate,
+        )
 
     def until(self, count: int) -> tuple[Scene, NDArray[np.bool_]]:
         """Returns the first `count` keyframes with their observations, and which of all observations (N,) those are."""
@@ -92,9 +104,18 @@ class Scene:
             keep &= np.bincount(self.point[keep], minlength=len(self.xyz_in_world))[self.point] >= 2
         used, point = np.unique(self.point[keep], return_inverse=True)
         part = Scene(
-            self.rig, self.camera, self.times_ns[:count], self.rotations[:count], self.translations[:count],
-            self.xyz_in_world[used], self.view[keep], point, self.uv[keep], self.right_px[keep], self.right_rate[keep],
-        )  # fmt: skip
+            rig=self.rig,
+            camera=self.camera,
+            times_ns=self.times_ns[:count],
+            rotations=self.rotations[:count],
+            translations=self.translations[:count],
+            xyz_in_world=self.xyz_in_world[used],
+            view=self.view[keep],
+            point=point,
+            uv=self.uv[keep],
+            right_px=self.right_px[keep],
+            right_rate=self.right_rate[keep],
+        )
         return part, keep
 
     @property

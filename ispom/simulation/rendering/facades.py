@@ -44,7 +44,7 @@ class Fronts:
         openings = _openings(i, k, seed[face], bay_m[face], floor[face], size[face, 1])
         lift = np.where(hash01(0, 0, seed + np.uint32(19)) > 0.4, 0.2, -0.3)
         wide, bay_size, high, light = (a.astype(np.float32) for a in (bays, bay_m, floor, lift))
-        return Fronts(first[:-1], wide, bay_size, high, light, openings)
+        return Fronts(first=first[:-1], bays=wide, bay_m=bay_size, floor_m=high, lift=light, openings=openings)
 
     def over(
         self, colour: Values, paint: Values, face: NDArray[np.intp], seed: Cells,

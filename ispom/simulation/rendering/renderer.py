@@ -104,14 +104,14 @@ class Samples:
         dx, dy = (np.add.reduceat(a[which], runs) / alike if len(runs) else alike for a in ROOKS.T)
         still = np.zeros(len(inner), np.float32)
         return Samples(
-            inner,
-            outer,
-            np.flatnonzero(runs % count == 0),
-            np.concatenate([inner, outer[runs // count]]),
-            np.concatenate([faces.ravel()[inner], face[runs]]),
-            np.concatenate([still, dx]),
-            np.concatenate([still, dy]),
-            np.concatenate([still + 1, alike / count]),
+            inner=inner,
+            outer=outer,
+            starts=np.flatnonzero(runs % count == 0),
+            pixel=np.concatenate([inner, outer[runs // count]]),
+            face=np.concatenate([faces.ravel()[inner], face[runs]]),
+            dx=np.concatenate([still, dx]),
+            dy=np.concatenate([still, dy]),
+            share=np.concatenate([still + 1, alike / count]),
         )
 
     def mean(self, colour: Values) -> Values:
