@@ -112,7 +112,7 @@ def _with_line_delay(
 def _alone(
     target: Target, views: Views, choice: Choice, progress: Progress
 ) -> tuple[Solution, Trial, tuple[Trial, ...]]:
-    """The camera by its own views: the chosen model's solution."""
+    """Returns the camera by its own views: the chosen model's solution."""
     progress(f"{views.name}: comparing camera models" if choice == "auto" else f"{views.name}: solving")
     seen = Observations.of(target, [[d for d in views.detections if not d.reason]])
     trials = trials_of(seen, views.size, choice)
@@ -121,7 +121,7 @@ def _alone(
 
 
 def _as_chosen(found: Solution, trial: Trial, model: Model, views: Views) -> Estimate:
-    """The camera with the model that all cameras get."""
+    """Returns the camera with the model that all cameras get."""
     if trial.model == model:
         return found.estimate
     if "fisheye" in (model, trial.model):
@@ -215,7 +215,7 @@ def _result(
 
 
 def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
-    """The rig: of a pair centred on its baseline (Fig. 6), of other cameras that of the first."""
+    """Returns the rig: of a pair centred on its baseline (Fig. 6), of other cameras that of the first."""
     poses = [pose.inverse() for pose in estimate.camera_from_rig]
     if names[:2] == ("left", "right"):
         left, _ = rectifying(estimate.camera_from_rig[1])

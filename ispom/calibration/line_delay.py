@@ -45,7 +45,7 @@ class Film:
         return Film(seen, (around.known_times_ns[good] - zero_ns) * 1e-9)
 
     def solved(self, camera: Camera, delay_s: float, before: Solution | None) -> Solution:
-        """The board's poses before the camera, with corners corrected by the delay as it moved `before`."""
+        """Returns the board's poses before the camera, with corners corrected by the delay as it moved `before`."""
         if before is None:
             seen, start = self.seen, with_views(camera, self.seen)
         else:

@@ -67,7 +67,7 @@ def trials_of(seen: Observations, size: tuple[int, int], choice: Choice) -> tupl
 
 
 def chosen(trials: tuple[Trial, ...]) -> Trial:
-    """The simplest that no other one beats clearly."""
+    """Returns the simplest that no other one beats clearly."""
     best = trials[0]
     for trial in trials[1:]:
         gain = best.of_views_px - trial.of_views_px

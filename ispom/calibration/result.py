@@ -64,6 +64,8 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Verdict:
+    """Whether a calibration can be used, and why."""
+
     level: Level
     reasons: tuple[str, ...]
     """Why it is not better; empty where it is good."""
@@ -246,5 +248,5 @@ def _judge(redo: list[str], minor: list[str], value: float, good: float, usable:
 
 
 def _ninth(px: Array) -> float:
-    """The 90th percentile: the outermost corners are beyond any use."""
+    """Returns the 90th percentile: the outermost corners are beyond any use."""
     return float(np.percentile(px, 90))

@@ -45,7 +45,7 @@ def lens_of(
     """Returns the lens that the entries `keys` of a file name; perspective where there are none.
 
     `where` is the place of the entries, such as "cam0.", and `n` the camera's number at the end of their names. Raises
-    InputError for an unknown model, and for two that differ.
+    Raises InputError for an unknown model, and for two that differ.
     """
     named: dict[Lens, str] = {}
     for key in dict.fromkeys(f"{key}{suffix}" for key in keys for suffix in (n, "")):
@@ -69,7 +69,7 @@ def lens_of(
 
 def coefficients(path: Path, where: str, value: Any, lens: Lens) -> list[float]:
     """Distortion in OpenCV's order, as many numbers as `Camera.distortion` may have: zeros at the end may be more or
-    fewer. InputError where others than zeros would be lost."""
+    fewer. Raises InputError where others than zeros would be lost."""
     try:
         found = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
     except InputError:
@@ -89,8 +89,7 @@ def coefficients(path: Path, where: str, value: Any, lens: Lens) -> list[float]:
 
 
 def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], tuple[str, ...]]:
-    """fx, fy, cx, cy of a camera matrix (3, 3), and a note about a skew; InputError where it is none, such as the
-    transposed ones that MATLAB prints."""
+    """Returns fx, fy, cx, cy of a camera matrix (3, 3), and a note about a skew. Raises InputError where it is none."""
     fx, skew, fy = float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
     last = matrix[2]
     if np.abs(last - (0, 0, 1)).max() > 1e-9:

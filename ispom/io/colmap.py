@@ -21,6 +21,8 @@ PIXEL = 0.5
 
 @dataclass(frozen=True)
 class ColmapModel:
+    """The three text files of a COLMAP model."""
+
     cameras: str
     """The content of cameras.txt, and so on."""
     images: str
@@ -34,10 +36,10 @@ class ColmapModel:
 
 
 def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> ColmapModel:
-    """The model of one method: its key frames as images called CAMERA/TIME_NS.png, its landmarks as points.
+    """Returns the model of one method: its keyframes as images called CAMERA/TIME_NS.png, its landmarks as points.
 
     An observation counts where its landmark is reprojected within max_error_px, a landmark with two of them or more.
-    `camera` is that of the key frames; errors are of their poses, as they are.
+    `camera` is that of the keyframes; errors are of their poses, as they are.
     """
     landmarks, keys = scene.landmarks, scene.key_frames
     row = np.searchsorted(landmarks.ids, scene.seen_ids).clip(0, max(len(landmarks) - 1, 0))

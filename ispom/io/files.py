@@ -89,7 +89,8 @@ def names(folder: Path) -> list[str]:
 
 
 def require_file(path: Path) -> int:
-    """The size [bytes] of a regular file; InputError where there is none, or a pipe, socket, device or folder."""
+    """Returns the size [bytes] of a regular file. Raises InputError where there is none, or a pipe, socket, device
+    or folder."""
     _require_inside(path)
     try:
         found = path.stat()
@@ -104,7 +105,7 @@ def require_file(path: Path) -> int:
 
 
 def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of a regular file; InputError where it cannot be read or is longer than max_bytes."""
+    """Returns the content of a regular file. Raises InputError where it cannot be read or is longer than max_bytes."""
     size = require_file(path)
     content = read_head(path, max_bytes + 1) if size <= max_bytes else b""
     if max(size, len(content)) > max_bytes:
@@ -115,14 +116,15 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def read_head(path: Path, count: int) -> bytes:
-    """The first `count` bytes of a regular file, or all it has; InputError where it cannot be read."""
+    """Returns the first `count` bytes of a regular file, or all it has. Raises InputError where it cannot be read."""
     with opened(path) as file:
         return file.read(count)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[BufferedReader]:
-    """A regular file, to read from; InputError where it is none, or cannot be read now or while it is open."""
+    """Opens a regular file for reading. Raises InputError where it is none, or cannot be read now or while it is
+    open."""
     require_file(path)
     try:
         # Not blocking, and looked at again: the file may have become a pipe since.

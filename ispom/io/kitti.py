@@ -88,7 +88,7 @@ def read_calibrations(path: Path, cameras: tuple[str, ...]) -> list[dict[str, Ar
 
 
 def raw_camera(calibration: dict[str, Array]) -> Camera:
-    """The camera of an unrectified image."""
+    """Returns the camera of an unrectified image."""
     fx, fy, cx, cy = calibration["K"][[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
     return Camera(*image_size(calibration["S"]), fx, fy, cx, cy, tuple(calibration["D"].tolist()))
 
@@ -169,7 +169,8 @@ def read_oxts(folder: Path) -> Trajectory:
 
 
 def read_rigid(path: Path) -> Pose:
-    """The transformation of `calib_imu_to_velo.txt` (velo_from_imu) and the like, from its lines `R:` and `T:`."""
+    """Reads the transformation of `calib_imu_to_velo.txt` (velo_from_imu) and the like, from its lines `R:` and
+    `T:`."""
     lines = {}
     for line, text in enumerate(read_text(path).splitlines(), 1):
         name, _, words = text.partition(":")

@@ -31,7 +31,8 @@ for _tag in ("opencv-matrix", "opencv-nd-matrix"):
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
-    """The mapping of a YAML file, also of OpenCV; InputError where it is missing, malformed or no mapping."""
+    """Returns the mapping of a YAML file, also of OpenCV. Raises InputError where it is missing, malformed or no
+    mapping."""
     text = read_text(path, MAX_BYTES)
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text

@@ -52,7 +52,7 @@ class SceneMap:
 
 
 def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
-    """The file's content: compressed arrays called METHOD.NAME, no pickles."""
+    """Returns the file's content: compressed arrays called METHOD.NAME, no pickles."""
     arrays: dict[str, np.ndarray] = {}
     for method, found in maps.items():
         keys, points = found.key_frames, found.landmarks
@@ -109,7 +109,7 @@ def _claimed_bytes(packed: ZipFile, entry: ZipInfo) -> int:
 
 
 def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
-    """ValueError where shapes or kinds do not agree."""
+    """Raises ValueError where shapes or kinds do not agree."""
     counts: dict[str, int] = {}
     for name, (axes, kind) in _SHAPES.items():
         array = arrays[name]

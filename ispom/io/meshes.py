@@ -94,7 +94,8 @@ class ColouredMesh:
 
 
 def glb_bytes(xyz: Array, normals: Array, rgb: NDArray[np.uint8], triangles: NDArray[np.int32]) -> bytes:
-    """A binary glTF file of points (N, 3) [m] of our world, with normals (N, 3), colours (N, 3), triangles (T, 3)."""
+    """Returns a binary glTF file of points (N, 3) [m] of our world, with normals (N, 3), colours (N, 3), triangles
+    (T, 3)."""
     import trimesh
 
     moved, turned = GLTF_FROM_WORLD.apply(np.asarray(xyz, float)), normals @ GLTF_FROM_WORLD.rotation.T
@@ -172,7 +173,8 @@ def _texture(visual: Any) -> Image | None:
 
 
 def open3d() -> ModuleType:
-    """The module `open3d`, imported now. InputError where it, or a system library that it loads, is missing."""
+    """Imports and returns the module `open3d`. Raises InputError where it, or a system library that it loads, is
+    missing."""
     try:
         return import_module("open3d")
     except ModuleNotFoundError as error:

@@ -97,7 +97,7 @@ def read_pose_table(path: Path, columns: Columns, frame: Frame, every: bool) -> 
 
 
 def split_line(text: str) -> list[str]:
-    """The words of a line, between semicolons, or else commas, or else spaces and tabs."""
+    """Returns the words of a line, between semicolons, or else commas, or else spaces and tabs."""
     for separator in (";", ","):
         if separator in text:
             words = [word.strip().strip("\"'").strip() for word in text.rstrip(f"{separator} \t").split(separator)]

@@ -27,7 +27,7 @@ ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 
 
 def rig_text(rig: Rig) -> str:
-    """The file's content."""
+    """Returns the file's content."""
     present = [name for name in CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
     content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}

@@ -25,7 +25,8 @@ LARGEST = 1e15
 
 
 def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
-    """A text file in UTF-8, with or without byte-order mark; InputError where it is missing, too long or not that."""
+    """Reads a text file in UTF-8, with or without byte-order mark. Raises InputError where it is missing, too long
+    or not that."""
     content = read_bytes(path, max_bytes)
     try:
         return content.decode("utf-8-sig")
@@ -50,7 +51,7 @@ def read_rows(path: Path, columns: int) -> list[Row]:
 
 
 def numbers(path: Path, line: int, words: list[str]) -> Array:
-    """The words as finite numbers (N,); InputError naming the first that is none."""
+    """Returns the words as finite numbers (N,). Raises InputError naming the first that is none."""
     values = []
     for word in words:
         try:

@@ -35,7 +35,7 @@ def read_timed_points(path: Path) -> TimedPoints:
 
 
 def timed_points_csv(points: TimedPoints) -> str:
-    """The file's content."""
+    """Returns the file's content."""
     rows = zip(points.times_ns.tolist(), points.xyz_in_laser.tolist(), strict=True)
     return "time_ns,x,y,z\n" + "".join(f"{t},{x:.4f},{y:.4f},{z:.4f}\n" for t, (x, y, z) in rows)
 

@@ -29,7 +29,7 @@ def is_tum(columns: Columns) -> bool:
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """The file's content; times keep every nanosecond, other values nine decimals."""
+    """Returns the file's content; times keep every nanosecond, other values nine decimals."""
     values = np.round(np.hstack([trajectory.translations, trajectory.xyzw]), 9) + 0.0  # no "-0.000000000"
     times = [seconds_text(int(t)) for t in trajectory.times_ns]
     return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
@@ -65,7 +65,7 @@ OWN = Columns((0,), (1, 2, 3), (5, 6, 7, 4), "ns", 8)
 
 
 def euroc_text(trajectory: Trajectory) -> str:
-    """The file's content: whole nanoseconds, other values with nine decimals."""
+    """Returns the file's content: whole nanoseconds, other values with nine decimals."""
     values = np.round(np.hstack([trajectory.translations, trajectory.xyzw[:, [3, 0, 1, 2]]]), 9) + 0.0
     rows = zip(trajectory.times_ns.tolist(), values.tolist(), strict=True)
     return f"{HEADER}\n" + "".join(f"{t},{','.join(f'{v:.9f}' for v in row)}\n" for t, row in rows)
@@ -111,6 +111,8 @@ ROW_NS = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
+    """A trajectory from a file, and what is known about the file."""
+
     path: Path
     format: Format
     trajectory: Trajectory

@@ -18,7 +18,7 @@ def part_of(path: Path) -> Path:
 
 
 def whole_of(path: Path) -> Path:
-    """The name that a growing file gets when it is complete; that of any other file is its own."""
+    """Returns the name that a growing file gets when it is complete; that of any other file is its own."""
     return path.with_name(path.name.removeprefix(PART))
 
 
@@ -43,7 +43,7 @@ def require_no_links(folder: Path, path: Path) -> None:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Makes or replaces a file; InputError where the disk does not take it, the old file staying then."""
+    """Makes or replaces a file. Raises InputError where the disk does not take it, the old file staying then."""
     if not path.name:
         raise InputError(f"{path} is a folder: give the name of a file to write")
     try:

@@ -22,6 +22,8 @@ BYTES_PER_VOXEL = 20
 
 @dataclass(frozen=True)
 class FusionSettings:
+    """Resolution, memory and filters of the fusion."""
+
     voxel_m: float
     max_gb: float = 4.0
     """Memory of the voxels; a place that needs more raises an InputError with a size that fits."""

@@ -65,7 +65,7 @@ class PlaneSweep:
 
 
 def undistorted(image: Image, camera: Camera) -> tuple[Image, Camera]:
-    """The image as a camera without distortion has it, with the same focal lengths and centre, and that camera."""
+    """Returns the image of a camera without distortion, with the same focal lengths and centre, and that camera."""
     ideal = replace(camera, distortion=(), lens="opencv")
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     rays = np.column_stack([(u.ravel() - camera.cx) / camera.fx, (v.ravel() - camera.cy) / camera.fy, np.ones(u.size)])

@@ -42,7 +42,7 @@ class Flight:
 
     @staticmethod
     def seeded(seed: int) -> Flight:
-        """A path whose bends and shake depend on the seed, and that stays within the free part of the street."""
+        """Makes a path whose bends and shake depend on the seed, within the free part of the street."""
         rng = np.random.default_rng([seed, 1])
         frequency = np.array([1 / 11.5, 1 / 8.5, 1 / 7.0, 1 / 6.0]) * rng.uniform(0.92, 1.08, 4)
         sway = np.stack([[2.0, 0.55, 0.25, np.radians(5)], frequency, rng.uniform(0, 2 * np.pi, 4)], axis=1)
@@ -115,6 +115,8 @@ TURN_DEG, TURN_HZ = np.array([6.0, 35.0, 3.0]), np.array([0.23, 0.11, 0.17])
 
 
 class Motion(Protocol):
+    """A motion of the platform."""
+
     def pose_at(self, time_ns: int) -> Pose:
         """world_from_rig at a time [ns]."""
         ...
@@ -223,7 +225,7 @@ MOTIONS: Mapping[str, Callable[[Flight], Motion]] = {
 
 @lru_cache(maxsize=8)
 def motion_of(name: str, seed: int) -> Motion:
-    """KeyError for a name that is none; InputError for a route whose file is gone."""
+    """Raises KeyError for a name that is none. Raises InputError for a route whose file is gone."""
     if name.startswith(WORD):
         return Route(name)
     return MOTIONS[name](Flight.seeded(seed))

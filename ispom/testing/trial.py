@@ -130,6 +130,7 @@ def failing_as(method: Method, what: str, place: str = "") -> Iterator[None]:
 
 
 def fail(method: Method, what: str, place: str = "") -> NoReturn:
+    """Raises AssertionError with a sentence about the method."""
     raise AssertionError(_sentence(method, what, place))
 
 

@@ -29,7 +29,7 @@ def parameter_names(model: Model) -> tuple[str, ...]:
 
 
 def model_of(camera: Camera) -> Model:
-    """The least model that has the camera's coefficients."""
+    """Returns the least model that has the camera's coefficients."""
     if camera.lens == "fisheye":
         return "fisheye"
     return {0: "pinhole", 4: "radtan"}.get(len(camera.distortion), "rational")  # type: ignore[return-value]
@@ -52,7 +52,7 @@ def vector_of(camera: Camera) -> Array:
 
 
 def with_vector(camera: Camera, vector: Array) -> Camera:
-    """The camera of this vector, as `vector_of` has it."""
+    """Returns the camera of this vector, as `vector_of` has it."""
     values = [float(v) for v in vector]
     return replace(camera, fx=values[0], fy=values[1], cx=values[2], cy=values[3], distortion=tuple(values[4:]))
 

@@ -154,7 +154,7 @@ class NormalEquations:
     """(V, 6)."""
 
     def reduced(self, damping: float) -> tuple[Array, Array, Array]:
-        """The shared parameters' (G, G) and (G,) with the views eliminated (Schur), and the views' inverses."""
+        """Returns the shared parameters' (G, G) and (G,) with the views eliminated (Schur), and the views' inverses."""
         views = self.views * (1 + damping * np.eye(6)) + 1e-12 * np.eye(6)
         inverse = np.linalg.inv(views)
         gain = self.mixed @ inverse

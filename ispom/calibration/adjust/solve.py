@@ -41,7 +41,7 @@ def start_of(seen: Observations, size: tuple[int, int], model: Model) -> Estimat
 
 
 def with_views(camera: Camera, seen: Observations) -> Estimate:
-    """The camera, with the pose of each view of one camera's observations."""
+    """Returns the camera, with the pose of each view of one camera's observations."""
     return Estimate.of((camera,), (Pose(),), board_poses(camera, seen))
 
 
@@ -51,7 +51,7 @@ def board_poses(camera: Camera, seen: Observations) -> list[Pose]:
 
 
 def _candidate(seen: Observations, size: tuple[int, int], model: Model, share: float) -> tuple[float, Estimate]:
-    """The median error [px], and a camera of this focal length with the poses that fit it best."""
+    """Returns the median error [px], and a camera of this focal length with the poses that fit it best."""
     focal = share * max(size)
     camera = as_model(Camera(*size, focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2), model)
     found = [_pose(camera, seen.select(seen.view == v)) for v in range(int(seen.view.max()) + 1)]
@@ -148,7 +148,8 @@ def adjusted(
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Estimate:
-    """The estimate of least cost; with `huber` (in sigmas of the observations) large residuals count linearly."""
+    """Returns the estimate of least cost; with `huber` (in sigmas of the observations) large residuals have linear
+    cost."""
     inverse_variance = 1 / seen.sigma_px**2
 
     def sizes(estimate: Estimate) -> Array:
@@ -172,7 +173,7 @@ def adjusted(
 
 
 def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solution, NDArray[np.bool_]]:
-    """The solution, and (M,) which observations it is of: the others do not fit and are rejected."""
+    """Returns the solution, and (M,) which observations it is of: the others do not fit and are rejected."""
     keep = np.ones(len(seen), bool)
     estimate = start
     for _ in range(ROUNDS):
@@ -188,7 +189,7 @@ def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solu
 
 
 def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solution:
-    """The estimate with its covariance, at the least cost."""
+    """Returns the estimate with its covariance, at the least cost."""
     residuals = estimate.residuals_px(seen)
     views = len(np.unique(seen.view))
     freedom = 2 * len(seen) - unknowns.count - 6 * views

@@ -27,7 +27,7 @@ VAGUE_PX = 1.0
 
 
 def detect(target: Target, image: Image) -> Detection:
-    """The target's points in an image (H, W) or (H, W, 3) RGB. Deterministic."""
+    """Returns the target's points in an image (H, W) or (H, W, 3) RGB. Deterministic."""
     grey = as_grey(image)
     if target.kind == "chessboard":
         found = detect_chessboard(target, grey)

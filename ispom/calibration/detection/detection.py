@@ -128,7 +128,8 @@ def outlined(grey: Image, corners: Array) -> Array:
 
 
 def _edge(grey: Image, start: Array, end: Array, reach: float) -> tuple[Array, Array]:
-    """A point (2,) and the direction (2,) of the line between dark and light near the first half of start to end."""
+    """Returns a point (2,) and the direction (2,) of the line between dark and light near the first half of start to
+    end."""
     along = end - start
     normal = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     offsets = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)

@@ -54,7 +54,7 @@ def found_grid(grey: Image, size: tuple[int, int]) -> Array | None:
 
 
 def oriented(grey: Image, grid: Array) -> Array:
-    """The grid (R, C, 2) in the order of the target's points."""
+    """Returns the grid (R, C, 2) in the order of the target's points."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     if across[0] * down[1] - across[1] * down[0] < 0:
         grid = grid[:, ::-1]

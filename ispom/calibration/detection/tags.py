@@ -201,6 +201,6 @@ def _of_squares(target: Target, grey: Image, tags: dict[int, Array]) -> Detectio
 
 
 def _side_px(tags: dict[int, Array]) -> float:
-    """A small tag's side."""
+    """Returns a small tag's side."""
     sides = [np.linalg.norm(c - np.roll(c, 1, axis=0), axis=1).min() for c in tags.values()]
     return float(np.percentile(sides, 25))

@@ -93,7 +93,7 @@ def parameters_of(found: Combined) -> tuple[Parameter, ...]:
 
 
 def clock_of(found: Combined) -> Clock:
-    """The video's clock."""
+    """Returns the video's clock."""
     error = float(np.sqrt(found.covariance[6, 6]))
     return Clock(found.offset_s, error, error <= CLOCK_S)
 

@@ -42,7 +42,7 @@ class Course:
         return Course(trajectory.times_ns * 1e-9, trajectory.rotations, trajectory.translations)
 
     def select(self, index: NDArray) -> Course:
-        """The poses of a slice, boolean mask or index array."""
+        """Returns the poses of a slice, boolean mask or index array."""
         return Course(self.times_s[index], self.rotations[index], self.positions[index])
 
     def at(self, times_s: Array, one_sided: bool = False) -> Between:

@@ -28,7 +28,7 @@ def caption(target: Target) -> str:
 
 
 def svg(target: Target) -> str:
-    """A page in millimetres; black on white."""
+    """Returns a page in millimetres; black on white."""
     width, height = (1000 * side for side in page_size_m(target))
     shapes = []
     for shape in target.black:

@@ -157,7 +157,7 @@ def circles(spec: str, columns: int, rows: int, pitch_m: float, radius_m: float,
 
 @cache
 def dictionary_of(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of a name such as APRILTAG_36h11 or 5X5_100; KeyError where it has none."""
+    """OpenCV's dictionary of a name such as APRILTAG_36h11 or 5X5_100. Raises KeyError where it has none."""
     number = getattr(cv2.aruco, f"DICT_{name}", None)
     if number is None:
         raise KeyError(name)
@@ -172,7 +172,7 @@ def marker_cells(dictionary: str, number: int, border_bits: int) -> Array:
 
 
 def marker_shapes(dictionary: str, number: int, corners_m: Array, border_bits: int) -> list[Rectangle]:
-    """The marker's black cells, each run of a row one rectangle."""
+    """Returns the marker's black cells, each run of a row one rectangle."""
     cells = marker_cells(dictionary, number, border_bits)
     side = len(cells)
     right, down = (corners_m[1] - corners_m[0]) / side, (corners_m[3] - corners_m[0]) / side

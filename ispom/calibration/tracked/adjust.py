@@ -44,7 +44,7 @@ less."""
 def adjusted(
     scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, iterations: int, tolerance: float = 1e-4
 ) -> tuple[Scene, float]:
-    """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
+    """Returns the scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
     found = minimise(
         scene,
         lambda values: cost(values, seen, prior, scale_px),

@@ -1,4 +1,4 @@
-"""A first reconstruction from tracks, for a lens that is a guess: two views, then one key frame after the other."""
+"""A first reconstruction from tracks, for a lens that is a guess: two views, then one keyframe after the other."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROUGH_PX, FINE_PX = 4.0, 1.0
 """Scale of the loss (at 750 px of width) at the beginning, and at the end."""
 EPIPOLAR_PX = 3.0
 EVERY = 4
-"""Key frames that are added before all is adjusted again."""
+"""Keyframes that are added before all is adjusted again."""
 STEPS_FIRST, STEPS_ONE, STEPS_ALL = 15, 6, 5
 
 
@@ -47,7 +47,7 @@ def first_views(tracks: Tracks) -> int:
 
 
 def begun(tracks: Tracks, lens: Array, prior: Prior, scale_px: float, count: int) -> tuple[Scene, float] | None:
-    """The first `count` key frames, by the best of the motions that their first and last one allow; and its cost.
+    """The first `count` keyframes, by the best of the motions that their first and last one allow; and its cost.
 
     The other poses are the motion's share. None where too few points are shared.
     """

@@ -1,4 +1,4 @@
-"""Corners followed through the images of one camera, and where they were in some of these: the key frames."""
+"""Corners followed through the images of one camera, and where they were in some of these: the keyframes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Tracks:
     factor: float
     """which are the camera's, reduced by this."""
     views: NDArray[np.int64]
-    """(V,) which images the key frames are."""
+    """(V,) which images the keyframes are."""
     view: NDArray[np.int64]
     """(K,) index of the view, 0 to V - 1."""
     point: NDArray[np.int64]
@@ -57,12 +57,13 @@ class Tracks:
     """(H, W) each, of the keyframes, reduced; none where the tracks come from elsewhere."""
 
     def in_views(self, first: int, end: int) -> Tracks:
-        """The observations in these views only; views and points keep their numbers."""
+        """Returns the observations in these views only; views and points keep their numbers."""
         mine = (self.view >= first) & (self.view < end)
         return replace(self, view=self.view[mine], point=self.point[mine], uv=self.uv[mine])
 
     def joined(self) -> Tracks:
-        """The key frames up to the first one that is not joined to those before it, as after a jump or a bare wall."""
+        """Returns the keyframes up to the first one that is not joined to those before it, as after a jump or a bare
+        wall."""
         first = np.full(self.points, len(self.views))
         np.minimum.at(first, self.point, self.view)
         shared = np.bincount(self.view[self.view > first[self.point]], minlength=len(self.views))

@@ -66,6 +66,8 @@ STATE_BYTES = 256 << 20
 
 @dataclass(frozen=True, eq=False)
 class State:
+    """What is kept from frame to frame."""
+
     count: int = 0
     """Number of frames received."""
     chain: bytes = b""

@@ -107,10 +107,12 @@ def images_of(frame: Exposure) -> Mapping[str, Image]:
 
 
 def start_request(rig: Rig, settings: Mapping[str, Any]) -> bytes:
+    """Returns the request that starts the program with a rig and its settings."""
     return _line({"type": "start", "rig": yaml.safe_load(rig_text(rig)), "settings": dict(settings)})
 
 
 def restore_request(saved: bytes) -> bytes:
+    """Returns the request that restores a saved state."""
     return _line({"type": "restore", "state_bytes": len(saved)}) + saved
 
 

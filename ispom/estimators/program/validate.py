@@ -19,6 +19,7 @@ def known(answer: dict[str, Any], names: Iterable[str], where: str) -> None:
 
 
 def mapping(value: Any, where: str) -> dict[str, Any]:
+    """Returns an object."""
     if not isinstance(value, dict):
         raise wrong(where, value, "an object")
     return value
@@ -49,6 +50,7 @@ def count(value: Any, where: str, most: int) -> int:
 
 
 def choice(value: Any, where: str, choices: Iterable[str]) -> Any:
+    """Returns one of the choices."""
     listed = tuple(choices)
     if not isinstance(value, str) or value not in listed:
         raise wrong(where, value, f"one of {', '.join(repr(c) for c in listed)}")
@@ -56,18 +58,21 @@ def choice(value: Any, where: str, choices: Iterable[str]) -> Any:
 
 
 def boolean(value: Any, where: str) -> bool:
+    """Returns true or false."""
     if not isinstance(value, bool):
         raise wrong(where, value, "true or false")
     return value
 
 
 def text(value: Any, where: str) -> str:
+    """Returns a text of one line."""
     if not isinstance(value, str) or len(value) > 200 or not value.isprintable():
         raise wrong(where, value, "a text of one line, up to 200 characters")
     return value
 
 
 def wrong(where: str, value: Any, expected: str) -> ProgramFault:
+    """Returns the fault for a value that is not as expected."""
     shown = repr(value)
     return ProgramFault(
         f"answers with {where} {shown if len(shown) <= QUOTED else shown[:QUOTED] + '…'}, not {expected}"

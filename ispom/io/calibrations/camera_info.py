@@ -13,7 +13,7 @@ import yaml
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.pair import rectified
-from ispom.io.calibrations.placed import Placed, camera_from, flow, rotation_of
+from ispom.io.calibrations.placed import FlowDumper, Placed, camera_from, rotation_of
 from ispom.io.camera import coefficients, intrinsics_of, lens_of
 from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
@@ -56,7 +56,7 @@ class CameraInfo:
 
 
 def matrix_key(content: Mapping[Any, Any], n: str = "") -> str | None:
-    """The name that camera n's matrix has in a file; None where it has none."""
+    """Returns the name that camera n's matrix has in a file; None where it has none."""
     return _key(content, MATRICES if n else (*MATRICES, *_MESSAGE), n)
 
 
@@ -89,7 +89,8 @@ def camera_info(
 
 
 def values(path: Path, where: str, entry: Any, count: int) -> Array:
-    """The `count` numbers of a matrix: OpenCV's and ROS's with rows, cols and data, or lists of numbers or rows."""
+    """Returns the `count` numbers of a matrix: OpenCV's and ROS's with rows, cols and data, or lists of numbers or
+    rows."""
     return np.array(finite_numbers(path, where, _flat(entry), count))
 
 
@@ -202,7 +203,7 @@ def _text(each: Placed, rectification: Array, projection: Array) -> str:
         "rectification_matrix": _matrix(rectification),
         "projection_matrix": _matrix(projection),
     }
-    return yaml.dump(content, Dumper=flow(), sort_keys=False, width=200)
+    return yaml.dump(content, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
 def _matrix(values: Array) -> dict[str, Any]:

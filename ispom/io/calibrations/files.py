@@ -10,7 +10,7 @@ from ispom.errors import InputError
 from ispom.io.calibrations.camera_info import ros_texts
 from ispom.io.calibrations.kalibr import euroc_sensor_text, kalibr_text
 from ispom.io.calibrations.opencv import opencv_text
-from ispom.io.calibrations.placed import Placed, flow
+from ispom.io.calibrations.placed import FlowDumper, Placed
 from ispom.io.camera import INTRINSICS, SIZES, line_delay_entry
 from ispom.io.colmap import colmap_cameras_text
 from ispom.types import Camera, Rig
@@ -29,12 +29,12 @@ def placed_of(rig: Rig) -> list[Placed]:
 
 
 def camera_text(camera: Camera) -> str:
-    """A camera.yaml."""
+    """Returns a camera.yaml."""
     values: dict[str, object] = {"model": "fisheye"} if camera.lens == "fisheye" else {}
     values |= {key: getattr(camera, key) for key in SIZES}
     values |= {key: float(getattr(camera, key)) for key in INTRINSICS}
     values |= {"distortion": list(map(float, camera.distortion)), **line_delay_entry(camera)}
-    return yaml.dump(values, Dumper=flow(), sort_keys=False)
+    return yaml.dump(values, Dumper=FlowDumper, sort_keys=False)
 
 
 def rig_files(rig: Rig, form: Format) -> dict[str, str]:

@@ -16,7 +16,7 @@ import yaml
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.pair import pair_fault
-from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, matrix_of, placed, pose_of
+from ispom.io.calibrations.placed import FlowDumper, Placed, camera_from, distortion_name, matrix_of, placed, pose_of
 from ispom.io.camera import coefficients, lens_of
 from ispom.io.mapping import finite_numbers, read_mapping
 
@@ -43,7 +43,7 @@ def kalibr_text(cameras: list[Placed]) -> str:
             entry["T_cn_cnm1"] = matrix_of(each.pose.inverse() @ before)
         chain[f"cam{n}"] = entry
         before = each.pose
-    return yaml.dump(chain, Dumper=flow(), sort_keys=False, width=200)
+    return yaml.dump(chain, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
 def read_kalibr(path: Path) -> list[Placed]:
@@ -121,7 +121,7 @@ def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
         "distortion_model": name,
         "distortion_coefficients": [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4],
     }
-    return "%YAML:1.0\n" + yaml.dump(content, Dumper=flow(), sort_keys=False, width=200)
+    return "%YAML:1.0\n" + yaml.dump(content, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
 def read_euroc_sensor(path: Path, name: str = "") -> Placed:

@@ -77,7 +77,7 @@ def read_extrinsics(path: Path) -> Pose | None:
 
 
 def storage(path: Path) -> dict[Any, Any]:
-    """The entries of a file of OpenCV, whichever of its kinds it is; InputError where it is none."""
+    """Returns the entries of a file of OpenCV, whichever of its kinds it is. Raises InputError where it is none."""
     text = read_text(path, MAX_BYTES)
     return _of_xml(path, text) if is_xml(text) else read_mapping(path)
 

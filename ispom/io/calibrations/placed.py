@@ -25,7 +25,8 @@ _SHARE = 2.0
 
 
 def rotation_of(path: Path, where: str, matrix: Array) -> Array:
-    """The rotation (3, 3) nearest to a matrix (3, 3); InputError where its rounding does not explain the difference."""
+    """Returns the rotation (3, 3) nearest to a matrix (3, 3). Raises InputError where rounding does not explain the
+    difference."""
     away = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     if away > max(ROUNDED, _SHARE * 10.0 ** -_decimals(matrix)) or np.linalg.det(matrix) <= 0:
         raise InputError(f"{path}: {where} is no rotation (its rows are not of length 1 at right angles): correct it")
@@ -78,7 +79,7 @@ def placed(
     body_from_camera: Pose | None,
     notes: tuple[str, ...] = (),
 ) -> Placed:
-    """A camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
+    """Returns a camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
     return Placed(name, camera, body_from_camera, (*notes, *doubts(camera, f"{path}: {where}".rstrip(": "))))
 
 
@@ -125,19 +126,17 @@ def distortion_name(camera: Camera, names: dict[str, str], program: str, most: i
     return names[camera.lens]
 
 
-class _Flow(yaml.SafeDumper):
+class FlowDumper(yaml.SafeDumper):
     """Lists of numbers on one line, numbers with all their digits."""
 
 
-def flow() -> type[yaml.SafeDumper]:
-    return _Flow
-
-
-_Flow.add_representer(float, lambda dumper, value: dumper.represent_scalar("tag:yaml.org,2002:float", _float(value)))
-_Flow.add_representer(
+FlowDumper.add_representer(
+    float, lambda dumper, value: dumper.represent_scalar("tag:yaml.org,2002:float", _float(value))
+)
+FlowDumper.add_representer(
     list, lambda dumper, value: dumper.represent_sequence("tag:yaml.org,2002:seq", value, flow_style=_is_flat(value))
 )
-_Flow.ignore_aliases = lambda self, data: True  # type: ignore[method-assign]
+FlowDumper.ignore_aliases = lambda self, data: True  # type: ignore[method-assign]
 
 
 def _is_flat(value: list[Any]) -> bool:

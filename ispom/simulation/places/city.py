@@ -26,7 +26,7 @@ _STONE: Colour = (166, 160, 150)
 
 
 def build_city(seed: int, more: Callable[[SceneBuilder], None] = lambda _: None) -> Scene:
-    """A street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground.
+    """Returns a street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground.
 
     `more` adds faces after all others, which stay as they are.
     """

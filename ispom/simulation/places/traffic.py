@@ -44,7 +44,7 @@ class Traffic:
     movers: tuple[Mover, ...]
 
     def at(self, time_ns: int) -> Scene:
-        """The scene at a time."""
+        """Returns the scene at a time."""
         corner = self.scene.corner.copy()
         for mover in self.movers:
             corner[mover.faces, 2] += mover.along_m(time_ns)
@@ -60,7 +60,7 @@ class Traffic:
 
 
 def city_with_traffic(seed: int, vehicles: int, people: int) -> Traffic:
-    """The city of a seed, in which everything else is as without."""
+    """Returns the city of a seed, in which everything else is as without."""
     rng, movers = np.random.default_rng([seed, 6]), list[Mover]()
 
     def add(builder: SceneBuilder) -> None:

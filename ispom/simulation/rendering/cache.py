@@ -47,7 +47,7 @@ def anything_rendered() -> bool:
 
 
 def source_key(*values: object) -> str:
-    """A name for what these values and the code of this package render."""
+    """Returns a name for what these values and the code of this package render."""
     digest = hashlib.blake2b(digest_size=12)
     for file in sorted([*_PACKAGE.glob("*.py"), *_PACKAGE.glob("rendering/*.py"), *_PACKAGE.glob("places/*.py")]):
         if file.stem not in _NOT_RENDERED:
@@ -80,7 +80,7 @@ class ImageCache:
         return (self.folder / f"{name}.png").exists()
 
     def read(self, name: str) -> Image | None:
-        """The RGB image, or None where there is none or its bytes are not the ones written."""
+        """Returns the RGB image, or None where there is none or its bytes are not the ones written."""
         try:
             raw = (self.folder / f"{name}.png").read_bytes()
         except OSError:

@@ -164,7 +164,7 @@ def _print(
     colour: Values, paint: Values, width: Values, height: Values, seed: Cells,
     u: Values, v: Values, wu: Values, wv: Values, poster: bool,
 ) -> Values:  # fmt: skip
-    """A name on a board; on a poster smaller, under coloured shapes."""
+    """Returns a name on a board; on a poster smaller, under coloured shapes."""
     pale = paint[0] + 2 * paint[1] < 360
     ink = np.where(pale, np.array([[240], [232], [200]], np.float32), np.array([[30], [28], [45]], np.float32))
     cell = height / 45 if poster else 0.11 * height

@@ -24,7 +24,7 @@ _COLUMNS = 64
 
 
 def cells(x: Values) -> Cells:
-    """The whole number at or below each value."""
+    """Returns the whole number at or below each value."""
     return np.floor(x).astype(np.int32).view(np.uint32)
 
 

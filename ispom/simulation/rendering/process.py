@@ -93,7 +93,7 @@ class RenderProcess:
     def start(self) -> Child:
         """Begins to get ready, which takes seconds, and returns at once; nothing where it runs already.
 
-        OSError where no process can be started.
+        Raises OSError where no process can be started.
         """
         with self._starting:
             if self._over:
@@ -158,7 +158,7 @@ class _Ended(Exception):
 
 @cache
 def render_pool() -> RenderPool:
-    """The one of this process, which ends with it."""
+    """Returns the one of this process, which ends with it."""
     pool = RenderPool()
     atexit.register(pool.stop)
     return pool

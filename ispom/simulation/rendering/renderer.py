@@ -286,6 +286,6 @@ def _ordered(swap: NDArray[np.bool_], one: Values, two: Values) -> tuple[Values,
 
 
 def exposed(image: NDArray[np.float32], noise_seed: int, sigma: float) -> Image:
-    """The uint8 image that a sensor with Gaussian noise of `sigma` [grey levels] reads out."""
+    """Returns the uint8 image that a sensor with Gaussian noise of `sigma` [grey levels] reads out."""
     noise = np.random.Generator(np.random.SFC64(noise_seed)).standard_normal(image.shape, np.float32)
     return np.clip(image + np.float32(sigma) * noise + 0.5, 0, 255).astype(np.uint8)

@@ -147,7 +147,7 @@ class SceneBuilder:
             self.face(foot[3], foot[2] - foot[3], foot[0] - foot[3], lid, colour)
 
     def build(self) -> Scene:
-        """The scene with every face lit and seeded."""
+        """Returns the scene with every face lit and seeded."""
         corner, axes = np.array(self.corners), np.array(self.axes)
         parameters = np.array(self.parameters)
         triangles = _triangles(corner, axes, parameters[:, :2])

@@ -22,7 +22,7 @@ class Fault(Protocol):
     """A frozen dataclass of plain values."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        """The sequence with this fault; the same for the same seed."""
+        """Returns the sequence with this fault; the same for the same seed."""
         ...
 
 

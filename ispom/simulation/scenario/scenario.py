@@ -69,6 +69,8 @@ class World:
 
 @dataclass(frozen=True)
 class Scenario:
+    """A scene with a world and faults."""
+
     scene: str
     """city, tiny ..."""
     seed: int | None
@@ -78,7 +80,7 @@ class Scenario:
     """With their names, in the order in which they are applied."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        """The sequence with all faults."""
+        """Returns the sequence with all faults."""
         for _, fault in self.faults:
             sequence = fault.on(sequence, seed)
         return sequence
@@ -150,7 +152,7 @@ def _check(values: Any, where: str) -> None:
 
 
 def _plain(word: str) -> Any:
-    """A number, true, false or a word."""
+    """Returns a number, true, false or a word."""
     try:
         value = parse_yaml(word, word)
     except InputError:
