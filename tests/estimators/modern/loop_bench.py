@@ -9,7 +9,7 @@ import numpy as np
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.geometry import Array, Pose
-from ispom.simulation.town import SIDE_M, on_route, streets
+from ispom.simulation.places.town import SIDE_M, on_route, streets
 from ispom.types import Decision
 
 STEP_M = 4.0

@@ -20,9 +20,9 @@ from ispom.estimators.modern.loops.verify import way_between
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, Similarity, so3_exp
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town, on_route
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
 from ispom.types import StereoPair
 from tests.estimators.modern.loop_bench import EYE, STEP_M, Driven, Facades, driven, wrong
 
