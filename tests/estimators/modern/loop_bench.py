@@ -95,8 +95,8 @@ def driven(
 ) -> Driven:
     """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well.
 
-    At node `blind_at` nothing joins it to those before: it is put `blind_m` beside, held to be known to 3 m, and its unit
-    is another one by `blind_scale`. What begins there is
+    At node `blind_at` nothing joins it to those before: it is put `blind_m` beside, believed to be known to 3 m,
+    and its unit is another one by `blind_scale`. What begins there is
     told of when there are as many key frames as it is begun with: the first map of one camera has several.
     """
     begins = blind_at + begun_with - 1
