@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from ispom.persistent_list import PersistentList
     from ispom.sequences import open_sequence
     from ispom.settings import Range
+    from ispom.solvers.localisation import resect
     from ispom.solvers.multiview.essential import relative_pose
-    from ispom.solvers.multiview.resection import resect
     from ispom.solvers.trajectory.alignment import umeyama
     from ispom.testing import check_estimator
     from ispom.types import (
@@ -69,7 +69,7 @@ _HOMES = {
     "ispom.sequences": "open_sequence",
     "ispom.settings": "Range",
     "ispom.solvers.multiview.essential": "relative_pose",
-    "ispom.solvers.multiview.resection": "resect",
+    "ispom.solvers.localisation": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
     "ispom.testing": "check_estimator",
     "ispom.types": "Camera Check Decision Exposure Landmarks Rig Sequence Status Step StereoPair Tracks TrackStatus "

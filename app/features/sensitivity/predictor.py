@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ispom.errors import InputError
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.setup import LOSS
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
 from ispom.evaluation.sensitivity.perturbation import Perturbation, predict_integrated

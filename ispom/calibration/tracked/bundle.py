@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, skew
+from ispom.numerics.robust import cauchy_weights
 
 LENS, POSE = 5, 6
 """Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
@@ -168,7 +169,7 @@ def normal_equations(
     q = np.where(ahead[:, None], q, [0, 0, 1.0])
     residual, by_q, by_lens = _linearised(scene.lens, q, seen.uv)
     square = (residual * residual).sum(1) / scale_px**2
-    root = (np.sqrt(np.where(ahead, 1 / (1 + square), 0.0)) / scale_px)[:, None]
+    root = (np.sqrt(np.where(ahead, cauchy_weights(square, 1.0), 0.0)) / scale_px)[:, None]
     residual, by_q, by_lens = root * residual, root[..., None] * by_q, root[..., None] * by_lens
     tangents = _tangents(scene.points)
     x = scene.points[seen.point]

@@ -33,6 +33,7 @@ from ispom.calibration.tracked.reconstruct import (
 )
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
+from ispom.numerics.robust import cauchy_weights
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -234,9 +235,9 @@ def sandwich_covariance(scene: Scene, seen: Observed, prior: Prior, fixed: Fixed
     inverse = np.linalg.inv(matrix)[:LENS]
     by_point = (normal.inverse @ normal.by_point[..., None])[..., 0]
     scores = normal.scores - (by_point[:, None] @ normal.mixed)[:, 0]
-    square = (errors_px(scene, seen) / scale_px) ** 2
-    curved = 0.5 * ((1 - square) / (1 + square) ** 2 + 1 / (1 + square))
-    bent = float(curved.mean() / (1 / (1 + square)).mean())
+    weights = cauchy_weights((errors_px(scene, seen) / scale_px) ** 2, 1.0)
+    # Across an error the loss curves by the weight, along it by w (2 w - 1): the mean of both is w^2.
+    bent = float((weights**2).mean() / weights.mean())
     pulled = scores @ inverse.T
     free = prior.sigma > 0
     of_prior = inverse[:, :LENS][:, free] / prior.sigma[free]

@@ -37,7 +37,7 @@ from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.bundle import adjust
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.localisation import Policy, PoseFit, locate, refine_pose
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, solve_triple, step_length
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.stopwatch import Stopwatch
@@ -68,8 +68,6 @@ MAX_STARTS = 9
 """Start times that are remembered. Those inside one segment of the integration matter, where one is too many."""
 MIN_PNP_POINTS = 10
 """With fewer known points a frame gets no pose of its own."""
-MIN_INLIER_SHARE = 0.6
-"""With a smaller share of inliers the pose refined from the prediction is estimated again, by RANSAC."""
 MIN_EPIPOLAR_SHARE = 0.5
 """Least share of epipolar inliers: with fewer the relative pose explains a minority of the points."""
 MIN_RESECTED = 12
@@ -410,7 +408,7 @@ class TrackedFeatures:
         """Ends the tracks that are outliers of the frame's pose or of the triple's relative pose."""
         status, residual, alive = self.status.copy(), self.residual_px.copy(), np.flatnonzero(self.alive)
         if (pose := localised.resection) is not None:
-            residual[alive[localised.points]] = pose.residuals * camera.fx
+            residual[alive[localised.points]] = pose.distances * camera.fx
             status[alive[localised.points[~pose.inliers]]] = TrackStatus.REPROJECTION
         if update.triple is not None:
             status[np.isin(self.ids, update.ids[~update.triple.epipolar])] = TrackStatus.EPIPOLAR
@@ -454,7 +452,7 @@ def detect_new_corners(
 class Localised:
     """The pose of a frame, and the points that were used for it."""
 
-    resection: Resection | None
+    resection: PoseFit | None
     points: NDArray[np.int64]
     """(K,) index in the frame."""
 
@@ -475,11 +473,7 @@ def localise(window: KeyframeWindow, frame: TrackedFrame, max_error: float) -> L
     if predicted is None or len(known) < MIN_PNP_POINTS:
         return Localised(None, known)
     xyz, x = window.landmarks.xyz[index[known]], frame.x[known]
-    best = refine_pose(xyz, x, predicted.inverse(), 2 * max_error)
-    if best is None or best.inliers.mean() < MIN_INLIER_SHARE:
-        ransac = resect(xyz, x, 2 * max_error)
-        if ransac is not None and (best is None or ransac.inliers.sum() > best.inliers.sum()):
-            best = ransac
+    best = locate(xyz, x, predicted.inverse(), Policy(max_error, 2 * max_error, 2 * max_error))
     return Localised(best, known)
 
 

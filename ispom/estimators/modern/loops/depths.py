@@ -10,6 +10,7 @@ from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
 from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.estimators.modern.places import MIN_ALIKE
 from ispom.geometry import Array, skew
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import intersect
 
 OTHERS = 3
@@ -78,7 +79,7 @@ def _met(eye: Eye, node: Node, others: list[Node]) -> Sight:
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [n.odometry.inverse() for n in (node, *others)]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
-    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), eye.sigma)
+    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), Noise(eye.sigma))
     good = (found.depth > 0) & (found.worst < INLIER * eye.sigma) & (found.significance > MIN_SIGNIFICANCE)
     xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), sight.xyz)
     return replace(sight, xyz=xyz.astype(np.float32))

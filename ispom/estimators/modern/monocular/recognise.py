@@ -17,12 +17,14 @@ from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, 
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose, skew
+from ispom.numerics.robust import Noise
+from ispom.solvers.localisation import PoseFit, refine_pose, resect
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 from ispom.solvers.multiview.rotation import rotate
 
-FEATURE_ERROR = 2.0
-"""Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
+FEATURE_ERROR = 3.0
+"""Standard deviation of a described feature over that of a tracked point: about a pixel. It is the width of the loss,
+too."""
 MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 MAX_OFF = 2.0
@@ -59,8 +61,8 @@ def recognised(
 ) -> tuple[Places, Recognised | None]:
     """The image that shows most of what the new one shows, if that is enough; and the places with what was described.
 
-    Of the last one located, `before`, if there is one, and some of the places, at each `turn` others. `extra` (2,) is the lens's
-    correction, `now` are the features of the new image.
+    Of the last one located, `before`, if there is one, and some of the places, at each `turn` others. `extra` (2,) is
+    the lens's correction, `now` are the features of the new image.
     """
     best, described = None, 0
     first = () if before is None else (before,)
@@ -83,7 +85,7 @@ def recognised(
 
 def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, now: sift.Features) -> Recognised | None:
     """The pose by resection from what the last of the places and the image show; None for too few points."""
-    place, lens, sigma = places[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.sigma
+    place, lens, sigma = places[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.noise.sigma
     then = place.features
     assert then is not None
     pairs = sift.match(then, now, MAX_RATIO)
@@ -99,7 +101,7 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
     xyz, known = _intersected(setup, extra, places, seen, sigma)
     near = found.camera_from_world.apply(xyz)
     expected = np.where(known[:, None], in_sight(setup.camera, near, lens.project(near)), np.nan)
-    around_px = INLIER * FEATURE_ERROR * setup.loss_px
+    around_px = INLIER * FEATURE_ERROR * setup.noise_px.sigma
     pairs = sift.match_near(then, now, expected, around_px, MIN_ALIKE)
     xyz, uv = xyz[pairs[:, 0]], now.uv[pairs[:, 1]]
     found = refine_pose(xyz, lens.normalise(uv), found.camera_from_world, INLIER * sigma)
@@ -152,7 +154,7 @@ def at_middle(setup: Setup, place: Place, uv: Array) -> Array:
     return uv - late_px(setup.camera, at, nearest_speed(*place.moving, at))
 
 
-def _plausible(place: Place, xyz: Array, found: Resection) -> NDArray[np.bool_]:
+def _plausible(place: Place, xyz: Array, found: PoseFit) -> NDArray[np.bool_]:
     """Which (N,) of the points agree with the pose, and can do so."""
     then, now = place.camera_from_world.apply(xyz), found.camera_from_world.apply(xyz)
     return plausible(found.inliers, then[:, 2], now[:, 2])
@@ -196,17 +198,17 @@ def _intersected(
     xyz, known = np.zeros((len(seen[0]), 3)), np.zeros(len(seen[0]), bool)
     for others in (range(len(places) - 1), *([i] for i in range(len(places) - 1))):
         chosen = [*others, len(places) - 1]
-        found = rays_met(setup, extra, [places[i] for i in chosen], [seen[i] for i in chosen], sigma)
+        found = rays_met(setup, extra, [places[i] for i in chosen], [seen[i] for i in chosen], Noise(sigma))
         good = (found.depth > 0) & (found.worst < INLIER * sigma) & (found.significance > MIN_SIGNIFICANCE) & ~known
         xyz[good], known = found.xyz_in_world[good], known | good
     return xyz, known
 
 
-def rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float) -> InverseDepths:
+def rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], noise: Noise) -> InverseDepths:
     """Along the rays of the last place, which has all the points."""
     stacked = np.stack([at_middle(setup, p, uv) for p, uv in zip(places[::-1], seen[::-1], strict=True)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [p.camera_from_world for p in places[::-1]]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     x = corrected(setup.camera.normalise(stacked[cameras, owners]), extra)
-    return intersect(turns, ways, cameras, owners, x, stacked.shape[1], sigma)
+    return intersect(turns, ways, cameras, owners, x, stacked.shape[1], noise)

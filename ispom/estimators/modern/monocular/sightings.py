@@ -13,12 +13,15 @@ import numpy as np
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.place_patches import patches_found
-from ispom.estimators.modern.monocular.recognise import MIN_SIGNIFICANCE, Recognised, rays_met
+from ispom.estimators.modern.monocular.recognise import Recognised, rays_met
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import nearest_speed
 from ispom.estimators.modern.places import Place, Places, in_sight
 from ispom.estimators.modern.rolling import late_px
 from ispom.geometry import Array
+
+MIN_SIGNIFICANCE = 1.5
+"""An inverse depth exceeds this many standard deviations of it: far points still show the camera's rotation."""
 
 
 def resighted(setup: Setup, kept: Places, world: Map, found: Recognised) -> Recognised:
@@ -33,8 +36,8 @@ def resighted(setup: Setup, kept: Places, world: Map, found: Recognised) -> Reco
         others = {p.time_ns: (p, nowhere) for p in kept.kept if p.time_ns in window - {place.time_ns}} | others
     views = [others[time_ns] for time_ns in sorted(others)]
     patches = [_sighted(setup, world.extra, place, at, found.xyz, p) for p, _ in views]
-    met = rays_met(setup, world.extra, [*(p for p, _ in views), place], [*patches, at], setup.sigma)
-    agree = (met.depth > 0) & (met.worst < INLIER * setup.sigma) & (met.significance > MIN_SIGNIFICANCE)
+    met = rays_met(setup, world.extra, [*(p for p, _ in views), place], [*patches, at], setup.noise)
+    agree = (met.depth > 0) & (met.worst < INLIER * setup.noise.width) & (met.significance > MIN_SIGNIFICANCE)
     agree &= np.isfinite(np.stack(patches)[:, :, 0]).any(axis=0)
     seen = [(p, np.where(agree[:, None], uv, old)) for (p, old), uv in zip(views, patches, strict=True)]
     return replace(found, views=(*seen, (place, at)), xyz=np.where(agree[:, None], met.xyz_in_world, found.xyz))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.halved import factor_of, halved
 from ispom.geometry import Array
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera, Image, StereoPair, TrackStatus, as_grey
 
 

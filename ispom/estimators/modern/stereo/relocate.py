@@ -21,7 +21,7 @@ from ispom.frontends import sift
 from ispom.frontends.patches import align
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect, resect_optimised
+from ispom.solvers.localisation import PoseFit, refine_pose, resect, resect_optimised
 
 MIN_DISPARITY_PX = 1.0
 """Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
@@ -77,7 +77,7 @@ def _compared(
 ) -> Recognised | None:
     """The pose by resection from what both images show, and the points that agree with it; None for too few points.
 
-    Resection is tried in two ways, as either may end where only points that lie close together agree: the right one
+    PoseFit is tried in two ways, as either may end where only points that lie close together agree: the right one
     lets more points be found where it puts them.
     """
     assert place.features is not None
@@ -138,7 +138,7 @@ def _agreeing(
     xyz: Array,
     uv: NDArray[np.float32],
     pairs: NDArray[np.int64],
-    solve: Callable[..., Resection | None],
+    solve: Callable[..., PoseFit | None],
 ) -> tuple[Pose, NDArray[np.bool_]] | None:
     """left_from_place by which points and places are pairs (M, 2), and which (M,) agree."""
     xyz, x = xyz[pairs[:, 0]], left.normalise(uv[pairs[:, 1]].astype(float))

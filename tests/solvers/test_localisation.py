@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 
 BASELINE, SCALE = 0.5, 0.5 / 700
 TRUTH = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, -1.1]))
