@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ispom.ensemble import Ensemble, build
     from ispom.errors import InputError
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig
-    from ispom.evaluation.ate import aligned, ate_m
     from ispom.evaluation.metrics import errors
+    from ispom.evaluation.trajectory_error import aligned, ate_m
     from ispom.frontends.buckets import detect_spread
     from ispom.frontends.corners import detect as detect_corners
     from ispom.frontends.klt import Klt
@@ -58,7 +58,7 @@ _HOMES = {
     "ispom.ensemble": "Ensemble build",
     "ispom.errors": "InputError",
     "ispom.estimator": "Estimator Integrator Method MethodConfig",
-    "ispom.evaluation.ate": "aligned ate_m",
+    "ispom.evaluation.trajectory_error": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
     "ispom.frontends.buckets": "detect_spread",
     "ispom.frontends.corners": "detect_corners",

@@ -20,9 +20,9 @@ from ispom.estimators.modern.loops.verify import way_between
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, Similarity, so3_exp
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town, on_route
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
 from ispom.types import StereoPair
 from tests.estimators.modern.loop_bench import EYE, STEP_M, Driven, Facades, driven, wrong
 
@@ -64,6 +64,16 @@ def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
         follows = Correction.of(found.loops).follows[sorted(off).index(blind)]
         assert not follows, "no pose is between the two stretches"
     assert np.mean(worst) < 1.0, "of 3 m"
+
+
+@pytest.mark.parametrize(("eye", "scale"), [(EYE, 1.0), (SINGLE, 3.0)], ids=["pair", "single"])
+def test_a_segment_that_begins_anywhere_is_joined_where_it_sees_an_earlier_one(eye: Eye, scale: float) -> None:
+    keys, drift = (1, 1.0) if eye.baseline else (2, SINGLE_DRIFT)
+    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, eye, drift, 50, keys, blind_m=200.0, blind_scale=scale)
+    assert closed(found) and not wrong(found)
+    assert {n.segment for n in found.loops.nodes} == {0}
+    last = found.loops.nodes[-1]
+    assert np.linalg.norm(last.corrected.pose.translation - found.truth[last.time_ns].translation) < 1.0, "of 200 m"
 
 
 def test_without_noise_the_way_between_two_sights_is_exact() -> None:

@@ -43,12 +43,17 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
     found = list[tuple[float, int]]()
     for place in nodes[: -LEAST_NODES + 1]:
         apart = np.linalg.norm((place.corrected.inverse() @ node.corrected).pose.translation)
-        if apart <= place.sight.depth + _slack(place, node, drift):
+        if place.segment != node.segment or apart <= place.sight.depth + _slack(place, node, drift):
             found.append((-float((place.sight.looks * node.sight.looks).sum()), place.time_ns))
     return tuple(time_ns for _, time_ns in sorted(found)[:COMPARED])
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
+    """Whether a loop between two nodes can be true: nothing is known of the place and unit of another segment."""
+    return first.segment != then.segment or within_drift(first, then, first_from_then, drift)
+
+
+def within_drift(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
     """Whether odometry can have drifted by what a way between two nodes says.
 
     Where the unit has, by ln scale, by half of that what lies between was too long or too short: a unit that was lost
