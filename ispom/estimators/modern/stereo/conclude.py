@@ -15,12 +15,10 @@ from ispom.estimators.modern.stereo.rolling_window import with_pair
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
+from ispom.estimators.tracked_frame import MOST_SHOWN_PX
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
-
-MOST_SHOWN_PX = 1e4
-"""A point just behind the camera has no bound to its error."""
 
 
 def next_state(
