@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig
     from ispom.evaluation.ate import aligned, ate_m
     from ispom.evaluation.metrics import errors
-    from ispom.frontends.buckets import detect_spread
-    from ispom.frontends.corners import detect as detect_corners
-    from ispom.frontends.klt import Klt
+    from ispom.features.klt import Klt
+    from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity
     from ispom.methods import Config, default_methods, method, possible_methods
     from ispom.persistent_list import PersistentList
@@ -60,9 +59,8 @@ _HOMES = {
     "ispom.estimator": "Estimator Integrator Method MethodConfig",
     "ispom.evaluation.ate": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
-    "ispom.frontends.buckets": "detect_spread",
-    "ispom.frontends.corners": "detect_corners",
-    "ispom.frontends.klt": "Klt",
+    "ispom.features.klt": "Klt",
+    "ispom.features.shi_tomasi": "detect_corners detect_spread",
     "ispom.geometry": "Pose Similarity",
     "ispom.methods": "Config default_methods method possible_methods",
     "ispom.persistent_list": "PersistentList",
@@ -76,8 +74,6 @@ _HOMES = {
     "Trajectory VideoFrame as_grey",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
-_OWN_NAMES = {"detect_corners": "detect"}
-"""Public names that differ from those at home."""
 __all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -85,7 +81,7 @@ def __getattr__(name: str) -> Any:
     """A public name, whose module is imported when it is first used: `import ispom` alone takes no time."""
     if name not in _HOME_OF:
         raise AttributeError(f"module 'ispom' has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[name]), _OWN_NAMES.get(name, name))
+    found = getattr(import_module(_HOME_OF[name]), name)
     globals()[name] = found
     return found
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ispom.calibration.tracked.bundle import Scene, projected
 from ispom.calibration.tracked.tracks import Tracks
-from ispom.frontends.patches import align
+from ispom.features.patches import align
 from ispom.geometry import Array
 
 ALIKE = 0.8

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image
 

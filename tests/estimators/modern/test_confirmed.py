@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.places import confirmed, matches_by_chance
-from ispom.frontends import sift
+from ispom.features import sift
 
 COUNT, FEWEST, AROUND_PX = 800, 7, 5.0
 

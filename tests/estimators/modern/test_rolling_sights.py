@@ -19,7 +19,7 @@ from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends.sift import detect_and_describe
+from ispom.features.sift import detect_and_describe
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
 

@@ -10,7 +10,7 @@ import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.evaluation.kitti import kitti_errors
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory
 

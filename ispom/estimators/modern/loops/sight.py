@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.places import coarse
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Array
 from ispom.types import Camera, Image
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.estimators.modern.places import MIN_ALIKE, confirmed, plausible
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.motion_only import fit_pose
 from ispom.solvers.multiview.resection import refine_pose, resect

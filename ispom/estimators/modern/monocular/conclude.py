@@ -12,7 +12,7 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
 from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends.buckets import detect_spread
+from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
 

@@ -22,7 +22,7 @@ from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
+from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.settings import Range
 from ispom.solvers.window.prior import LEAST_SIGMA

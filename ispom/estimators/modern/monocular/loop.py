@@ -18,7 +18,7 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, speed_where
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Pose
 from ispom.types import Image, Step, Trajectory
 

@@ -10,7 +10,7 @@ from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.realign import TAPER_PX
 from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.places import Place
-from ispom.frontends.patches import align, warps_of
+from ispom.features.patches import align, warps_of
 from ispom.geometry import Array, Pose
 from ispom.types import Image
 

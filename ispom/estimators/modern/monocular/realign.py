@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.patches import align, warps_of
+from ispom.features.images import as_bright
+from ispom.features.klt import Klt
+from ispom.features.patches import align, warps_of
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.reductions import both, lengths

@@ -15,7 +15,7 @@ from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import nearest_speed
 from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, matches_by_chance, plausible
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect

@@ -17,8 +17,8 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import Followed, moving
 from ispom.estimators.modern.places import FEATURES, Place
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.frontends import sift
-from ispom.frontends.contrast import has_contrast
+from ispom.features import sift
+from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
 from ispom.types import TrackStatus
 

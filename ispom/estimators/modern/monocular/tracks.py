@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.rolling import Flow, Sight, Speeds, late_px
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.frontends.contrast import has_contrast
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.sift import detect_and_describe, match
+from ispom.features.images import as_bright, has_contrast
+from ispom.features.klt import Klt
+from ispom.features.sift import detect_and_describe, match
 from ispom.geometry import Array, Pose
 from ispom.numerics.reductions import both, squares
 from ispom.types import Camera, Image, Tracks, TrackStatus

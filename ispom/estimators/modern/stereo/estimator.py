@@ -21,7 +21,7 @@ from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
-from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
+from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR

@@ -19,8 +19,8 @@ from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
-from ispom.frontends import sift
-from ispom.frontends.row_search import PointSearch
+from ispom.features import sift
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array
 from ispom.types import Step, Trajectory
 

@@ -17,9 +17,9 @@ from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
-from ispom.frontends import sift
-from ispom.frontends.patches import align
-from ispom.frontends.row_search import PointSearch
+from ispom.features import sift
+from ispom.features.patches import align
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect, resect_optimised
 

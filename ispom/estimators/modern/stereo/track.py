@@ -18,10 +18,9 @@ from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognis
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends.contrast import has_contrast
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.row_search import PointSearch
+from ispom.features.images import as_bright, has_contrast
+from ispom.features.klt import Klt
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.state import MonocularState, Revision
 from ispom.estimators.paper.monocular.tracks import Followed
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
-from ispom.frontends import corners
+from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Landmarks, Status, Step, Trajectory, VideoFrame, colours_at
 
@@ -22,7 +22,7 @@ def corners_for(
     if not window.is_key(time_ns):
         return np.zeros((0, 2), np.float32)
     alive = followed.uv[followed.alive]
-    return corners.detect(grey, max_tracks - len(alive), alive)
+    return detect_corners(grey, max_tracks - len(alive), alive)
 
 
 def next_state(

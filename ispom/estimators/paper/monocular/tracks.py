@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.resection import Resected
 from ispom.estimators.paper.monocular.state import MonocularState, Revision
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.frontends.klt import Klt
+from ispom.features.klt import Klt
 from ispom.types import Camera, Image, Tracks, TrackStatus
 
 

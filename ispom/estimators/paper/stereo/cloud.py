@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ispom.estimators.paper.stereo.correspondence import Correspondences
 from ispom.estimators.paper.stereo.state import Cloud
-from ispom.frontends import sift
-from ispom.frontends.disparity import RowSearch
+from ispom.features import sift
+from ispom.features.disparity import RowSearch
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.types import Image, Rig
 

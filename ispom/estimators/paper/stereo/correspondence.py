@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.paper.stereo.state import Cloud
-from ispom.frontends import corners, sift
-from ispom.frontends.klt import Klt
+from ispom.features import sift
+from ispom.features.klt import Klt
+from ispom.features.shi_tomasi import detect_corners
 from ispom.types import Image, TrackStatus
 
 Matching = Literal["sift", "klt"]
@@ -70,7 +71,7 @@ def _tracked(
     """Points tracked by KLT, and new corners between them."""
 
     def between(uv: NDArray[np.float32]) -> sift.Features:
-        fresh = corners.detect(left, most - len(uv), uv)
+        fresh = detect_corners(left, most - len(uv), uv)
         return sift.Features(fresh, np.zeros((len(fresh), 0), np.float32))
 
     return _followed(reference, left, between)

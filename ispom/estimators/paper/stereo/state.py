@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends import sift
+from ispom.features import sift
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import Image

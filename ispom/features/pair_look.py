@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.frontends.row_search import PointSearch
-from ispom.frontends.sift import detect_and_describe, match
-from ispom.frontends.tracked_size import TrackedSize
+from ispom.features.images import TrackedSize
+from ispom.features.row_search import PointSearch
+from ispom.features.sift import detect_and_describe, match
 from ispom.geometry import Array
 from ispom.types import Image, Sequence, StereoPair, VideoFrame, as_grey
 

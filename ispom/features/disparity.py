@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.klt import Klt
+from ispom.features.klt import Klt
 from ispom.types import Image, TrackStatus
 
 

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.halved import factor_of, halved
-from ispom.frontends.klt import Klt
-from ispom.frontends.slanted import align_slanted
+from ispom.features.images import factor_of, halved
+from ispom.features.klt import Klt
+from ispom.features.slanted import align_slanted
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
 from ispom.types import Image

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ispom.frontends.klt import Klt
+from ispom.features.klt import Klt
 from ispom.types import Image, TrackStatus
 
 SHIFT_PX = 3, -2

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.frontends.row_search import PointSearch
+from ispom.features.row_search import PointSearch
 
 
 @pytest.mark.parametrize("width", [500, 1000])

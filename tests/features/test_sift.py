@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.frontends import sift
+from ispom.features import sift
 
 
 def features(count: int, seed: int) -> sift.Features:

@@ -1,4 +1,4 @@
-"""Corners spread over the image: the strongest of each bucket, where too few are tracked (Shi & Tomasi 1994)."""
+"""Corners worth tracking (Shi & Tomasi 1994): the strongest ones, or those of an even spread over the image."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.halved import factor_of, halved
-from ispom.frontends.patches import RADIUS_PX
-from ispom.frontends.texture import grey_noise, texture
-from ispom.kernels import kernel, read_only
+from ispom.features.images import factor_of, halved
+from ispom.features.patches import RADIUS_PX
+from ispom.kernels import kernel, part, read_only
 from ispom.types import Image
 
 QUALITY = 0.002
@@ -22,6 +21,11 @@ FAINT = 0.01
 """So much less, as a share of a strong patch: in the dark all are faint, and have to do."""
 STRONGEST = 16
 """Places that tell what is strong in an image."""
+BLOCK_PX = 16
+"""Side of the blocks in which noise is looked for."""
+FLAT = 0.25
+"""Share of the blocks that are taken to show little else."""
+SECOND = np.array([1.0, -2.0, 1.0], np.float32)
 
 
 def detect_spread(
@@ -98,3 +102,84 @@ def _select(image, radius, noise, column, row, taken, width, height, across, dow
         out[n, 0], out[n, 1] = u, v
         n += 1
     return out[:n]
+
+
+def grey_noise(image: Image) -> float:
+    """Standard deviation of an image's noise from pixel to pixel [grey levels], where it shows least else; 0 of what is
+    too small to tell.
+
+    By differences of second order across and down, which even shading and straight edges leave nothing of (Immerkaer
+    1996).
+    """
+    across, down = image.shape[1] // BLOCK_PX, image.shape[0] // BLOCK_PX
+    if not across or not down:
+        return 0.0
+    left = np.abs(cv2.sepFilter2D(image, cv2.CV_32F, SECOND, SECOND))
+    means = cv2.resize(left, (across, down), interpolation=cv2.INTER_AREA)
+    return float(np.sqrt(np.pi / 2) * np.quantile(means, FLAT) / (SECOND @ SECOND))
+
+
+@part
+def texture(image, column, row, radius):
+    """Of a square around a pixel, how much grey values change in the direction in which they do least.
+
+    The smaller eigenvalue of the sum of their gradients' squares [(grey levels per pixel)^2] (Shi & Tomasi 1994), whose
+    mean tells nothing of the place where the brightness may differ. Of noise alone half its variance a pixel. 0 where
+    the square reaches out of the image.
+    """
+    reach = radius + 1
+    if not (reach <= column < image.shape[1] - reach and reach <= row < image.shape[0] - reach):
+        return 0.0
+    a, b, xx, xy, yy, n = 0.0, 0.0, 0.0, 0.0, 0.0, (2 * radius + 1) ** 2
+    for i in range(row - radius, row + radius + 1):
+        for j in range(column - radius, column + radius + 1):
+            gx = 0.5 * (np.float64(image[i, j + 1]) - np.float64(image[i, j - 1]))
+            gy = 0.5 * (np.float64(image[i + 1, j]) - np.float64(image[i - 1, j]))
+            a += gx
+            b += gy
+            xx += gx * gx
+            xy += gx * gy
+            yy += gy * gy
+    xx, xy, yy = xx - a * a / n, xy - a * b / n, yy - b * b / n
+    return 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+
+
+def detect_corners(
+    grey: Image,
+    count: int,
+    taken: NDArray[np.float32] | None = None,
+    min_distance_px: float = 8.0,
+    border_px: int = 8,
+) -> NDArray[np.float32]:
+    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
+    if count <= 0:
+        return np.zeros((0, 2), np.float32)
+    factor, searched = factor_of(grey), halved(grey)
+    mask = np.zeros(searched.shape, np.uint8)
+    border = border_px // factor
+    mask[border:-border, border:-border] = 255
+    if taken is not None:
+        _exclude(mask, np.rint(taken / factor).astype(np.int64), round(min_distance_px / factor))
+    found = cv2.goodFeaturesToTrack(searched, count, 0.005, min_distance_px / factor, mask=mask, blockSize=5)
+    if found is None or not len(found):
+        return np.zeros((0, 2), np.float32)
+    return at_subpixel(grey, np.asarray(factor * found.reshape(-1, 2), np.float32), 3, 5)
+
+
+def _exclude(mask: Image, places: NDArray[np.int64], radius: int) -> None:
+    """Zeros in the mask on disks around places (N, 2); its border is 0 anyway."""
+    down, right = np.nonzero(cv2.circle(np.zeros((2 * radius + 1,) * 2, np.uint8), (radius, radius), radius, 1, -1))
+    row = np.clip(places[:, 1:] + (down - radius), 0, mask.shape[0] - 1)
+    column = np.clip(places[:, :1] + (right - radius), 0, mask.shape[1] - 1)
+    mask[row, column] = 0
+
+
+def at_subpixel(grey: Image, uv: NDArray[np.float32], radius_px: int, iterations: int) -> NDArray[np.float32]:
+    """(M, 2) where the edges about each place (M, 2) meet (Foerstner & Guelch 1987): a point that is not on its corner
+    does not stay on the scene as the camera turns about its axis."""
+    start = np.array(uv, np.float32).reshape(-1, 1, 2)
+    if not len(start):
+        return start.reshape(-1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT, iterations, 0.01)
+    exact = cv2.cornerSubPix(grey, start, (radius_px, radius_px), (-1, -1), criteria)
+    return np.asarray(exact, np.float32).reshape(-1, 2)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.patches import AREA, HALF, NONE, RADIUS_PX, SIDE, WIDE
+from ispom.features.patches import AREA, HALF, NONE, RADIUS_PX, SIDE, WIDE
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part, read_only
 from ispom.types import Camera, Image

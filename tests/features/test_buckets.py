@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ispom.frontends.buckets import detect_spread
+from ispom.features.shi_tomasi import detect_spread
 from ispom.types import Image
 
 COUNT, SIDE = 80, 60

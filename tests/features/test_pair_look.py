@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.frontends.pair_look import EXCHANGED, SAME, SIDE_BY_SIDE, halves_note, pair_note, with_look
+from ispom.features.pair_look import EXCHANGED, SAME, SIDE_BY_SIDE, halves_note, pair_note, with_look
 from ispom.types import Camera, Exposure, Image, Rig, Sequence, StereoPair, VideoFrame
 
 WIDTH, HEIGHT = 480, 320

@@ -1,4 +1,4 @@
-"""Tracking at a bounded size: large images are halved until they are small enough; Steps speak of the large ones."""
+"""Images as they are tracked and searched: at a bounded size, of the same brightness, and only those with contrast."""
 
 from __future__ import annotations
 
@@ -13,6 +13,14 @@ from ispom.types import Camera, Exposure, Image, Step, Tracks, VideoFrame
 MAX_SIDE_PX = 1400
 """Of the longer side, however the camera is held. Larger images are halved: windows and distances in pixels are made
 for 600-1400 px, and more cost time and no more."""
+SEARCH_SIDE_PX = 700
+"""Images whose longer side is longer are searched at half size."""
+MIN_CONTRAST = 0.2
+"""Deviation of the coarse image's grey values, over that of the last good one: with less it shows nothing."""
+COARSE = 8
+"""Pixels of the image per pixel of the coarse one: averages of 64 have an eighth of the noise."""
+MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0
+"""Changes of contrast and brightness [grey levels] that tracking wants undone; more is another image, not exposure."""
 
 
 @dataclass(frozen=True)
@@ -65,3 +73,35 @@ class TrackedSize:
             residual_px=tracks.residual_px * along,
             disparity_px=tracks.disparity_px * along,
         )
+
+
+def halved(image: Image) -> Image:
+    """At half its size where it is large, else as it is."""
+    return np.asarray(cv2.pyrDown(image), np.uint8) if max(image.shape) > SEARCH_SIDE_PX else image
+
+
+def factor_of(image: Image) -> int:
+    """Pixels of an image per pixel of the halved one, along each side."""
+    return 2 if max(image.shape) > SEARCH_SIDE_PX else 1
+
+
+def as_bright(grey: Image, other: Image) -> Image:
+    """`grey` with the mean and contrast of `other`, where the exposure changed between them; else as it is."""
+    (mean,), (spread,) = (np.ravel(v) for v in cv2.meanStdDev(grey))
+    (wanted,), (wanted_spread,) = (np.ravel(v) for v in cv2.meanStdDev(other))
+    gain = float(wanted_spread) / max(float(spread), 1.0)
+    if (abs(gain - 1) < MIN_GAIN and abs(wanted - mean) < MIN_OFFSET) or not 1 / MAX_GAIN < gain < MAX_GAIN:
+        return grey
+    table = np.clip((np.arange(256) - float(mean)) * gain + float(wanted) + 0.5, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(grey, table), np.uint8)
+
+
+def has_contrast(grey: Image, other: Image | None) -> bool:
+    """Whether the image has contrast beyond its noise, compared with another one."""
+    if other is None:
+        return True
+    now, before = (
+        float(cv2.resize(g, None, fx=1 / COARSE, fy=1 / COARSE, interpolation=cv2.INTER_AREA).std())
+        for g in (grey, other)
+    )
+    return now > MIN_CONTRAST * before

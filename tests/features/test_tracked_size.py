@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.frontends.tracked_size import TrackedSize
+from ispom.features.images import TrackedSize
 from ispom.types import Camera, Status, Step, Tracks, VideoFrame
 
 WIDE = Camera(3840, 2161, 2700.0, 2700.0, 1919.5, 1080.0)

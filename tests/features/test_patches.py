@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.frontends.buckets import detect_spread
-from ispom.frontends.patches import align, warps_of
+from ispom.features.patches import align, warps_of
+from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Pose
 from ispom.types import Camera
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ispom.frontends.buckets import detect_spread
-from ispom.frontends.texture import grey_noise
+from ispom.features.shi_tomasi import detect_spread, grey_noise
 from ispom.types import Image
 
 NONE = np.zeros((0, 2), np.float32)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.frontends.slanted import Slanted, align_slanted, slanted_warps
+from ispom.features.slanted import Slanted, align_slanted, slanted_warps
 from ispom.geometry import Array, Pose
 from ispom.types import Camera
 
