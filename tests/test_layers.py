@@ -14,7 +14,7 @@ LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "stop"},
     {"compiled_code"},
     {"kernels", "settings", "types"},
-    {"estimator", "stopwatch", "persistent_list"},
+    {"estimator", "stopwatch", "persistent_list", "registry"},
     {"numerics"},
     {"solvers", "io"},
     {"features", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
