@@ -14,7 +14,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.features.images import TrackedSize
 from ispom.features.row_search import PointSearch
-from ispom.features.sift import detect_and_describe, match
+from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array
 from ispom.types import Image, Sequence, StereoPair, VideoFrame, as_grey
 
@@ -119,6 +119,6 @@ def _is_two(image: Image) -> bool:
 
 def _found_again(left: Image, right: Image) -> tuple[Array, int]:
     """(M, 2) [px] how much farther right, and lower, features lie in the right image; and of how many."""
-    a, b = (detect_and_describe(np.ascontiguousarray(image), FEATURES) for image in (left, right))
-    pairs = match(a, b, 0.8)
+    a, b = (SIFT.detect_and_describe(np.ascontiguousarray(image), FEATURES) for image in (left, right))
+    pairs = SIFT_MATCHER.match(a, b)
     return (b.uv[pairs[:, 1]] - a.uv[pairs[:, 0]]).astype(float), len(a.uv)

@@ -6,13 +6,16 @@ warped beforehand as the scene's geometry says, as in Forster et al. 2014, secti
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part, read_only
-from ispom.types import Camera, Image
+from ispom.types import Camera, Image, TrackStatus
 
 RADIUS_PX = 5
 """Half the side of a patch: 11 x 11 pixels."""
@@ -25,6 +28,38 @@ at a time."""
 
 NEAREST = 0.2
 """A patch that comes nearer than that share of its middle's distance in perspective is seen edge on."""
+
+
+@dataclass(frozen=True)
+class PatchTracker:
+    """A Tracker that aligns patches on an image pyramid: free of changes of brightness, blind to rotations."""
+
+    levels: int = 3
+    """Halvings of the image. Alignment bridges two pixels of the smallest one."""
+    min_correlation: float = 0.8
+    """Normalised correlation of a patch with where it is found; less is another thing."""
+
+    def track(
+        self, start: Image, end: Image, uv: NDArray[np.float32], predicted: NDArray[np.float32] | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """See interfaces.Tracker."""
+        found = np.array(uv if predicted is None else predicted, float)
+        if not len(uv):
+            return found.astype(np.float32), np.zeros(0, np.uint8)
+        height, width = end.shape
+        last = np.array([width, height]) - 1 - RADIUS_PX
+        pyramids = [(start, end)]
+        for _ in range(self.levels):
+            larger, other = pyramids[-1]
+            pyramids.append((np.asarray(cv2.pyrDown(larger), np.uint8), np.asarray(cv2.pyrDown(other), np.uint8)))
+        warps, score = np.broadcast_to(np.eye(2), (len(uv), 2, 2)).copy(), np.full(len(uv), -1.0)
+        for level in range(self.levels, -1, -1):
+            before, now = pyramids[level]
+            at, score = align(before, np.asarray(uv, float) / 2**level, now, found / 2**level, warps)
+            found = np.where((score > 0)[:, None], 2**level * at, found)
+        status = np.where(score > self.min_correlation, TrackStatus.ALIVE, TrackStatus.LOST).astype(np.uint8)
+        status[~((found >= RADIUS_PX) & (found <= last)).all(axis=1)] = TrackStatus.OUT_OF_IMAGE
+        return found.astype(np.float32), status
 
 
 def align(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,19 @@ BLOCK_PX = 16
 FLAT = 0.25
 """Share of the blocks that are taken to show little else."""
 SECOND = np.array([1.0, -2.0, 1.0], np.float32)
+
+
+@dataclass(frozen=True)
+class ShiTomasi:
+    """A Detector, see `detect_spread`."""
+
+    def detect(
+        self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
+    ) -> NDArray[np.float32]:
+        """See interfaces.Detector."""
+        if not grey.size:
+            return np.zeros((0, 2), np.float32)
+        return detect_spread(grey, count, occupied, min_distance_px)
 
 
 def detect_spread(

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.features import sift
+from ispom.features.descriptors import SEARCH_SIDE_PX, match_near
+from ispom.features.interfaces import Descriptor, Features, Matcher
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image
 
@@ -29,8 +30,6 @@ MIN_SHARE = 0.25
 MOST_NEARER = 4.0
 """Ratio of the depths of a point in two images, either way, beyond which descriptors do not match any more: a pose so
 far off that all points are one agrees with anything."""
-MIN_ALIKE = 0.8
-"""Product of unit descriptors: less is another thing."""
 MIN_CONFIRMED = 0.1
 """Of the features that a pose brings into sight, those that are found there: a wrong pose finds 3-6 % of them by
 chance, a right one 10-14 % where 20-25 m of road lie between two images of it, and more where less."""
@@ -53,7 +52,7 @@ class Place:
     time_ns: int
     camera_from_world: Pose
     images: tuple[Image, ...]
-    """Grey, of the camera or of both cameras of a pair; of at most sift.SEARCH_SIDE_PX."""
+    """Grey, of the camera or of both cameras of a pair; of at most SEARCH_SIDE_PX."""
     reduction: float
     """Their pixels per pixel of the camera's."""
     covariance: Array | None = None
@@ -62,7 +61,7 @@ class Place:
     """(12,) of camera_from_world, as of rolling.mean_rates; of a pair."""
     moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
     """Of one camera with a rolling shutter: where tracks were (M, 2) [px], and how fast (M, 2) [px/s]."""
-    features: sift.Features | None = None
+    features: Features | None = None
     """Of the first image, at the camera's pixels, once they were needed."""
 
     @staticmethod
@@ -76,7 +75,7 @@ class Place:
     ) -> Place:
         """With the images reduced where they are large."""
         height, width = images[0].shape
-        reduction = min(1.0, sift.SEARCH_SIDE_PX / max(height, width))
+        reduction = min(1.0, SEARCH_SIDE_PX / max(height, width))
         if reduction < 1:
             size = (round(width * reduction), round(height * reduction))
             # At every key frame, so it must be quick; by less than half, hence without much aliasing.
@@ -87,11 +86,11 @@ class Place:
         """Pixels (N, 2) of the camera as those of the reduced images."""
         return (uv + 0.5) * self.reduction - 0.5
 
-    def described(self) -> Place:
+    def described(self, descriptor: Descriptor) -> Place:
         """With its features."""
         if self.features is not None:
             return self
-        found = sift.detect_and_describe(self.images[0], FEATURES)
+        found = descriptor.detect_and_describe(self.images[0], FEATURES)
         uv = ((found.uv + 0.5) / self.reduction - 0.5).astype(np.float32)
         return replace(self, features=replace(found, uv=uv))
 
@@ -175,13 +174,13 @@ def confirmed(
     return len(matched) >= fewest + MIN_OVER_CHANCE * chance()
 
 
-def matches_by_chance(then: sift.Features, now: sift.Features, expected: Array, distance_px: float) -> float:
+def matches_by_chance(matcher: Matcher, then: Features, now: Features, expected: Array, distance_px: float) -> float:
     """How many features would be matched if each were expected where another one is: what a wrong pose would match."""
     inside, rng, found = np.flatnonzero(np.isfinite(expected[:, 0])), np.random.default_rng(0), list[int]()
     for _ in range(CHANCE_TRIALS):
         elsewhere = np.full_like(expected, np.nan)
         elsewhere[inside] = expected[rng.permutation(inside)]
-        found.append(len(sift.match_near(then, now, elsewhere, distance_px, MIN_ALIKE)))
+        found.append(len(match_near(matcher, then, now, elsewhere, distance_px)))
     return float(np.mean(found))
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.sight import Eye, Sight
+from ispom.features.sift import SIFT_MATCHER
 from ispom.geometry import Array, Pose
 from ispom.simulation.town import SIDE_M, on_route, streets
 from ispom.types import Decision
 
 STEP_M = 4.0
-EYE = Eye(460.0, np.array([-0.69, -0.52]), np.array([0.69, 0.52]), 1 / 460.0, 0.4)
+EYE = Eye(460.0, np.array([-0.69, -0.52]), np.array([0.69, 0.52]), 1 / 460.0, SIFT_MATCHER, 0.4)
 FARTHEST_M = 40.0
 SHOWN = 500
 

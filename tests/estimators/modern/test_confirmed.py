@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.places import confirmed, matches_by_chance
-from ispom.features import sift
+from ispom.features.descriptors import match_near
+from ispom.features.interfaces import Features
+from ispom.features.sift import SIFT_MATCHER
 
 COUNT, FEWEST, AROUND_PX = 800, 7, 5.0
 
@@ -17,7 +19,7 @@ def unit(descriptors: np.ndarray) -> np.ndarray:
     return (descriptors / np.linalg.norm(descriptors, axis=1, keepdims=True)).astype(np.float32)
 
 
-def scene(alike: float) -> tuple[sift.Features, sift.Features, np.ndarray]:
+def scene(alike: float) -> tuple[Features, Features, np.ndarray]:
     """Features of two images of one place, 8 % of which both show, and where the right pose expects them.
 
     `alike` (0..1): how much the descriptors of different features have in common.
@@ -31,30 +33,30 @@ def scene(alike: float) -> tuple[sift.Features, sift.Features, np.ndarray]:
     now = np.where(shown[:, None], own, other)
     uv = expected + rng.normal(0, 0.5, expected.shape)
 
-    def features(at: np.ndarray, descriptors: np.ndarray) -> sift.Features:
-        return sift.Features(at.astype(np.float32), unit(descriptors))
+    def features(at: np.ndarray, descriptors: np.ndarray) -> Features:
+        return Features(at.astype(np.float32), unit(descriptors))
 
     return features(expected, own), features(uv, now), expected
 
 
-def matched(then: sift.Features, now: sift.Features, expected: np.ndarray) -> np.ndarray:
-    return sift.match_near(then, now, expected, AROUND_PX, 0.8)[:, 0]
+def matched(then: Features, now: Features, expected: np.ndarray) -> np.ndarray:
+    return match_near(SIFT_MATCHER, then, now, expected, AROUND_PX)[:, 0]
 
 
 def test_a_small_share_confirms_a_pose_where_chance_matches_nearly_nothing() -> None:
     then, now, expected = scene(alike=0.1)
     good = matched(then, now, expected)
     assert FEWEST < len(good) < 0.1 * COUNT
-    assert matches_by_chance(then, now, expected, AROUND_PX) < 3
+    assert matches_by_chance(SIFT_MATCHER, then, now, expected, AROUND_PX) < 3
     assert not confirmed(good, expected, FEWEST)
-    assert confirmed(good, expected, FEWEST, partial(matches_by_chance, then, now, expected, AROUND_PX))
+    assert confirmed(good, expected, FEWEST, partial(matches_by_chance, SIFT_MATCHER, then, now, expected, AROUND_PX))
 
 
 def test_a_wrong_pose_is_not_confirmed_where_everything_looks_alike() -> None:
     then, now, expected = scene(alike=0.9)
     wrong = np.roll(expected, 1, axis=0)
     good = matched(then, now, wrong)
-    chance = matches_by_chance(then, now, wrong, AROUND_PX)
+    chance = matches_by_chance(SIFT_MATCHER, then, now, wrong, AROUND_PX)
     assert len(good) == pytest.approx(chance, rel=0.5)
     few = good[: int(0.09 * COUNT)]
     assert not confirmed(few, wrong, FEWEST, lambda: chance)
@@ -66,7 +68,7 @@ def test_features_out_of_the_image_are_not_counted() -> None:
     good = matched(then, now, expected)
     assert confirmed(good, expected, FEWEST) == (len(good) >= 0.1 * COUNT / 2)
     nowhere = np.full_like(expected, np.nan)
-    assert matches_by_chance(then, now, nowhere, AROUND_PX) == 0
+    assert matches_by_chance(SIFT_MATCHER, then, now, nowhere, AROUND_PX) == 0
     assert not confirmed(np.zeros(0, np.int64), nowhere, FEWEST)
 
 

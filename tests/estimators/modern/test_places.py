@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.estimators.modern.places import MAX_PLACES, MOST_ALIKE, RECENT, Place, Places, plausible
+from ispom.features.sift import SIFT
 from ispom.geometry import Pose
 
 
@@ -41,7 +42,7 @@ def test_the_newest_is_compared_first_and_all_in_turn() -> None:
 def test_wide_images_are_kept_small_and_their_features_stand_where_the_camera_sees_them() -> None:
     small = np.random.default_rng(0).integers(0, 255, (40, 100)).astype(np.uint8)
     wide = np.kron(small, np.ones((16, 16), np.uint8))
-    found = Place.of(0, Pose(), (wide,), None).described()
+    found = Place.of(0, Pose(), (wide,), None).described(SIFT)
     assert found.images[0].shape == (320, 800) and found.features is not None
     assert found.features.uv[:, 0].max() > 1400
     np.testing.assert_allclose(found.reduced(np.array([[799.5, 319.5]])), [[399.5, 159.5]])

@@ -19,7 +19,7 @@ from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.features.sift import detect_and_describe
+from ispom.features.sift import SIFT
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
 
@@ -48,7 +48,7 @@ def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -
     followed = Followed(uv, status, speeds * (readout_s > 0))
     grey, view = texture(320), camera(readout_s)
     sight = of_camera._sight(Lens(view, np.zeros(2)), followed, grey, 5.0)
-    found = detect_and_describe(grey, 800).uv
+    found = SIFT.detect_and_describe(grey, 800).uv
     speed = np.where(found[:, :1] < 160, speeds[0], speeds[1])
     np.testing.assert_allclose(sight.x, view.normalise(found - late_s(found, readout_s) * speed), atol=1e-5)
 
@@ -62,7 +62,7 @@ def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -
     points, known = sight.xyz, np.isfinite(sight.xyz[:, 2])
     assert known.sum() > 100
     np.testing.assert_allclose(points[known, :2] / points[known, 2:], sight.x[known], atol=2e-5)
-    raw = view.normalise(detect_and_describe(new.left, 800).uv)
+    raw = view.normalise(SIFT.detect_and_describe(new.left, 800).uv)
     assert (np.abs(sight.x - raw).max() > 2 / FX) == (readout_s > 0)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
 from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.places import MIN_ALIKE
+from ispom.features.descriptors import on_lines
 from ispom.geometry import Array, skew
 from ispom.solvers.multiview.inverse_depth import intersect
 
@@ -91,12 +91,7 @@ def _seen(eye: Eye, node: Node, other: Node) -> Array:
     rays = np.column_stack([node.sight.x, np.ones(len(here))])
     lines = rays @ (skew(motion.translation) @ motion.rotation).T
     lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
-    alike = here.descriptors @ there.descriptors.T
-    off = np.abs(lines @ np.column_stack([other.sight.x, np.ones(len(there))]).T)
-    alike[off >= MAX_OFF * eye.sigma] = -1
+    pairs, _ = eye.matcher.match_where(here, there, on_lines(lines, other.sight.x, MAX_OFF * eye.sigma))
     out = np.full((len(here), 2), np.nan)
-    if len(there):
-        best = alike.argmax(axis=1)
-        found = alike[np.arange(len(alike)), best] > MIN_ALIKE
-        out[found] = other.sight.x[best[found]]
+    out[pairs[:, 0]] = other.sight.x[pairs[:, 1]]
     return out

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.places import coarse
-from ispom.features import sift
+from ispom.features.interfaces import Features, Matcher
 from ispom.geometry import Array
 from ispom.types import Camera, Image
 
 FEATURES = 800
 """Described in an image: 120 kB a key frame."""
-_FULL = 255.0
-"""Descriptors are kept as bytes: a step is 4 % of what their entries mostly are, and changes no distance by 1 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +21,7 @@ class Sight:
     x: NDArray[np.float32]
     """(N, 2) normalised, without distortion."""
     descriptors: NDArray[np.uint8]
-    """(N, 128) of RootSIFT, times 255."""
+    """(N, D), see Features.compact."""
     xyz: NDArray[np.float32]
     """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
     looks: NDArray[np.float32]
@@ -32,20 +30,18 @@ class Sight:
     """Of half of what is seen; nan where nothing is."""
 
     @staticmethod
-    def of(
-        grey: Image, x: Array, descriptors: NDArray[np.float32], xyz: Array | None = None, depth: float | None = None
-    ) -> Sight:
+    def of(grey: Image, x: Array, features: Features, xyz: Array | None = None, depth: float | None = None) -> Sight:
         """`depth` is that of half of the points (N, 3), where it is not told."""
-        kept = np.rint(_FULL * descriptors).astype(np.uint8)
+        kept = np.asarray(features.compact().descriptors, np.uint8)
         points = np.full((len(x), 3), np.nan, np.float32) if xyz is None else xyz.astype(np.float32)
         if depth is None:
             known = points[np.isfinite(points[:, 2]), 2]
             depth = float(np.median(known)) if len(known) else float("nan")
         return Sight(x.astype(np.float32), kept, points, coarse(grey).astype(np.float32), depth)
 
-    def features(self, fx: float) -> sift.Features:
+    def features(self, fx: float) -> Features:
         """At the pixels of a camera without distortion, around its centre."""
-        return sift.Features(fx * self.x, self.descriptors.astype(np.float32) / _FULL)
+        return Features(fx * self.x, self.descriptors)
 
     def with_depth(self) -> Sight:
         """Only what has a depth."""
@@ -64,13 +60,14 @@ class Eye:
     """(2,) of that at the bottom right."""
     sigma: float
     """Deviation of a feature's place, normalised."""
+    matcher: Matcher
     baseline: float
     """Of a pair; 0 for one camera, whose unit drifts."""
 
     @staticmethod
-    def of(camera: Camera, sigma: float, baseline: float = 0.0) -> Eye:
+    def of(camera: Camera, sigma: float, matcher: Matcher, baseline: float = 0.0) -> Eye:
         corners = camera.normalise(np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]]))
-        return Eye(camera.fx, corners[0], corners[1], sigma, baseline)
+        return Eye(camera.fx, corners[0], corners[1], sigma, matcher, baseline)
 
     def in_sight(self, near: Array) -> Array:
         """(N, 2) normalised, of points (N, 3) in the camera; NaN for those out of its image."""

@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.places import MIN_ALIKE, confirmed, plausible
-from ispom.features import sift
+from ispom.estimators.modern.places import confirmed, plausible
+from ispom.features.descriptors import each_once, near
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.motion_only import fit_pose
 from ispom.solvers.multiview.resection import refine_pose, resect
 from ispom.solvers.pose_graph import FREEDOM
 
-MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1): on a facade of equal windows
-most features fail it."""
 FEWEST = 25
 """Points that agree: of 735 pairs of sights of unlike places in three towns one had 16, and one 61, of two facades that
 are alike. That odometry can have come back there, and that views agree, is asked besides (find.py)."""
@@ -50,20 +47,20 @@ def way_between(eye: Eye, first: Sight, then: Sight, together: bool = False) -> 
     known = first.with_depth()
     before, now, xyz = known.features(eye.fx), then.features(eye.fx), known.xyz.astype(float)
     limit, least = INLIER * eye.sigma, MATCHED_TOGETHER if together else MATCHED
-    pairs = sift.match(before, now, MAX_RATIO)
+    pairs = eye.matcher.match(before, now)
     found = resect(xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float), limit)
     if found is None or _good(found.inliers, xyz[pairs[:, 0]], found.camera_from_world).sum() < least:
         return None
     expected = eye.in_sight(found.camera_from_world.apply(xyz))
-    near, alike = sift.all_near(before, now, eye.fx * expected, eye.fx * limit, MIN_ALIKE)
-    pairs = sift.each_once(near, alike)
+    found_near, similarity = eye.matcher.match_where(before, now, near(eye.fx * expected, now.uv, eye.fx * limit))
+    pairs = each_once(found_near, similarity)
     points, x = xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float)
     found = refine_pose(points, x, found.camera_from_world, limit)
     if found is None:
         return None
     good = _good(found.inliers, points, found.camera_from_world)
     # What several show of one point is expected, and found, as often as they show it.
-    matched = near[:, 0] if together else pairs[good, 0]
+    matched = found_near[:, 0] if together else pairs[good, 0]
     if good.sum() < FEWEST or not confirmed(matched, expected, FEWEST):
         return None
     return _measured(eye, first, points[good], x[good], then.xyz[pairs[good, 1]].astype(float), found.camera_from_world)

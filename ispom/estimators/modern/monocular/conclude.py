@@ -12,7 +12,6 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
 from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
-from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
 
@@ -28,7 +27,7 @@ def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float
         return np.zeros((0, 2), np.float32)
     alive = outcome.followed.status == TrackStatus.ALIVE
     distance_px = CORNER_DISTANCE * setup.camera.longer_side_px
-    return detect_spread(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
+    return setup.front_end.detector.detect(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
 
 
 def _late(setup: Setup, outcome: Outcome, fresh: NDArray[np.float32]) -> NDArray[np.float32]:

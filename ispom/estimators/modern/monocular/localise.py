@@ -86,8 +86,9 @@ class Localisation:
 def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
     """From the tracks as followed; where that fails, from tracks displaced as the image's features are."""
     found = _located(setup, live, world, new, new.followed)
-    if not found.agreeing and (jumped := displaced_by_features(live, new.grey)) is not None:
-        found = _located(setup, live, world, new, follow(setup.camera, live, new.time_ns, new.grey, jumped))
+    if not found.agreeing and (jumped := displaced_by_features(setup.front_end, live, new.grey)) is not None:
+        followed = follow(setup.front_end, setup.camera, live, new.time_ns, new.grey, jumped)
+        found = _located(setup, live, world, new, followed)
     return found
 
 

@@ -18,7 +18,6 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, speed_where
 from ispom.estimators.modern.rolling import late_px
-from ispom.features import sift
 from ispom.geometry import Pose
 from ispom.types import Image, Step, Trajectory
 
@@ -32,7 +31,7 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma), None
+    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma, setup.front_end.matcher), None
     if outcome.key_frame and after.map is not None:
         joined = before.start is None or before.start.joined
         key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)
@@ -81,7 +80,7 @@ def _key_frame_seen(
     window = dict(sorted((*outcome.settled, *world.trajectory()), key=lambda told: told[0]))
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-    sight = partial(_sight, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
+    sight = partial(_sight, setup, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
     return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined)
 
 
@@ -92,8 +91,8 @@ def _depth(world: Map, pose: Pose) -> float:
     return float(np.median(near)) if len(near) else float("nan")
 
 
-def _sight(lens: Lens, followed: Followed, grey: Image, depth: float) -> Sight:
+def _sight(setup: Setup, lens: Lens, followed: Followed, grey: Image, depth: float) -> Sight:
     """Of a rolling shutter where the middle row would have seen the features, which move as the nearest tracks do."""
-    found = sift.detect_and_describe(grey, FEATURES)
+    found = setup.front_end.descriptor.detect_and_describe(grey, FEATURES)
     uv = found.uv - late_px(lens.camera, found.uv, speed_where(followed, found.uv))
-    return Sight.of(grey, lens.normalise(uv), found.descriptors, depth=depth)
+    return Sight.of(grey, lens.normalise(uv), found, depth=depth)

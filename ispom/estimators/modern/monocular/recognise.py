@@ -13,9 +13,10 @@ from ispom.estimators.modern.monocular.place_patches import patches_found
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import nearest_speed
-from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, matches_by_chance, plausible
+from ispom.estimators.modern.places import Place, Places, confirmed, in_sight, matches_by_chance, plausible
 from ispom.estimators.modern.rolling import late_px
-from ispom.features import sift
+from ispom.features.descriptors import match_near, on_lines
+from ispom.features.interfaces import Features
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
@@ -23,8 +24,6 @@ from ispom.solvers.multiview.rotation import rotate
 
 FEATURE_ERROR = 2.0
 """Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
-MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 MAX_OFF = 2.0
 """Deviations from an epipolar line, between key frames, beyond which a feature is another one."""
 MIN_SIGNIFICANCE = 1.0
@@ -55,7 +54,7 @@ class Recognised:
 
 
 def recognised(
-    setup: Setup, places: Places, extra: Array, new: NewImage, now: sift.Features, before: Place, turn: int
+    setup: Setup, places: Places, extra: Array, new: NewImage, now: Features, before: Place, turn: int
 ) -> tuple[Places, Recognised | None]:
     """The image that shows most of what the new one shows, if that is enough; and the places with what was described.
 
@@ -69,7 +68,7 @@ def recognised(
         described += sum(p.features is None for p in chosen)
         if described > MOST_DESCRIBED:
             break
-        chosen = [p.described() for p in chosen]
+        chosen = [p.described(setup.front_end.descriptor) for p in chosen]
         for one in chosen:
             places = places.with_features(one)
         found = _compared(setup, extra, chosen, new, now)
@@ -80,12 +79,12 @@ def recognised(
     return places, best
 
 
-def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, now: sift.Features) -> Recognised | None:
+def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, now: Features) -> Recognised | None:
     """The pose by resection from what the last of the places and the image show; None for too few points."""
     place, lens, sigma = places[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.sigma
     then = place.features
     assert then is not None
-    pairs = sift.match(then, now, MAX_RATIO)
+    pairs = setup.front_end.matcher.match(then, now)
     if len(pairs) < FEWEST or len(places) < 2:
         return None
     seen = [_seen(setup, extra, place, pairs[:, 0], other, sigma) for other in places]
@@ -99,11 +98,11 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
     near = found.camera_from_world.apply(xyz)
     expected = np.where(known[:, None], in_sight(setup.camera, near, lens.project(near)), np.nan)
     around_px = INLIER * FEATURE_ERROR * setup.loss_px
-    pairs = sift.match_near(then, now, expected, around_px, MIN_ALIKE)
+    pairs = match_near(setup.front_end.matcher, then, now, expected, around_px)
     xyz, uv = xyz[pairs[:, 0]], now.uv[pairs[:, 1]]
     found = refine_pose(xyz, lens.normalise(uv), found.camera_from_world, INLIER * sigma)
     good = np.zeros(len(pairs), bool) if found is None else _plausible(place, xyz, found)
-    chance = partial(matches_by_chance, then, now, expected, around_px)
+    chance = partial(matches_by_chance, setup.front_end.matcher, then, now, expected, around_px)
     if found is None or not confirmed(pairs[good, 0], expected, FEWEST, chance):
         return None
     kept, xyz, uv = pairs[good, 0], xyz[good], uv[good]
@@ -169,13 +168,8 @@ def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], ot
     lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
     lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
     out = np.full((len(index), 2), np.nan)
-    for start in range(0, len(index), sift.ROWS_AT_ONCE):
-        rows = slice(start, start + sift.ROWS_AT_ONCE)
-        alike = here.descriptors[index[rows]] @ there.descriptors.T
-        alike[np.abs(lines[rows] @ np.column_stack([y, np.ones(len(y))]).T) >= MAX_OFF * sigma] = -1
-        best = alike.argmax(axis=1)
-        found = alike[np.arange(len(alike)), best] > MIN_ALIKE
-        out[rows][found] = there.uv[best[found]]
+    pairs, _ = setup.front_end.matcher.match_where(here[index], there, on_lines(lines, y, MAX_OFF * sigma))
+    out[pairs[:, 0]] = there.uv[pairs[:, 1]]
     return out
 
 

@@ -17,7 +17,6 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import Followed, moving
 from ispom.estimators.modern.places import FEATURES, Place
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.features import sift
 from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
 from ispom.types import TrackStatus
@@ -32,8 +31,8 @@ def relocated(
         return state, world, None
     moved = moving(setup.camera, state.live.uv, state.live.speed)
     newest = Place.of(last_ns, last.inverse(), (grey,), None, moving=moved)
-    before = (state.places.at(last_ns) or newest).described()
-    now = sift.detect_and_describe(new.grey, FEATURES)
+    before = (state.places.at(last_ns) or newest).described(setup.front_end.descriptor)
+    now = setup.front_end.descriptor.detect_and_describe(new.grey, FEATURES)
     places, found = recognised(setup, state.places, world.extra, new, now, before, state.missed)
     state = replace(state, places=places)
     if found is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ispom.estimators.modern.motions import Follow
+from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array
 from ispom.types import Camera
 
@@ -44,6 +45,7 @@ class Setup:
     max_interval_s: float
     relocalise: bool
     follow: Follow
+    front_end: FrontEnd
 
     @property
     def noise(self) -> float:

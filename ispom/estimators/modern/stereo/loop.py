@@ -19,7 +19,7 @@ from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
-from ispom.features import sift
+from ispom.features.descriptors import SEARCH_SIDE_PX
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array
 from ispom.types import Step, Trajectory
@@ -90,13 +90,13 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
 
 
 def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> Sight:
-    found = sift.detect_and_describe(new.left, FEATURES)
+    found = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES)
     disparity = PointSearch().search(new.left, new.right, found.uv).disparity_px
     good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)
     xyz[good] = intersected(setup, world, points, motion)
-    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, motion), found.descriptors, xyz)
+    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, motion), found, xyz)
 
 
 def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], motion: Array) -> Array:
@@ -107,5 +107,5 @@ def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.f
 
 
 def eye_of(setup: Setup) -> Eye:
-    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / sift.SEARCH_SIDE_PX)
-    return Eye.of(setup.camera, error_px / setup.camera.fx, setup.baseline_m)
+    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / SEARCH_SIDE_PX)
+    return Eye.of(setup.camera, error_px / setup.camera.fx, setup.front_end.matcher, setup.baseline_m)

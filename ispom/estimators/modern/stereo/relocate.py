@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, matches_by_chance, plausible
+from ispom.estimators.modern.places import FEATURES, Place, confirmed, in_sight, matches_by_chance, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
-from ispom.features import sift
+from ispom.features.descriptors import match_near
+from ispom.features.interfaces import Features
 from ispom.features.patches import align
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
@@ -25,8 +26,6 @@ from ispom.solvers.multiview.resection import Resection, refine_pose, resect, re
 
 MIN_DISPARITY_PX = 1.0
 """Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
-MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 FEWEST = 8
 """Points that agree with a pose, from which the others that it tells where to look for are looked for."""
 AROUND = (8, 4, 2)
@@ -59,9 +58,9 @@ class Recognised:
 
 def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[ModernStereoState, Recognised | None]:
     """The key frame that shows most of what the pair shows, if it shows anything; and the state, with descriptions."""
-    now, best = sift.detect_and_describe(new.left, FEATURES), None
+    now, best = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES), None
     for place in state.places.alike(new.left, state.lost_pairs):
-        described = place.described()
+        described = place.described(setup.front_end.descriptor)
         if described is not place:
             state = replace(state, places=state.places.with_features(described))
         found = _compared(setup, state, described, new, now)
@@ -72,9 +71,7 @@ def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[Mo
     return state, best
 
 
-def _compared(
-    setup: Setup, state: ModernStereoState, place: Place, new: NewPair, now: sift.Features
-) -> Recognised | None:
+def _compared(setup: Setup, state: ModernStereoState, place: Place, new: NewPair, now: Features) -> Recognised | None:
     """The pose by resection from what both images show, and the points that agree with it; None for too few points.
 
     Resection is tried in two ways, as either may end where only points that lie close together agree: the right one
@@ -83,7 +80,7 @@ def _compared(
     assert place.features is not None
     points, descriptors, xyz = _intersected(setup, state, place, place.features)
     then, best = replace(place.features, uv=points.uv, descriptors=descriptors), None
-    pairs = sift.match(then, now, MAX_RATIO)
+    pairs = setup.front_end.matcher.match(then, now)
     left = state.map.left(setup.camera)
     for way in (resect, resect_optimised):
         found = _agreeing(setup, left, xyz, now.uv, pairs, way)
@@ -101,7 +98,7 @@ def _compared(
 
 
 def _looked_for(
-    setup: Setup, left: Lens, xyz: Array, then: sift.Features, now: sift.Features, pose: Pose
+    setup: Setup, left: Lens, xyz: Array, then: Features, now: Features, pose: Pose
 ) -> tuple[Pose, NDArray[np.int64], NDArray[np.bool_]] | None:
     """left_from_place by all that is found where a pose puts it: pairs (M, 2), and which (M,) agree; None for too few.
 
@@ -110,17 +107,17 @@ def _looked_for(
     for around in AROUND:
         near = pose.apply(xyz)
         expected = in_sight(setup.camera, near, left.project(near))
-        pairs = sift.match_near(then, now, expected, around * setup.max_error_px, MIN_ALIKE)
+        pairs = match_near(setup.front_end.matcher, then, now, expected, around * setup.max_error_px)
         found = _agreeing(setup, left, xyz, now.uv, pairs, partial(refine_pose, camera_from_world=pose))
         if found is None:
             return None
         pose, good = found
-    chance = partial(matches_by_chance, then, now, expected, AROUND[-1] * setup.max_error_px)
+    chance = partial(matches_by_chance, setup.front_end.matcher, then, now, expected, AROUND[-1] * setup.max_error_px)
     return (pose, pairs, good) if confirmed(pairs[good, 0], expected, FEWEST, chance) else None
 
 
 def _intersected(
-    setup: Setup, state: ModernStereoState, place: Place, features: sift.Features
+    setup: Setup, state: ModernStereoState, place: Place, features: Features
 ) -> tuple[PairPoints, NDArray[np.float32], Array]:
     """The features of a key frame that have a depth, their descriptors, and points (N, 3) in its left camera."""
     left, right = place.images

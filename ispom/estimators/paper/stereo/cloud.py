@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.paper.stereo.correspondence import Correspondences
 from ispom.estimators.paper.stereo.state import Cloud
-from ispom.features import sift
-from ispom.features.disparity import RowSearch
+from ispom.features.row_search import RowSearch
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.types import Image, Rig
 
@@ -20,6 +19,6 @@ def triangulated(rig: Rig, left: Image, right: Image, found: Correspondences) ->
     """The cloud, and which (N,) of the points are in it."""
     disparity, _ = RowSearch().disparity(left, right, found.features.uv)
     has_depth = disparity >= MIN_DISPARITY_PX
-    features = sift.Features(found.features.uv[has_depth], found.features.descriptors[has_depth])
+    features = found.features[has_depth]
     xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, features.uv, disparity[has_depth])
     return Cloud(left, found.ids[has_depth], features, disparity[has_depth], xyz), has_depth

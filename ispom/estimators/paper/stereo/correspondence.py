@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.paper.stereo.state import Cloud
-from ispom.features import sift
+from ispom.features.interfaces import Features
 from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import detect_corners
+from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.types import Image, TrackStatus
 
 Matching = Literal["sift", "klt"]
 REFINE = Klt(window_px=15, levels=0, max_forward_backward_px=0.3)
 """Detectors place a point anew in every image, tenths of a pixel beside itself; this finds the same place again."""
+MATCHER = replace(SIFT_MATCHER, max_ratio=0.9**2)
+"""Takes more of the ambiguous matches than usual: RANSAC finds the motion, and matches must fit it in depth, too."""
 MAX_REFINEMENT_PX = 1.0
 """A detector is off by tenths of a pixel: what is found farther away is another place."""
 
@@ -26,7 +29,7 @@ MAX_REFINEMENT_PX = 1.0
 class Correspondences:
     """Points of one left image, and how they go on from the reference."""
 
-    features: sift.Features
+    features: Features
     ids: NDArray[np.int64]
     previous: NDArray[np.int64]
     """(N,) index in the reference cloud, or -1."""
@@ -51,35 +54,33 @@ def correspondences(
 
 def _described(
     reference: Cloud | None, left: Image, most: int
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """SIFT features, matched and refined; points that were tracked, and have no descriptors, are tracked once more."""
-    features = sift.detect_and_describe(left, most)
+    features = SIFT.detect_and_describe(left, most)
     if reference is not None and not reference.features.described:
         return _followed(reference, left, lambda _: features)
     previous = np.full(len(features), -1, np.int64)
     if reference is None:
         return features, previous, np.zeros(0, np.uint8)
-    pairs, ended = sift.match(reference.features, features), np.full(len(reference), TrackStatus.UNMATCHED, np.uint8)
+    pairs, ended = MATCHER.match(reference.features, features), np.full(len(reference), TrackStatus.UNMATCHED, np.uint8)
     previous[pairs[:, 1]] = pairs[:, 0]
     ended[pairs[:, 0]] = TrackStatus.ALIVE
     return _refined(reference, left, features, pairs), previous, ended
 
 
-def _tracked(
-    reference: Cloud | None, left: Image, most: int
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+def _tracked(reference: Cloud | None, left: Image, most: int) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """Points tracked by KLT, and new corners between them."""
 
-    def between(uv: NDArray[np.float32]) -> sift.Features:
+    def between(uv: NDArray[np.float32]) -> Features:
         fresh = detect_corners(left, most - len(uv), uv)
-        return sift.Features(fresh, np.zeros((len(fresh), 0), np.float32))
+        return Features(fresh, np.zeros((len(fresh), 0), np.float32))
 
     return _followed(reference, left, between)
 
 
 def _followed(
-    reference: Cloud | None, left: Image, between: Callable[[NDArray[np.float32]], sift.Features]
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+    reference: Cloud | None, left: Image, between: Callable[[NDArray[np.float32]], Features]
+) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """The reference's points as KLT finds them, then new ones that are chosen knowing those."""
     uv, ended, previous = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int64)
     if reference is not None:
@@ -90,7 +91,7 @@ def _followed(
     return fresh.after(uv), np.concatenate([previous, np.full(len(fresh), -1, np.int64)]), ended
 
 
-def _refined(reference: Cloud, left: Image, features: sift.Features, pairs: NDArray[np.int64]) -> sift.Features:
+def _refined(reference: Cloud, left: Image, features: Features, pairs: NDArray[np.int64]) -> Features:
     """The features with matched ones moved to where the patch about their partner is found, if that is near."""
     detected = features.uv[pairs[:, 1]]
     found, status = REFINE.track(reference.grey, left, reference.features.uv[pairs[:, 0]], detected)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.features import sift
+from ispom.features.interfaces import Features
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import Image
@@ -19,7 +19,7 @@ class Cloud:
 
     grey: Image
     ids: NDArray[np.int64]
-    features: sift.Features
+    features: Features
     disparity_px: NDArray[np.float32]
     xyz_in_left: Array
 
