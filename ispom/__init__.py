@@ -24,6 +24,17 @@ if TYPE_CHECKING:
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig
     from ispom.evaluation.ate import aligned, ate_m
     from ispom.evaluation.metrics import errors
+    from ispom.features.descriptors import (
+        DescriptorTracker,
+        OpenCvFeatures,
+        SimilarityMatcher,
+        descriptor_front_end,
+        dot_product,
+        hamming_similarity,
+        match_near,
+    )
+    from ispom.features.front_ends import front_end, front_ends
+    from ispom.features.interfaces import Descriptor, Detector, Features, FrontEnd, Matcher, Tracker
     from ispom.features.klt import Klt
     from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity
@@ -59,6 +70,10 @@ _HOMES = {
     "ispom.estimator": "Estimator Integrator Method MethodConfig",
     "ispom.evaluation.ate": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
+    "ispom.features.descriptors": "DescriptorTracker OpenCvFeatures SimilarityMatcher descriptor_front_end dot_product "
+    "hamming_similarity match_near",
+    "ispom.features.front_ends": "front_end front_ends",
+    "ispom.features.interfaces": "Descriptor Detector Features FrontEnd Matcher Tracker",
     "ispom.features.klt": "Klt",
     "ispom.features.shi_tomasi": "detect_corners detect_spread",
     "ispom.geometry": "Pose Similarity",

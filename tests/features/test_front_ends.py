@@ -38,8 +38,8 @@ def pair() -> tuple[Image, Image]:
 
 
 def inner(uv: np.ndarray) -> np.ndarray:
-    """(N,) which points keep away from the border, where the moved image wraps around."""
-    return ((uv > 45) & (uv < np.array([320, 240]) - 45)).all(axis=1)
+    """The points that keep away from the border, where the moved image wraps around."""
+    return uv[((uv > 45) & (uv < np.array([320, 240]) - 45)).all(axis=1)]
 
 
 def test_detected_points_are_spread_and_keep_their_distance(front: FrontEnd, pair: tuple[Image, Image]) -> None:
@@ -57,9 +57,9 @@ def test_detected_points_are_spread_and_keep_their_distance(front: FrontEnd, pai
 
 def test_points_are_tracked(front: FrontEnd, pair: tuple[Image, Image]) -> None:
     uv = front.detector.detect(pair[0], COUNT, NOWHERE, DISTANCE_PX)
-    uv = uv[inner(uv)]
+    uv = inner(uv)
     for tracker in (front.tracker, front.guided):
-        found, status = tracker.track(*pair, uv, uv + 0.8 * SHIFT_PX)
+        found, status = tracker.track(*pair, uv, (uv + 0.8 * SHIFT_PX).astype(np.float32))
         assert found.shape == uv.shape and found.dtype == np.float32
         assert status.shape == uv.shape[:1] and status.dtype == np.uint8
         alive = status == TrackStatus.ALIVE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.estimators.modern.keyframe_database import most_crowded
 from ispom.estimators.modern.loops.sight import Sight
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
@@ -106,8 +107,7 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
     """
     if len(nodes) <= MAX_NODES:
         return nodes, loops
-    paths = np.array([n.path for n in nodes[: MAX_NODES - RECENT]])
-    gone = nodes[1 + int(np.argmin(paths[2:] - paths[:-2]))]
+    gone = nodes[most_crowded([n.path for n in nodes[: MAX_NODES - RECENT]])]
     parent = node_at(nodes, gone.parent_ns)
     way, covariance = step_between(parent, gone)
     down = Edge(0, 1, way, covariance)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.places import coarse
+from ispom.estimators.modern.keyframe_database import appearance_of
 from ispom.features.interfaces import Features, Matcher
 from ispom.geometry import Array
 from ispom.types import Camera, Image
@@ -25,7 +25,7 @@ class Sight:
     xyz: NDArray[np.float32]
     """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
     looks: NDArray[np.float32]
-    """See places.coarse."""
+    """See keyframe_database.appearance_of."""
     depth: float
     """Of half of what is seen; nan where nothing is."""
 
@@ -37,7 +37,7 @@ class Sight:
         if depth is None:
             known = points[np.isfinite(points[:, 2]), 2]
             depth = float(np.median(known)) if len(known) else float("nan")
-        return Sight(x.astype(np.float32), kept, points, coarse(grey).astype(np.float32), depth)
+        return Sight(x.astype(np.float32), kept, points, appearance_of(grey), depth)
 
     def features(self, fx: float) -> Features:
         """At the pixels of a camera without distortion, around its centre."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.places import confirmed, plausible
-from ispom.features.descriptors import each_once, near
+from ispom.estimators.modern.verification import Candidate, Verification, View
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.motion_only import fit_pose
-from ispom.solvers.multiview.resection import refine_pose, resect
 from ispom.solvers.pose_graph import FREEDOM
 
 FEWEST = 25
@@ -45,29 +42,19 @@ class Way:
 def way_between(eye: Eye, first: Sight, then: Sight, together: bool = False) -> Way | None:
     """The relative pose, where both show one place; `together`: the first one is what several key frames show."""
     known = first.with_depth()
-    before, now, xyz = known.features(eye.fx), then.features(eye.fx), known.xyz.astype(float)
-    limit, least = INLIER * eye.sigma, MATCHED_TOGETHER if together else MATCHED
-    pairs = eye.matcher.match(before, now)
-    found = resect(xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float), limit)
-    if found is None or _good(found.inliers, xyz[pairs[:, 0]], found.camera_from_world).sum() < least:
-        return None
-    expected = eye.in_sight(found.camera_from_world.apply(xyz))
-    found_near, similarity = eye.matcher.match_where(before, now, near(eye.fx * expected, now.uv, eye.fx * limit))
-    pairs = each_once(found_near, similarity)
-    points, x = xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float)
-    found = refine_pose(points, x, found.camera_from_world, limit)
+    xyz, limit, least = known.xyz.astype(float), INLIER * eye.sigma, MATCHED_TOGETHER if together else MATCHED
+    verification = Verification(eye.matcher, limit, (eye.fx * limit,), least, FEWEST, measure_chance=False)
+    # What several keyframes show of one point is expected, and found, as often as they show it.
+    candidate = Candidate(known.features(eye.fx), lambda index: xyz[index], repeated=together)
+    now = then.features(eye.fx)
+    view = View(now, lambda index: then.x[index].astype(float), lambda points: eye.fx * eye.in_sight(points))
+    found = verification.verify(candidate, view)
     if found is None:
         return None
-    good = _good(found.inliers, points, found.camera_from_world)
-    # What several show of one point is expected, and found, as often as they show it.
-    matched = found_near[:, 0] if together else pairs[good, 0]
-    if good.sum() < FEWEST or not confirmed(matched, expected, FEWEST):
-        return None
-    return _measured(eye, first, points[good], x[good], then.xyz[pairs[good, 1]].astype(float), found.camera_from_world)
-
-
-def _good(agreeing: NDArray[np.bool_], xyz: Array, pose: Pose) -> NDArray[np.bool_]:
-    return plausible(agreeing, xyz[:, 2], pose.apply(xyz)[:, 2])
+    seen = found.pairs[:, 1]
+    return _measured(
+        eye, first, found.xyz, then.x[seen].astype(float), then.xyz[seen].astype(float), found.camera_from_world
+    )
 
 
 def _measured(eye: Eye, first: Sight, xyz: Array, x: Array, own: Array, guess: Pose) -> Way | None:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
-from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
 from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
@@ -66,23 +66,23 @@ def next_state(
         state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
         state.covariance if outcome.covariance is None else outcome.covariance,
         state.settled.extended(outcome.settled),
-        _places(setup, state.places, outcome, new),
+        _database(setup, state.database, outcome, new),
         disagreeing=outcome.disagreeing,
     )
 
 
-def _places(setup: Setup, places: Places, outcome: Outcome, new: NewImage) -> Places:
-    """With what a key frame of the map saw, and the others' poses as they are now; none in a new segment."""
+def _database(setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage) -> KeyframeDatabase:
+    """With what a keyframe of the map saw, and the others' poses as they are now; none in a new segment."""
     world, pose = outcome.map, outcome.pose
     if outcome.restarted:
-        return Places()
+        return KeyframeDatabase()
     if world is None or pose is None or not outcome.key_frame:
-        return places
+        return database
     known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
     alive = outcome.followed.status == TrackStatus.ALIVE
     moved = moving(setup.camera, outcome.followed.uv[alive], outcome.followed.speed[alive])
-    return places.revised(known).with_place(
-        Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved)
+    return database.with_poses(known).with_keyframe(
+        Keyframe.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved)
     )
 
 

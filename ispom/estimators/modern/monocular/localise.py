@@ -21,7 +21,6 @@ from ispom.estimators.modern.monocular.tracks import (
     unrolled,
 )
 from ispom.estimators.modern.monocular.unplaced import Unplaced, with_unplaced
-from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
@@ -172,7 +171,7 @@ def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation
         return False
     near = found.motion.camera_from_world.apply(world.known(live.ids))
     near = near[np.isfinite(near[:, 0])]
-    shown = in_sight(setup.camera, near, Lens(setup.camera, world.extra).project(near))
+    shown = Lens(setup.camera, world.extra).in_image(near)
     if found.count < MOST * np.isfinite(shown[:, 0]).sum():
         return False
     return found.error_of(again.motion.camera_from_world) > TOO_FAR * found.error_of(found.motion.camera_from_world)

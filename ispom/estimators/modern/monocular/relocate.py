@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
 from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised
+from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised, resighted
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.sightings import resighted
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.tracks import Followed, moving
-from ispom.estimators.modern.places import FEATURES, Place
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
@@ -30,14 +29,14 @@ def relocated(
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, world, None
     moved = moving(setup.camera, state.live.uv, state.live.speed)
-    newest = Place.of(last_ns, last.inverse(), (grey,), None, moving=moved)
-    before = (state.places.at(last_ns) or newest).described(setup.front_end.descriptor)
+    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved)
+    before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
     now = setup.front_end.descriptor.detect_and_describe(new.grey, FEATURES)
-    places, found = recognised(setup, state.places, world.extra, new, now, before, state.missed)
-    state = replace(state, places=places)
+    database, found = recognised(setup, state.database, world.extra, new, now, before, state.missed)
+    state = replace(state, database=database)
     if found is None:
         return state, world, None
-    found = resighted(setup, places, world, found)
+    found = resighted(setup, database, world, found)
     joint, grown, again = _by_points(setup, state, world, new, found)
     return (joint, grown, again) if again.count >= SURE else (state, world, None)
 

@@ -52,7 +52,7 @@ def track_map(
             again = None
         if again is not None:
             state, world, found = other, grown, again
-        state = replace(state, places=other.places)
+        state = replace(state, database=other.database)
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     if again is None and found.agreeing:
         sights = (*state.sights, state.live.sight)

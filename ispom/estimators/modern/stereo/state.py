@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ispom.estimators.modern.places import Places
+from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop_state import StereoLoops
 from ispom.estimators.modern.stereo.pair import Sighting
@@ -24,7 +24,7 @@ class ModernStereoState:
     """Time, the key frame's time, left_from_key of every located pair."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """left_from_world of the key frames that have left the window."""
-    places: Places = Places()
+    database: KeyframeDatabase = KeyframeDatabase()
     """Where a lost pair is looked for."""
     loops: StereoLoops = StereoLoops()
     """Where a way came back, and what follows for the poses; all else here is odometry without it."""

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.places import confirmed, matches_by_chance
+from ispom.estimators.modern.verification import confirmed, matches_by_chance
 from ispom.features.descriptors import match_near
 from ispom.features.interfaces import Features
 from ispom.features.sift import SIFT_MATCHER
