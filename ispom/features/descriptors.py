@@ -61,7 +61,7 @@ class SimilarityMatcher:
 
     def match(self, a: Features, b: Features) -> NDArray[np.int64]:
         """See Matcher: mutual nearest neighbours that pass the ratio test."""
-        if len(a) < 2 or len(b) < 2:
+        if len(a) < 2 or len(b) < 2 or _differ(a, b):
             return np.zeros((0, 2), np.int64)
         to_b, clear = np.zeros(len(a), np.int64), np.zeros(len(a), bool)
         to_a, best_of_b, columns = np.zeros(len(b), np.int64), np.full(len(b), -np.inf, np.float32), np.arange(len(b))
@@ -82,7 +82,7 @@ class SimilarityMatcher:
     def match_where(self, a: Features, b: Features, allowed: Allowed) -> tuple[NDArray[np.int64], Array]:
         """See Matcher."""
         pairs, best = np.zeros((0, 2), np.int64), np.zeros(0)
-        for start in range(0, len(a) if len(b) else 0, ROWS_AT_ONCE):
+        for start in range(0, 0 if not len(b) or _differ(a, b) else len(a), ROWS_AT_ONCE):
             rows = slice(start, start + ROWS_AT_ONCE)
             similarity = self.similarity(a.descriptors[rows], b.descriptors)
             similarity[~allowed(rows)] = -1
@@ -92,6 +92,11 @@ class SimilarityMatcher:
             pairs = np.concatenate([pairs, np.stack([start + np.flatnonzero(good), nearest[good]], axis=1)])
             best = np.concatenate([best, score[good]])
         return pairs, best
+
+
+def _differ(a: Features, b: Features) -> bool:
+    """Whether they are of two kinds, as where a fork chose another front end: then nothing matches."""
+    return a.descriptors.shape[1] != b.descriptors.shape[1]
 
 
 def near(expected: Array, uv: Array, distance_px: float) -> Allowed:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.features import orb, sift
@@ -21,6 +23,8 @@ KLT = FrontEnd(
     sift.SIFT_MATCHER,
 )
 """The default."""
+CORNERS = replace(KLT, name="corners", detector=ShiTomasi(spread=False), tracker=Klt(levels=4), guided=Klt(levels=4))
+"""The default of the paper's method: the strongest corners, tracked to and fro."""
 PATCHES = FrontEnd(
     "patches",
     "Shi & Tomasi 1994; Baker & Matthews 2004; recognition by SIFT",
@@ -34,7 +38,7 @@ REGISTRY = Registry(
     "ispom.front_ends",
     FrontEnd,
     "front end",
-    (KLT, PATCHES, sift.FRONT_END, orb.FRONT_END),
+    (KLT, CORNERS, PATCHES, sift.FRONT_END, orb.FRONT_END),
     "or install the package that adds it",
 )
 """Entry points of this group name a FrontEnd, or a function that returns one."""

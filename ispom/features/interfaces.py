@@ -55,7 +55,8 @@ class Detector(Protocol):
     ) -> NDArray[np.float32]:
         """Returns new points (M, 2) [px], spread over the image, that bring the number of points to about `count`.
 
-        None is nearer than `min_distance_px` to another one, or to those that are `occupied` (N, 2) [px].
+        None is nearer than `min_distance_px` to another one, or to those that are `occupied` (N, 2) [px], before its
+        position is refined.
         """
         ...
 

@@ -32,7 +32,10 @@ SECOND = np.array([1.0, -2.0, 1.0], np.float32)
 
 @dataclass(frozen=True)
 class ShiTomasi:
-    """A Detector, see `detect_spread`."""
+    """A Detector, see `detect_spread` and `detect_corners`."""
+
+    spread: bool = True
+    """Over the image; else the strongest corners are taken wherever they are."""
 
     def detect(
         self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
@@ -40,7 +43,9 @@ class ShiTomasi:
         """See interfaces.Detector."""
         if not grey.size:
             return np.zeros((0, 2), np.float32)
-        return detect_spread(grey, count, occupied, min_distance_px)
+        if self.spread:
+            return detect_spread(grey, count, occupied, min_distance_px)
+        return detect_corners(grey, count - len(occupied), occupied, min_distance_px)
 
 
 def detect_spread(

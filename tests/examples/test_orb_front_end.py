@@ -42,4 +42,4 @@ def test_an_unknown_one_is_refused_with_all_names(installed: Path, recording: Pa
     words = ("-m", "ispom_app", "run", recording, "--methods", "monocular", "--out", tmp_path / "run")
     found = python(installed, *words, "--monocular.features", "surf")
     assert found.returncode == 2 and found.stderr.count("\n") == 1
-    assert all(name in found.stderr for name in ("surf", "klt", "patches", "sift", "orb", NAME))
+    assert all(name in found.stderr for name in ("surf", "klt", "corners", "patches", "sift", "orb", NAME))

@@ -48,6 +48,8 @@ class Keyframe:
     """Of one camera with a rolling shutter: where tracks were (M, 2) [px], and how fast (M, 2) [px/s]."""
     features: Features | None = None
     """Of the first image, at the camera's pixels, once they were needed."""
+    descriptor: Descriptor | None = None
+    """That made the features: after a fork it may be another one."""
 
     @staticmethod
     def of(
@@ -77,12 +79,15 @@ class Keyframe:
         return (uv + 0.5) * self.reduction - 0.5
 
     def described(self, descriptor: Descriptor) -> Keyframe:
-        """With its features."""
-        if self.features is not None:
+        """With features of this kind."""
+        if self.is_described(descriptor):
             return self
         found = descriptor.detect_and_describe(self.images[0], FEATURES)
         uv = ((found.uv + 0.5) / self.reduction - 0.5).astype(np.float32)
-        return replace(self, features=replace(found, uv=uv))
+        return replace(self, features=replace(found, uv=uv), descriptor=descriptor)
+
+    def is_described(self, descriptor: Descriptor) -> bool:
+        return self.features is not None and self.descriptor == descriptor
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +116,9 @@ class KeyframeDatabase:
 
     def with_features(self, keyframe: Keyframe) -> KeyframeDatabase:
         """With the features of this one, which is one of them; as they are, where it is not."""
+        found = {"features": keyframe.features, "descriptor": keyframe.descriptor}
         return KeyframeDatabase(
-            tuple(
-                replace(p, features=keyframe.features) if p.time_ns == keyframe.time_ns else p for p in self.keyframes
-            )
+            tuple(replace(k, **found) if k.time_ns == keyframe.time_ns else k for k in self.keyframes)
         )
 
     def at(self, time_ns: int) -> Keyframe | None:

@@ -65,7 +65,7 @@ def recognised(
     others = KeyframeDatabase(tuple(k for k in database.keyframes if k.time_ns != before.time_ns))
     for keyframe in (before, *others.query(new.grey, turn)):
         chosen = [*database.neighbours(keyframe.time_ns), database.at(keyframe.time_ns) or keyframe]
-        described += sum(k.features is None for k in chosen)
+        described += sum(not k.is_described(setup.front_end.descriptor) for k in chosen)
         if described > MOST_DESCRIBED:
             break
         chosen = [k.described(setup.front_end.descriptor) for k in chosen]

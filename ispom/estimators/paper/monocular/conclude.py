@@ -10,19 +10,22 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.state import MonocularState, Revision
 from ispom.estimators.paper.monocular.tracks import Followed
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
-from ispom.features.shi_tomasi import detect_corners
+from ispom.features.interfaces import Detector
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Landmarks, Status, Step, Trajectory, VideoFrame, colours_at
 
+CORNER_DISTANCE_PX = 8.0
+"""Least distance of a new corner from other points: two thirds of a tracking window."""
+
 
 def corners_for(
-    window: KeyFrameWindow, grey: Image, followed: Followed, time_ns: int, max_tracks: int
+    detector: Detector, window: KeyFrameWindow, grey: Image, followed: Followed, time_ns: int, max_tracks: int
 ) -> NDArray[np.float32]:
     """New corners (M, 2) [px] at a key frame; none else."""
     if not window.is_key(time_ns):
         return np.zeros((0, 2), np.float32)
     alive = followed.uv[followed.alive]
-    return detect_corners(grey, max_tracks - len(alive), alive)
+    return detector.detect(grey, max_tracks, alive, CORNER_DISTANCE_PX)
 
 
 def next_state(

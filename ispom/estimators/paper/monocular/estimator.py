@@ -28,7 +28,9 @@ from ispom.estimators.paper.monocular.state import MonocularState, Revision
 from ispom.estimators.paper.monocular.tracks import follow
 from ispom.estimators.paper.monocular.triples import triple_of
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.settings import Range
+from ispom.features.front_ends import CORNERS, front_end, front_ends
+from ispom.features.interfaces import FrontEnd
+from ispom.settings import Choices, Range
 from ispom.solvers.multiview.triple import ScaleTransfer
 from ispom.solvers.trajectory.interpolation import Interpolation
 from ispom.stopwatch import Stopwatch
@@ -51,6 +53,8 @@ class MonocularConfig:
     """Key frames adjusted together."""
     interpolation: Interpolation = "bspline"
     """First guess of positions between key frames; rotations are interpolated spherically."""
+    features: Annotated[str, Choices(front_ends)] = CORNERS.name
+    """What finds and tracks points: corners (the strongest, as published), klt, patches, sift, orb, or a package's."""
     max_tracks: Annotated[int, Range(50, 2000)] = 400
     """Points tracked at a time."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.5
@@ -86,7 +90,7 @@ class Monocular:
         assert isinstance(exposure, VideoFrame)
         watch, config, camera = Stopwatch(), self.config, self.rig.camera("video")
         grey = as_grey(exposure.image)
-        followed = follow(state, grey)
+        followed = follow(self._front_end.tracker, state, grey)
         frame = followed.frame(camera, exposure.time_ns)
         watch.lap("track")
         located = resected(state.window, frame, self._limit)
@@ -102,11 +106,17 @@ class Monocular:
             revision = revision.telling(
                 checks.OUTLIERS.of(before.alive.sum() - followed.alive.sum(), before.alive.sum())
             )
-        fresh = corners_for(revision.window, grey, followed, exposure.time_ns, config.max_tracks)
+        fresh = corners_for(
+            self._front_end.detector, revision.window, grey, followed, exposure.time_ns, config.max_tracks
+        )
         kept = config.bundle_key_frames if config.local_bundle else KEY_FRAMES
         after, settled = next_state(state, grey, followed, fresh, revision, camera, kept)
         watch.lap("new points")
         return after, as_step(exposure, after, followed, fresh, revision, settled, watch.seconds)
+
+    @property
+    def _front_end(self) -> FrontEnd:
+        return front_end(self.config.features)
 
     @property
     def _limit(self) -> float:

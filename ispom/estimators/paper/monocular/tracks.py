@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.resection import Resected
 from ispom.estimators.paper.monocular.state import MonocularState, Revision
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.features.klt import Klt
+from ispom.features.interfaces import Tracker
 from ispom.types import Camera, Image, Tracks, TrackStatus
 
 
@@ -58,9 +58,9 @@ class Followed:
         )
 
 
-def follow(state: MonocularState, grey: Image) -> Followed:
-    """By pyramidal KLT, checked forward and backward; nothing in the first image."""
+def follow(tracker: Tracker, state: MonocularState, grey: Image) -> Followed:
+    """Tracks the points of the previous image into the new one; none into the first."""
     uv, status = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
     if state.grey is not None:
-        uv, status = Klt(levels=4).track(state.grey, grey, state.uv)
+        uv, status = tracker.track(state.grey, grey, state.uv)
     return Followed(state.ids, state.uv, uv, status, np.full(len(status), np.nan, np.float32))
