@@ -65,6 +65,10 @@ class ScenePoints:
         """Index (K,) of each id, -1 where there is no such point."""
         return places(self.ids, ids)
 
+    def count(self, ids: NDArray[np.int64]) -> int:
+        """How many of the ids (K,) are points."""
+        return int(np.count_nonzero(self.places(ids) >= 0))
+
     def merged(self, newer: ScenePoints) -> ScenePoints:
         """Both, the newer position where both have one."""
         kept = ~np.isin(self.ids, newer.ids)

@@ -29,8 +29,8 @@ STEP_QUANTITIES = step_quantities()
 """In the order of the columns of steps.csv."""
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
-MOMENTARY = ("key_frame", "restarted")
-"""Flags that are true at one exposure: another method's step does not find them true again."""
+MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "joins": None}
+"""Of one frame: another method's step does not report them again."""
 USUAL_STEPS = 10.0
 """Over about so many steps the usual one is an exponential mean."""
 MOTION: Mapping[str, tuple[str, str]] = {
@@ -124,7 +124,7 @@ def _number(value: Value) -> float | None:
 
 def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:
     """At a later exposure: what happened at one is over."""
-    return {**values, **dict.fromkeys(MOMENTARY, False)} if any(values.get(key) for key in MOMENTARY) else values
+    return {**values, **MOMENTARY} if any(values.get(key) for key in MOMENTARY) else values
 
 
 def by_method(steps: Iterable[Step]) -> dict[str, Step]:

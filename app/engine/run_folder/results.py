@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -58,7 +57,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
             entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
-        segments = list(_segments(trajectory, statistics.segments_ns(method)))
+        segments = list(_segments(trajectory, statistics.segments(method)))
         if len(segments) > 1:
             entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
         stereo = registered(method).asks.get("stereo")
@@ -68,18 +67,24 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
     return json_text(report, 2)
 
 
-def trajectory_files(method: str, trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[tuple[str, str]]:
+def trajectory_files(
+    method: str, trajectory: Trajectory, starts: Sequence[tuple[int, int]]
+) -> Iterator[tuple[str, str]]:
     """Names and contents: all poses, and where segments begin, the poses of each by itself."""
     yield trajectory_file(method), tum_text(trajectory)
-    segments = list(_segments(trajectory, starts_ns))
+    segments = list(_segments(trajectory, starts))
     for number, segment in enumerate(segments if len(segments) > 1 else (), 1):
         yield segment_file(method, number), tum_text(segment)
 
 
-def _segments(trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[Trajectory]:
-    """The parts that no observation joins to each other: those between the starts that have poses."""
-    for begin, end in pairwise([*starts_ns, np.iinfo(np.int64).max]):
-        part = trajectory.select((trajectory.times_ns >= begin) & (trajectory.times_ns < end))
+def _segments(trajectory: Trajectory, starts: Sequence[tuple[int, int]]) -> Iterator[Trajectory]:
+    """The parts that no observation joins to each other, each of one world: those that have poses."""
+    if not starts:
+        return
+    begin_ns, worlds = np.array(starts, np.int64).T
+    world = worlds[np.maximum(np.searchsorted(begin_ns, trajectory.times_ns, side="right") - 1, 0)]
+    for number in np.unique(worlds):
+        part = trajectory.select(world == number)
         if len(part):
             yield part
 

@@ -22,8 +22,9 @@ class RunStatistics:
     """By method: the time for each frame [ms]."""
     lost: dict[str, int] = field(default_factory=dict)
     located: dict[str, int] = field(default_factory=dict)
-    starts_ns: dict[str, list[int]] = field(default_factory=dict)
-    """By method: where its segments begin, those in which it is never located included."""
+    starts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    """By method, of each segment: where it begins [ns], and the number of the first one whose world and unit it has;
+    segments in which it is never located included."""
     skipped: list[str] = field(default_factory=list)
     """What was wrong with each frame that was skipped; of a run that goes on at most one in a hundred."""
     images: Any = field(default_factory=hashlib.sha256)
@@ -36,20 +37,25 @@ class RunStatistics:
             self.images.update(np.ascontiguousarray(image))
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
-            self.count(step.method, step.time_ns, 1000 * sum(step.seconds.values()), step.status, step.restarted)
+            ms = 1000 * sum(step.seconds.values())
+            self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins)
 
-    def count(self, method: str, time_ns: int, ms: float, status: str, restarted: bool) -> None:
+    def count(
+        self, method: str, time_ns: int, ms: float, status: str, restarted: bool, joins: int | None = None
+    ) -> None:
         """One frame of one method."""
         self.ms.setdefault(method, array("f")).append(ms)
         self.lost[method] = self.lost.get(method, 0) + (status == Status.LOST)
         self.located[method] = self.located.get(method, 0) + (status == Status.TRACKING)
-        starts_ns = self.starts_ns.setdefault(method, [time_ns])
-        if restarted and time_ns > starts_ns[-1]:
-            starts_ns.append(time_ns)
+        starts = self.starts.setdefault(method, [(time_ns, 0)])
+        if restarted and time_ns > starts[-1][0]:
+            starts.append((time_ns, len(starts)))
+        if joins is not None and 0 <= joins < len(starts):
+            starts[-1] = (starts[-1][0], starts[joins][1])
 
-    def segments_ns(self, method: str) -> list[int]:
-        """Where the segments of a method begin; none where it was never located, as held poses say nothing."""
-        return self.starts_ns.get(method, []) if self.located.get(method) else []
+    def segments(self, method: str) -> list[tuple[int, int]]:
+        """See `starts`; none where it was never located, as held poses say nothing."""
+        return self.starts.get(method, []) if self.located.get(method) else []
 
     def entry(self, method: str) -> dict[str, Any]:
         """As metrics.json has it."""

@@ -72,7 +72,8 @@ def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
             time_ns, ms = int(row["time_ns"]), 1000 * float(row["seconds"])
             if abs(time_ns) > MAX_TIME_S * 10**9 or not 0 <= ms < math.inf:
                 continue
-            statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1")
+            joins = int(row["joins"]) if row.get("joins") else None
+            statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1", joins)
     return statistics
 
 

@@ -56,7 +56,7 @@ def write_results(
     playback, sequence = job.playback, job.playback.sequence
     for method in job.methods:
         found = in_frame(finished.trajectories[method], sequence.rig, job.options.frame, playback.unit_m(method))
-        for name, text in trajectory_files(method, found, statistics.segments_ns(method)):
+        for name, text in trajectory_files(method, found, statistics.segments(method)):
             job.folder.write(name, text)
     end_ns = int(sequence.times_ns[-1])
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)

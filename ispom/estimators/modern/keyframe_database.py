@@ -50,6 +50,8 @@ class Keyframe:
     """Of the first image, at the camera's pixels, once they were needed."""
     descriptor: Descriptor | None = None
     """That made the features: after a fork it may be another one."""
+    segment: int = 0
+    """The segment in whose world its pose is."""
 
     @staticmethod
     def of(
@@ -59,6 +61,7 @@ class Keyframe:
         covariance: Array | None,
         motion: Array | None = None,
         moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
+        segment: int = 0,
     ) -> Keyframe:
         """With the images reduced where they are large."""
         height, width = images[0].shape
@@ -67,7 +70,8 @@ class Keyframe:
             size = (round(width * reduction), round(height * reduction))
             # At every keyframe, so it must be quick; by less than half, hence without much aliasing.
             images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
-        return Keyframe(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, motion, moving)
+        reduction = images[0].shape[1] / width
+        return Keyframe(time_ns, camera_from_world, images, reduction, covariance, motion, moving, segment=segment)
 
     @cached_property
     def appearance(self) -> NDArray[np.float32]:
@@ -124,11 +128,12 @@ class KeyframeDatabase:
     def at(self, time_ns: int) -> Keyframe | None:
         return next((p for p in self.keyframes if p.time_ns == time_ns), None)
 
-    def neighbours(self, time_ns: int) -> tuple[Keyframe, ...]:
-        """Some before this time; those after it, where there are none."""
-        i = sum(p.time_ns < time_ns for p in self.keyframes)
-        index = [i - k for k in NEIGHBOURS if i >= k] or [i + k for k in NEIGHBOURS if i + k < len(self.keyframes)]
-        return tuple(self.keyframes[j] for j in sorted(index))
+    def neighbours(self, keyframe: Keyframe) -> tuple[Keyframe, ...]:
+        """Returns some of the same segment before a keyframe; those after it, where there are none."""
+        same = [k for k in self.keyframes if k.segment == keyframe.segment]
+        i = sum(k.time_ns < keyframe.time_ns for k in same)
+        index = [i - n for n in NEIGHBOURS if i >= n] or [i + n for n in NEIGHBOURS if i + n < len(same)]
+        return tuple(same[j] for j in sorted(index))
 
     def query(self, grey: Image, turn: int) -> tuple[Keyframe, ...]:
         """Returns the newest keyframe, and of the others CANDIDATES that look most like an image: at each

@@ -129,7 +129,7 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
     nees, held = [], np.zeros((POSE + LENS, POSE + LENS))
     held[:POSE, :POSE] = np.diag([0.0, 0.0, 0.0, unsure_rad, unsure_rad, unsure_rad])
     root = Spread(held, np.zeros((POINTS, POSE + LENS)), 1.0)
-    known = MapUncertainty((0,), np.arange(POINTS), np.zeros((POINTS, 3, POSE + LENS)), root, np.eye(6), 0, 0)
+    known = MapUncertainty((0,), np.arange(POINTS), np.zeros((POINTS, 3, POSE + LENS)), root, np.eye(6), 0, 0, 0)
     for seed in range(40):
         twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())

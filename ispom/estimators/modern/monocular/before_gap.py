@@ -35,7 +35,7 @@ def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> Moder
     world = with_key_frame(setup, replace(world, relative_frames=others), frame).map
     world, settled = shortened(world, live.ids, setup.key_frames)
     moved = moving(setup.camera, live.uv, live.speed)
-    keyframe = Keyframe.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved)
-    return replace(
-        state, map=world, settled=state.settled.extended(settled), database=state.database.with_keyframe(keyframe)
+    database = state.database.with_keyframe(
+        Keyframe.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
     )
+    return replace(state, map=world, settled=state.settled.extended(settled), database=database)

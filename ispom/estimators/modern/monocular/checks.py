@@ -183,6 +183,17 @@ EXPLAINED_SHARE = Check(
     fails="No map yet: the best hypothesis explains {value:.0%} of the points ({threshold:.0%} needed).",
     topic="map",
 )
+SCALE_KNOWN = Check(
+    "scale_known",
+    "scale uncertainty grown over the window",
+    "requirement",
+    UNIT,
+    "<=",
+    "%",
+    passes="The scale's uncertainty grew by {value} % over the window (limit {threshold} %).",
+    fails="The scale is lost: its uncertainty grew by {value} % over the window (limit {threshold} %).",
+    topic="scale",
+)
 UNIT_POINTS = Check(
     "unit_points",
     "points that transfer the scale",
@@ -239,6 +250,7 @@ CHECKS = by_key(
     SECOND_MOTION,
     WIDER,
     LARGER,
+    SCALE_KNOWN,
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,

@@ -39,6 +39,7 @@ def next_state(
 ) -> ModernMonocularState:
     """With the fresh corners in the map or the start, and the tracks that are alive."""
     world, start, live, sights = outcome.map, outcome.start, state.live, state.sights
+    segments, segment = _segment(state, outcome)
     if len(fresh):
         ids, late = live.next_id + np.arange(len(fresh), dtype=np.int64), _late(setup, outcome, fresh)
         x = setup.camera.normalise(fresh - late)
@@ -56,25 +57,47 @@ def next_state(
     moved = [(new.time_ns, outcome.pose)] if outcome.pose is not None else []
     if state.map is None and world is not None:
         moved = sorted(world.trajectory(), key=lambda item: item[0])
+    database = _database(setup, state.database, outcome, new, segment)
+    # Another world says nothing of the motion from the last pose.
+    recent = moved if outcome.restarted and moved else [*state.recent, *moved]
     return ModernMonocularState(
-        live,
-        sights,
-        start,
-        world,
-        tuple([*state.recent, *moved][-2:]),
-        outcome.missed,
-        state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
-        state.covariance if outcome.covariance is None else outcome.covariance,
-        state.settled.extended(outcome.settled),
-        _database(setup, state.database, outcome, new),
+        live=live,
+        sights=sights,
+        start=start,
+        map=world,
+        recent=tuple(recent[-2:]),
+        missed=outcome.missed,
+        uncertainty=state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
+        depth_sigmas=_depth_sigmas(setup, state, outcome),
+        covariance=state.covariance if outcome.covariance is None else outcome.covariance,
+        settled=state.settled.extended(outcome.settled),
+        database=database,
+        segments=segments,
+        segment=segment,
         disagreeing=outcome.disagreeing,
     )
 
 
-def _database(setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage) -> KeyframeDatabase:
-    """With what a keyframe of the map saw, and the others' poses as they are now; none in a new segment."""
+def _depth_sigmas(setup: Setup, state: ModernMonocularState, outcome: Outcome) -> tuple[float, ...]:
+    if outcome.map is None or outcome.restarted:
+        return ()
+    new = () if outcome.uncertainty is None else (outcome.uncertainty.depth_sigma,)
+    return (*state.depth_sigmas, *new)[-setup.key_frames :]
+
+
+def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
+    """After a frame: how many segments have begun, and the first one that has the world of its pose."""
+    if not outcome.restarted:
+        return state.segments, state.segment
+    return state.segments + 1, state.segments if outcome.segment is None else outcome.segment
+
+
+def _database(
+    setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage, segment: int
+) -> KeyframeDatabase:
+    """With what a keyframe of the map saw, and the others' poses as they are now."""
     world, pose = outcome.map, outcome.pose
-    if outcome.restarted:
+    if outcome.restarted and outcome.start is not None and outcome.start.lost is None:
         return KeyframeDatabase()
     if world is None or pose is None or not outcome.key_frame:
         return database
@@ -82,7 +105,7 @@ def _database(setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: N
     alive = outcome.followed.status == TrackStatus.ALIVE
     moved = moving(setup.camera, outcome.followed.uv[alive], outcome.followed.speed[alive])
     return database.with_poses(known).with_keyframe(
-        Keyframe.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved)
+        Keyframe.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved, segment=segment)
     )
 
 
@@ -117,6 +140,7 @@ def as_step(
         seconds,
         outcome.decisions,
         restarted=outcome.restarted,
+        joins=outcome.segment,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
         calibration=_calibration(setup, after),
         other_motion=_told(outcome),

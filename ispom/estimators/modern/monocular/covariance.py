@@ -46,6 +46,9 @@ class MapUncertainty:
     """Deviation of the logarithm of the last step's length, between key frames, in the unit that the map holds."""
     step_scale_sigma: float
     """The same against the step before; `scale_sigma` where there is none."""
+    depth_sigma: float
+    """Median deviation of the logarithm of the depth of the points that the last key frame sees, in the unit that the
+    map holds, but for what each point is off by itself; infinite where it sees none."""
 
     @staticmethod
     def of(
@@ -58,13 +61,15 @@ class MapUncertainty:
         spread = curved.spread(sigma, shared)
         all_poses = spread.root @ spread.root.T
         last = slice(POSE * (c - 1), POSE * c)
+        by_poses = -(curved.found.conditional[young] @ curved.found.mixed[young])
         return MapUncertainty(
             key_times_ns,
             ids[young],
-            -(curved.found.conditional[young] @ curved.found.mixed[young]),
+            by_poses,
             replace(spread, pulls=spread.pulls[young]),
             all_poses[last, last],
             *_of_steps(window, all_poses),
+            _of_depths(window, window.points[young], by_poses, spread.root),
         )
 
     @property
@@ -112,6 +117,21 @@ class MapUncertainty:
         slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
         both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
         return own @ (of_map @ of_map.T + self.spread.wider * (slopes.T @ slopes + both + both.T)) @ own
+
+
+def _of_depths(window: Window, xyz: Array, by_poses: Array, root: Array) -> float:
+    """Median deviation of the logarithm of the depth of points (M, 3) in the last camera, which move with poses and
+    corrections by `by_poses` (M, 3, D)."""
+    rotation, last = window.rotations[-1], POSE * (len(window.rotations) - 1)
+    near = xyz @ rotation.T + window.translations[-1]
+    rows = np.einsum("k,mkd->md", rotation[2], by_poses)
+    # A left twist of the camera's pose moves the point by rho + phi x near.
+    rows[:, last + 2] += 1
+    rows[:, last + 3] += near[:, 1]
+    rows[:, last + 4] -= near[:, 0]
+    front = near[:, 2] > 0
+    sigmas = np.linalg.norm(rows[front] / near[front, 2:] @ root, axis=1)
+    return float(np.median(sigmas)) if len(sigmas) else np.inf
 
 
 def _inverse(held: Array, bent: Array) -> Array:

@@ -18,7 +18,7 @@ from ispom.estimators.modern.monocular.motion_model import coasted
 from ispom.estimators.modern.monocular.other_motion import with_other_motion
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
-from ispom.estimators.modern.monocular.track_map import track_map
+from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
@@ -112,7 +112,8 @@ class ModernMonocular:
             state = state.placed_anew(*sight)
         watch.lap("track")
         if state.map is None:
-            outcome = begin(setup, state, new)
+            state, found = found_after_loss(setup, state, new)
+            outcome = begin(setup, state, new) if found is None else found
             watch.lap("start")
         else:
             state, outcome = track_map(setup, state, state.map, new, watch)

@@ -16,6 +16,7 @@ from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFr
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, NEWEST, Start, poses_held
+from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
@@ -182,7 +183,8 @@ def _trial(
     unit = 1.0 if start.speed is None else start.speed * seconds
     end = start.base @ second_from_first.inverse().scaled(unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
-    state = Map(pair, ScenePoints(), None, sigma, extra_sigma=start.extra_sigma, noise=start.noise)
+    noise = TrackNoise() if start.lost is None else start.lost.noise
+    state = Map(pair, ScenePoints(), None, sigma, extra_sigma=start.extra_sigma, noise=noise)
     state, enough = _with_points(state, ids, sigma), max(MIN_POINTS, MIN_SHARE * len(ids))
     if len(state.points.ids) < enough:
         return None

@@ -64,7 +64,9 @@ def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: Ne
         return replace(outcome, decisions=decisions)
     frame = tracked_frame(setup.camera, live, followed, new.time_ns)
     begun = new_start(setup, state, frame, followed, outcome.pose, None, decisions)
-    return replace(begun, status=Status.INITIALISING, other_motion=other)
+    assert begun.start is not None
+    # What keyframes showed stands still in another world than what is followed now.
+    return replace(begun, start=replace(begun.start, lost=None), status=Status.INITIALISING, other_motion=other)
 
 
 def other_motion(

@@ -54,17 +54,24 @@ class Recognised:
 
 
 def recognised(
-    setup: Setup, database: KeyframeDatabase, extra: Array, new: NewImage, now: Features, before: Keyframe, turn: int
+    setup: Setup,
+    database: KeyframeDatabase,
+    extra: Array,
+    new: NewImage,
+    now: Features,
+    before: Keyframe | None,
+    turn: int,
 ) -> tuple[KeyframeDatabase, Recognised | None]:
     """The image that shows most of what the new one shows, if that is enough; and the database with what was described.
 
-    Of the last one located, `before`, and some keyframes, at each `turn` others. `extra` (2,) is the lens's correction,
-    `now` are the features of the new image.
+    Of the last one located, `before`, if there is one, and some keyframes, at each `turn` others. `extra` (2,) is the
+    lens's correction, `now` are the features of the new image.
     """
     best, described = None, 0
-    others = KeyframeDatabase(tuple(k for k in database.keyframes if k.time_ns != before.time_ns))
-    for keyframe in (before, *others.query(new.grey, turn)):
-        chosen = [*database.neighbours(keyframe.time_ns), database.at(keyframe.time_ns) or keyframe]
+    first = () if before is None else (before,)
+    others = KeyframeDatabase(tuple(k for k in database.keyframes if k.time_ns not in {b.time_ns for b in first}))
+    for keyframe in (*first, *others.query(new.grey, turn)):
+        chosen = [*database.neighbours(keyframe), database.at(keyframe.time_ns) or keyframe]
         described += sum(not k.is_described(setup.front_end.descriptor) for k in chosen)
         if described > MOST_DESCRIBED:
             break

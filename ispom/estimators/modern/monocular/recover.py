@@ -10,10 +10,10 @@ import numpy as np
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.motion_model import coasted, coasted_covariance, speed_of
 from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
-from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
+from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame, unrolled
-from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
 from ispom.geometry import Pose
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
@@ -32,8 +32,10 @@ def recover(
     frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
     last_ns, last = state.recent[-1]
     before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(unrolled(setup.camera, state.live)), last)
-    turn = None if state.missed else turned(before, frame, setup.sigma)
-    if turn is not None:
+    turn = turned(before, frame, setup.sigma)
+    # As for a keyframe: later there may be no tracks left that tell how the camera has turned.
+    leaving = before.common(frame) < setup.min_share * len(before.ids)
+    if turn is not None and (leaving or state.missed >= PATIENCE):
         because, held = turn
         return new_start(setup, state, frame, followed, held, held, (*failed, _lost(because)))
     # From a dark or covered lens no map can start.
@@ -76,8 +78,17 @@ def new_start(
     assert world is not None
     coasting = None if held is not None else partial(coasted, state.recent)
     covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
-    joined = held is not None
-    parts = speed_of(world), world.points, setup.extra_sigma, covariance, coasting, joined, world.noise
-    start = Start((frame,), base, *parts)
+    joined = held is not None and world.points.count(frame.ids) >= MIN_SHARED
+    start = Start(
+        (frame,),
+        base,
+        speed=speed_of(world),
+        points=world.points,
+        extra_sigma=setup.extra_sigma,
+        covariance=covariance,
+        coasting=coasting,
+        joined=joined,
+        lost=replace(world, keys=(), points=ScenePoints(), prior=None, relative_frames=()),
+    )
     settled = tuple(world.trajectory())
     return Outcome(followed, Status.LOST, held, start=start, decisions=because, settled=settled, restarted=not joined)

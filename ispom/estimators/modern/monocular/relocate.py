@@ -2,43 +2,83 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
-from ispom.estimators.modern.monocular.first_map import anchored_prior
+from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
-from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.map import Map, views
 from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised, resighted
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
-from ispom.estimators.modern.monocular.tracks import Followed, moving
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, moving
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
+from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from ispom.types import TrackStatus
+
+HELD_SHARE = 1e-3
+"""Of a track's deviation: how closely the first keyframe is held where it is the world, so that no digits are lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relocated:
+    """A frame located from an image of an earlier keyframe, with the state and map that it is located in."""
+
+    state: ModernMonocularState
+    map: Map
+    found: Localisation
+    segment: int
+    """That of the keyframe."""
 
 
 def relocated(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage
-) -> tuple[ModernMonocularState, Map, Localisation | None]:
-    """The frame located from an image that shows what it shows, and the state and map in which it is; else None."""
+) -> tuple[ModernMonocularState, Relocated | None]:
+    """Finds the frame in the last located image and in keyframes; the state is the one before, with what was
+    described."""
     (last_ns, last), grey = state.recent[-1], state.live.grey
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
-        return state, world, None
+        return state, None
     moved = moving(setup.camera, state.live.uv, state.live.speed)
-    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved)
+    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved, segment=state.segment)
     before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
+    return _relocated(setup, state, world, new, before, state.missed)
+
+
+def relocated_after_loss(
+    setup: Setup, state: ModernMonocularState, new: NewImage
+) -> tuple[ModernMonocularState, Relocated | None]:
+    """Finds a frame in the keyframes of the segments before, while a new map is still to begin."""
+    start, live = state.start, state.live
+    if start is None or start.lost is None or not setup.relocalise or not state.database.keyframes:
+        return state, None
+    if live.grey is None or not has_contrast(new.grey, live.grey):
+        return state, None
+    # The tracks since the loss belong to the map that was to begin, and so do guessed poses.
+    none = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
+    other = replace(state, live=none, settled=state.settled.extended(start.held if start.joined else ()))
+    new = replace(new, scene=np.zeros((0, 3)))
+    before, found = _relocated(setup, other, start.lost, new, None, len(start.frames))
+    return replace(state, database=before.database), found
+
+
+def _relocated(
+    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, before: Keyframe | None, turn: int
+) -> tuple[ModernMonocularState, Relocated | None]:
     now = setup.front_end.descriptor.detect_and_describe(new.grey, FEATURES)
-    database, found = recognised(setup, state.database, world.extra, new, now, before, state.missed)
+    database, found = recognised(setup, state.database, world.extra, new, now, before, turn)
     state = replace(state, database=database)
     if found is None:
-        return state, world, None
+        return state, None
     found = resighted(setup, database, world, found)
     joint, grown, again = _by_points(setup, state, world, new, found)
-    return (joint, grown, again) if again.count >= SURE else (state, world, None)
+    place, _ = found.views[-1]
+    return state, Relocated(joint, grown, again, place.segment) if again.count >= SURE else None
 
 
 def _by_points(
@@ -110,6 +150,37 @@ def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
     poses = tuple(p.camera_from_world.inverse() for p in places)
     keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
+    near = places[-1].camera_from_world.apply(found.xyz)
     # In the unit of the cost, in which a loss as wide as before any data stands for errors of `noise`.
-    prior = anchored_prior(poses, world.extra_sigma, (world.loss / setup.noise) ** 2 * known, 0.0)
+    widened = world.loss / setup.noise
+    prior = prior_of_keyframes(
+        poses, world.extra_sigma, widened**2 * known, widened * setup.noise, float(np.median(near[:, 2]))
+    )
     return replace(world, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())
+
+
+def prior_of_keyframes(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, sigma: float, depth: float) -> Prior:
+    """Holds keyframes to each other as an earlier adjustment left them: they carry the unit, however near they are.
+
+    Args:
+        poses: world_from_camera of each.
+        extra_sigma: (2,) deviations of the camera's correction; 0 holds it.
+        first: (6, 6) covariance of the first pose, twist on the left of camera_from_world.
+        sigma: of a track, normalised: each turn is known to that, against the first, and each place to that of `depth`.
+        depth: of the points that they saw.
+    """
+    rotations, translations = views(poses)
+    size = POSE * len(poses) + LENS
+    hessian = np.zeros((size, size))
+    hessian[:POSE, :POSE] = np.linalg.inv(
+        first + sigma**2 * np.diag([(HELD_SHARE * depth) ** 2] * 3 + [HELD_SHARE**2] * 3)
+    )
+    information = np.diag([(sigma * depth) ** -2.0] * 3 + [sigma**-2.0] * 3)
+    for i, pose in enumerate(poses[1:], 1):
+        moved = np.zeros((POSE, size))
+        moved[:, POSE * i : POSE * (i + 1)] = np.eye(POSE)
+        moved[:, :POSE] = -(pose.inverse() @ poses[0]).adjoint
+        hessian += moved.T @ information @ moved
+    hessian[size - LENS :, size - LENS :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
+    sandwich = Sandwich(hessian, hessian / LOSS**2)
+    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size), sandwich=sandwich)

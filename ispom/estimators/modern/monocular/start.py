@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import TURN_LOSS
-from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
@@ -43,10 +43,10 @@ class Start:
     coasting: Callable[[int], Pose] | None = None
     """The pose that goes on from before a loss, by time, for as long as nothing is seen."""
     joined: bool = True
-    """Whether what was seen tells at least how the reference is turned against the frames before; where it does not,
-    what begins there is a segment of its own."""
-    noise: TrackNoise = TrackNoise()
-    """Of the tracks before a loss."""
+    """Whether tracks tell how the reference is turned against the frames before, and points of the map before a loss
+    what the unit is; where they do not, what begins there is a segment of its own."""
+    lost: Map | None = None
+    """The map before a loss, without its keyframes and points: frames may still be found in what they showed."""
     sights: tuple[Sight, ...] = ()
     """What the frames but the last one showed; none unless the shutter rolls."""
     earlier: tuple[TrackedFrame, ...] = ()
@@ -98,13 +98,14 @@ class Start:
         base = last.world_from_camera or self.base
         # Of frames in which nothing was seen no pose is told: there is nothing to be joined to.
         shared = len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED
+        same_unit = self.lost is None or self.points.count(frame.ids) >= MIN_SHARED
         if len(ids) >= MIN_SHARED:
             turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * sigma)
             base = Pose(base.rotation @ turn.T, base.translation)
         elif self.coasting is not None and len(self.frames) == 1:
             base = self.coasting(frame.time_ns)
         frames = (replace(frame, world_from_camera=base),)
-        new = replace(self, frames=frames, base=base, joined=self.joined and shared)
+        new = replace(self, frames=frames, base=base, joined=self.joined and shared and same_unit)
         if not shared:
             return replace(new, earlier=(), passed=PersistentList()), self.held
         return replace(new, earlier=(*self.earlier, *self.frames)).limited(), ()

@@ -34,12 +34,18 @@ class ModernMonocularState:
     """Frames since the last pose."""
     uncertainty: MapUncertainty | None = None
     """Of the map, since the last key frame."""
+    depth_sigmas: tuple[float, ...] = ()
+    """`uncertainty.depth_sigma` at the last key frames, as many as the window has."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
     database: KeyframeDatabase = KeyframeDatabase()
     """Where a lost frame is looked for."""
+    segments: int = 1
+    """How many have begun."""
+    segment: int = 0
+    """The first one that has the world of the last pose."""
     loops: Loops = Loops()
     """Where a way came back, and what follows for the poses; all else here is odometry without it."""
     disagreeing: Disagreeing = Disagreeing()
@@ -76,7 +82,10 @@ class Outcome:
     start: Start | None = None
     key_frame: bool = False
     restarted: bool = False
-    """Its place is the coasted or the last one: no observation joins what begins here to the frames before."""
+    """A segment begins here: no observation tells where it is, how it is turned, or what its unit is against the
+    frames before."""
+    segment: int | None = None
+    """The earlier segment in whose world the frame was found; None where it stays in its own."""
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
     """(N,) of the tracks followed; NaN where one took no part."""

@@ -22,7 +22,7 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recognise import FEWEST
 from ispom.estimators.modern.monocular.recover import recover
-from ispom.estimators.modern.monocular.relocate import relocated
+from ispom.estimators.modern.monocular.relocate import relocated, relocated_after_loss
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, WIDTH, Setup
 from ispom.estimators.modern.monocular.shutter import by_motions
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
@@ -31,6 +31,11 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Status, TrackStatus
 
+MAX_SCALE_GROWTH = 0.3
+"""Deviation of the logarithm of the unit, grown within the window, beyond which it is lost: by a factor of 1.35 either
+way two parts of a path are no longer of one size."""
+LASTING = 3
+"""Keyframes in a row at which it must be lost."""
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 
@@ -47,12 +52,13 @@ def track_map(
     known = np.count_nonzero(world.points.places(state.live.ids) >= 0)
     if not found.agreeing or found.count < MOST * known:
         tracked = len(state.live.ids)
-        other, grown, again = relocated(setup, state, world, new)
-        if again is not None and (again.count <= found.count or contradicted(setup, state.live, world, found, again)):
+        state, again = relocated(setup, state, world, new)
+        if again is not None and (
+            again.found.count <= found.count or contradicted(setup, state.live, world, found, again.found)
+        ):
             again = None
         if again is not None:
-            state, world, found = other, grown, again
-        state = replace(state, database=other.database)
+            state, world, found = again.state, again.map, again.found
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     if again is None and found.agreeing:
         sights = (*state.sights, state.live.sight)
@@ -62,19 +68,13 @@ def track_map(
     decisions = (*decisions, located)
     if found.motion is None or not found.agreeing:
         return state, recover(setup, state, new, found.followed, decisions)
-    frame, residual_px = _without_outliers(setup, state, world, new, found)
-    assert state.uncertainty is not None and frame.world_from_camera is not None
+    frame, outcome = _in_map(setup, state, world, new, found, decisions)
     tests = key_frame_tests(setup, world, frame)
+    outcome = replace(outcome, decisions=(*decisions, *tests))
+    if again is not None and again.segment != state.segment:
+        outcome = replace(outcome, restarted=True, segment=again.segment)
+    assert state.uncertainty is not None and frame.world_from_camera is not None
     watch.lap("locate")
-    outcome = Outcome(
-        found.followed,
-        Status.TRACKING,
-        frame.world_from_camera,
-        world,
-        decisions=(*decisions, *tests),
-        residual_px=residual_px,
-        compared=found.compared,
-    )
     # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
     if again is None and not any(test.passed for test in tests):
         seen = found.ids, found.xyz, found.seen, found.motion
@@ -84,7 +84,62 @@ def track_map(
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
+    known = _scale_known(state, outcome)
+    if known is not None:
+        outcome = replace(outcome, decisions=(*outcome.decisions, known), restarted=not known.passed)
     return state, outcome
+
+
+def _scale_known(state: ModernMonocularState, outcome: Outcome) -> Decision | None:
+    """Whether the keyframe still knows the map's unit, as well as keyframes of the window did; None where there were
+    none, or the frame was found again, which begins another window."""
+    if len(state.depth_sigmas) < LASTING or outcome.uncertainty is None or outcome.restarted:
+        return None
+    # Where few points are left, keyframes that follow may still tell the unit.
+    now = min(outcome.uncertainty.depth_sigma, *state.depth_sigmas[1 - LASTING :])
+    grown = now**2 - min(state.depth_sigmas) ** 2
+    return checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH)
+
+
+def found_after_loss(
+    setup: Setup, state: ModernMonocularState, new: NewImage
+) -> tuple[ModernMonocularState, Outcome | None]:
+    """Goes on in the world of a segment before a loss, where the frame shows what one of its keyframes did.
+
+    Also gives the state from which the frame was followed, as `track_map` does.
+    """
+    state, again = relocated_after_loss(setup, state, new)
+    if again is None:
+        return state, None
+    decisions = (
+        checks.DESCRIBED_POINTS.of(len(again.state.live.ids), FEWEST),
+        checks.POSE_POINTS.of(again.found.count, SURE),
+    )
+    frame, outcome = _in_map(setup, again.state, again.map, new, again.found, decisions)
+    outcome = replace(outcome, restarted=True, segment=again.segment)
+    return again.state, _key_frame(setup, outcome, again.map, frame, again.state.live.ids)
+
+
+def _in_map(
+    setup: Setup,
+    state: ModernMonocularState,
+    world: Map,
+    new: NewImage,
+    found: Localisation,
+    decisions: tuple[Decision, ...],
+) -> tuple[TrackedFrame, Outcome]:
+    """The frame with its pose, and the outcome as long as it is no keyframe."""
+    frame, residual_px = _without_outliers(setup, state, world, new, found)
+    outcome = Outcome(
+        found.followed,
+        Status.TRACKING,
+        frame.world_from_camera,
+        world,
+        decisions=decisions,
+        residual_px=residual_px,
+        compared=found.compared,
+    )
+    return frame, outcome
 
 
 def _without_outliers(

@@ -50,12 +50,23 @@ def test_a_stretch_that_nothing_joins_is_measured_by_itself() -> None:
     assert "segments" not in told(Status.TRACKING, restarted=False)["methods"]["monocular"]
 
 
+def test_a_segment_found_to_be_of_an_earlier_ones_world_is_one_with_it() -> None:
+    statistics = RunStatistics()
+    for i in range(COUNT):
+        statistics.count("monocular", i, 5.0, Status.TRACKING, i in (10, FROM), 0 if i == FROM else None)
+    assert statistics.segments("monocular") == [(0, 0), (10, 1), (FROM, 0)]
+    written = dict(trajectory_files("monocular", way(0.0), statistics.segments("monocular")))
+    lines = written["monocular.tum"].splitlines()[-COUNT:]
+    assert written["monocular_segment_1.tum"].splitlines()[-10 - COUNT + FROM :] == [*lines[:10], *lines[FROM:]]
+    assert written["monocular_segment_2.tum"].splitlines()[-10:] == lines[10:FROM]
+
+
 def test_stretches_that_nothing_joins_have_files_of_their_own(tmp_path: Path) -> None:
-    written = dict(trajectory_files("monocular", way(2.0), [0, FROM]))
+    written = dict(trajectory_files("monocular", way(2.0), [(0, 0), (FROM, 1)]))
     assert list(written) == ["monocular.tum", "monocular_segment_1.tum", "monocular_segment_2.tum"]
     parts = [written[name].splitlines()[-FROM:] for name in list(written)[1:]]
     assert [line for part in parts for line in part] == written["monocular.tum"].splitlines()[-COUNT:]
-    assert list(dict(trajectory_files("monocular", way(0.0), [0]))) == ["monocular.tum"]
+    assert list(dict(trajectory_files("monocular", way(0.0), [(0, 0)]))) == ["monocular.tum"]
     # A run that was killed leaves them in a folder that the next one may use.
     with RunFolder(tmp_path / "run") as folder:
         for name, text in written.items():
