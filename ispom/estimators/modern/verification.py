@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.features.descriptors import each_once, match_near, near
-from ispom.features.interfaces import Features, Matcher
-from ispom.geometry import Array, Pose
+from ispom.features.descriptors import each_once, match_near, near, on_lines
+from ispom.features.interfaces import Allowed, Features, Matcher
+from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 
 MIN_SHARE = 0.25
@@ -129,6 +129,16 @@ class Verified:
     """(M, 2) features of the candidate and of the image that agree with the pose."""
     xyz: Array
     """(M, 3) their points."""
+
+
+def on_epipolar_lines(motion: Pose, x: Array, y: Array, distance: float) -> Allowed:
+    """Allows points y (M, 2) of a second camera near the epipolar lines of points x (N, 2) of a first one.
+
+    `motion` is second_from_first, coordinates and `distance` are normalised.
+    """
+    lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
+    lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
+    return on_lines(lines, y, distance)
 
 
 def _agreeing(candidate: Candidate, xyz: Array, found: Resection) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.estimators.modern.keyframe_database import most_crowded
-from ispom.estimators.modern.loops.sight import Sight
+from ispom.estimators.modern.loops.relative_pose import DescribedPoints
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
@@ -38,7 +38,7 @@ class Node:
     """Length of the way up to here."""
     corrected: Similarity
     """world_from_node, with the loops."""
-    sight: Sight
+    sight: DescribedPoints
     seen: bool = True
     """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
     step: Pose | None = None

@@ -10,8 +10,8 @@ import numpy as np
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, covariance_at, seen_again
-from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
-from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.output_correction import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
@@ -31,11 +31,11 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma, setup.front_end.matcher), None
+    camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.sigma, setup.front_end.matcher), None
     if outcome.key_frame and after.map is not None:
         joined = before.start is None or before.start.joined
         key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)
-    loops, decisions = seen_again(before.loops, eye, key, len(after.settled))
+    loops, decisions = seen_again(before.loops, camera, key, len(after.settled))
     step = replace(step, decisions=(*step.decisions, *decisions))
     if loops.closed:
         loops, step = _corrected(loops, after, step)
@@ -91,8 +91,8 @@ def _depth(world: Map, pose: Pose) -> float:
     return float(np.median(near)) if len(near) else float("nan")
 
 
-def _sight(setup: Setup, lens: Lens, followed: Followed, grey: Image, depth: float) -> Sight:
+def _sight(setup: Setup, lens: Lens, followed: Followed, grey: Image, depth: float) -> DescribedPoints:
     """Of a rolling shutter where the middle row would have seen the features, which move as the nearest tracks do."""
     found = setup.front_end.descriptor.detect_and_describe(grey, FEATURES)
     uv = found.uv - late_px(lens.camera, found.uv, speed_where(followed, found.uv))
-    return Sight.of(grey, lens.normalise(uv), found, depth=depth)
+    return DescribedPoints.of(grey, lens.normalise(uv), found, depth=depth)

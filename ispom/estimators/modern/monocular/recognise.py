@@ -15,10 +15,9 @@ from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import nearest_speed
 from ispom.estimators.modern.rolling import late_px
-from ispom.estimators.modern.verification import Candidate, Verification, View
-from ispom.features.descriptors import on_lines
+from ispom.estimators.modern.verification import Candidate, Verification, View, on_epipolar_lines
 from ispom.features.interfaces import Features
-from ispom.geometry import Array, Pose, skew
+from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.rotation import rotate
 
@@ -162,10 +161,9 @@ def _seen(
     motion = other.camera_from_world @ place.camera_from_world.inverse()
     both = at_middle(setup, place, here.uv[index]), at_middle(setup, other, there.uv)
     x, y = (corrected(setup.camera.normalise(uv), extra) for uv in both)
-    lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
-    lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
     out = np.full((len(index), 2), np.nan)
-    pairs, _ = setup.front_end.matcher.match_where(here[index], there, on_lines(lines, y, MAX_OFF * sigma))
+    allowed = on_epipolar_lines(motion, x, y, MAX_OFF * sigma)
+    pairs, _ = setup.front_end.matcher.match_where(here[index], there, allowed)
     out[pairs[:, 0]] = there.uv[pairs[:, 1]]
     return out
 

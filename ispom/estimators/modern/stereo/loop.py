@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
-from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
-from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.output_correction import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.rolling import steady
-from ispom.estimators.modern.stereo.loop_state import StereoLoops
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
+from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome, StereoLoops
 from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
 from ispom.features.descriptors import SEARCH_SIDE_PX
 from ispom.features.row_search import PointSearch
@@ -35,7 +34,7 @@ def with_loops(
     after, loops = outcome.after, before.loops
     settled = after.settled.part(len(before.settled), len(after.settled))
     key = _key_frame_seen(setup, outcome, new) if outcome.key_frame else None
-    seen, decisions = seen_again(loops.loops, eye_of(setup), key, len(after.poses))
+    seen, decisions = seen_again(loops.loops, loop_camera(setup), key, len(after.poses))
     loops = replace(loops.with_settled(settled), loops=seen)
     step = replace(step, decisions=(*step.decisions, *decisions))
     if seen.closed:
@@ -89,14 +88,14 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
     )
 
 
-def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> Sight:
+def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> DescribedPoints:
     found = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES)
     disparity = PointSearch().search(new.left, new.right, found.uv).disparity_px
     good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)
     xyz[good] = intersected(setup, world, points, motion)
-    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, motion), found, xyz)
+    return DescribedPoints.of(new.left, _at_middle(setup, found.uv, disparity, motion), found, xyz)
 
 
 def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], motion: Array) -> Array:
@@ -106,6 +105,6 @@ def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.f
     return setup.shutter.at_middle(seen, motion, setup.baseline_m)[:, :2]
 
 
-def eye_of(setup: Setup) -> Eye:
+def loop_camera(setup: Setup) -> LoopCamera:
     error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / SEARCH_SIDE_PX)
-    return Eye.of(setup.camera, error_px / setup.camera.fx, setup.front_end.matcher, setup.baseline_m)
+    return LoopCamera.of(setup.camera, error_px / setup.camera.fx, setup.front_end.matcher, setup.baseline_m)

@@ -1,4 +1,4 @@
-"""Points of the left image that the reference's left image shows as well: by descriptors, or by tracking."""
+"""Points of the left image that the reference's left image shows as well, and the cloud of those with a depth."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.stereo.state import Cloud
 from ispom.features.interfaces import Features
 from ispom.features.klt import Klt
+from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_corners
 from ispom.features.sift import SIFT, SIFT_MATCHER
-from ispom.types import Image, TrackStatus
+from ispom.solvers.multiview.triangulation import points_from_disparity
+from ispom.types import Image, Rig, TrackStatus
 
 Matching = Literal["sift", "klt"]
 REFINE = Klt(window_px=15, levels=0, max_forward_backward_px=0.3)
@@ -23,6 +25,9 @@ MATCHER = replace(SIFT_MATCHER, max_ratio=0.9**2)
 """Takes more of the ambiguous matches than usual: RANSAC finds the motion, and matches must fit it in depth, too."""
 MAX_REFINEMENT_PX = 1.0
 """A detector is off by tenths of a pixel: what is found farther away is another place."""
+
+MIN_DISPARITY_PX = 1.0
+"""A smaller disparity says no more than that the point is far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,3 +104,12 @@ def _refined(reference: Cloud, left: Image, features: Features, pairs: NDArray[n
     uv = features.uv.copy()
     uv[pairs[near, 1]] = found[near]
     return replace(features, uv=uv)
+
+
+def triangulated(rig: Rig, left: Image, right: Image, found: Correspondences) -> tuple[Cloud, NDArray[np.bool_]]:
+    """The cloud, and which (N,) of the points are in it."""
+    disparity, _ = RowSearch().disparity(left, right, found.features.uv)
+    has_depth = disparity >= MIN_DISPARITY_PX
+    features = found.features[has_depth]
+    xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, features.uv, disparity[has_depth])
+    return Cloud(left, found.ids[has_depth], features, disparity[has_depth], xyz), has_depth

@@ -12,9 +12,8 @@ from typing import Annotated
 import numpy as np
 
 from ispom.estimators.paper import checks
-from ispom.estimators.paper.stereo.cloud import triangulated
 from ispom.estimators.paper.stereo.conclude import Outcome, as_step
-from ispom.estimators.paper.stereo.correspondence import Matching, correspondences
+from ispom.estimators.paper.stereo.correspondence import Matching, correspondences, triangulated
 from ispom.estimators.paper.stereo.rigid_transformation import CommonPoints, common_points, transformation
 from ispom.estimators.paper.stereo.state import Cloud, StereoState
 from ispom.geometry import Pose
