@@ -65,7 +65,7 @@ def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
     assert np.mean(worst) < 1.0, "of 3 m"
 
 
-def test_without_noise_the_relative_pose_two_sights_is_exact() -> None:
+def test_without_noise_the_relative_pose_of_two_keyframes_is_exact() -> None:
     rng = np.random.default_rng(0)
     facades = Facades.seeded(0)
     first, then = (facades.seen_from(Pose(translation=np.array([x, 0.0, 10.0 + x])), rng) for x in (0.0, 1.0))

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ispom.estimators.modern.loops.loops import Loops
+from ispom.estimators.modern.loops.loops import Loops, covariance_at
 from ispom.geometry import Array, Pose, Similarity, slerp
-from ispom.types import Landmarks, Trajectory
+from ispom.types import Step, Trajectory
 
 AT_ONCE = 200
 """Poses told anew in one exposure."""
@@ -57,13 +57,34 @@ def next_range(loops: Loops, poses: int) -> tuple[Loops, range]:
     return replace(loops, told=start, left=loops.left - (stop - start)), range(start, stop)
 
 
-def landmarks_at(landmarks: Landmarks, correction: Similarity) -> Landmarks:
-    return replace(landmarks, xyz_in_world=correction.apply(landmarks.xyz_in_world))
+def corrected_step(
+    loops: Loops,
+    step: Step,
+    earlier: list[tuple[int, Pose]],
+    odometry: tuple[Pose, Array, float] | None,
+    camera_from_frame: Pose,
+) -> Step:
+    """Returns a Step of the odometry in the world as the loops make it, with earlier poses revised.
 
-
-def in_frame(covariance: Array, camera_from_frame: Pose, scale: float) -> Array:
-    """(6, 6) of world_from_frame's right twist in the corrected unit, from (7, 7) of world_from_camera's in its own."""
-    way = camera_from_frame.inverse().adjoint
-    own = way @ covariance[:6, :6] @ way.T
-    unit = np.diag(np.repeat([scale, 1.0], 3))
-    return unit @ own @ unit
+    `odometry`: world_from_camera, its covariance (6, 6), and the variance of ln scale; None where that is not known.
+    """
+    newest, correction = loops.correction, Correction.of(loops)
+    earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
+    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
+    pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
+    if pose is not None:
+        pose = newest.apply_pose(pose)
+        if odometry is not None:
+            own = covariance_at(loops, *odometry)
+            back = camera_from_frame.inverse().adjoint
+            scale = np.diag(np.repeat([newest.scale, 1.0], 3))
+            covariance = scale @ (back @ own[:6, :6] @ back.T) @ scale
+            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
+    return replace(
+        step,
+        world_from_frame=pose,
+        covariance=covariance,
+        landmarks=replace(step.landmarks, xyz_in_world=newest.apply(step.landmarks.xyz_in_world)),
+        revised=correction.of_trajectory(revised),
+        scale_sigma=scale_sigma,
+    )

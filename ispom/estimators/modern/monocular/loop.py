@@ -9,8 +9,8 @@ import numpy as np
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
-from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, covariance_at, seen_again
-from ispom.estimators.modern.loops.output_correction import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
+from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
 from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import FEATURE_ERROR
@@ -48,29 +48,14 @@ def corrected(loops: Loops, poses: Trajectory) -> Trajectory:
 
 
 def _corrected(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[Loops, Step]:
-    newest, correction = loops.correction, Correction.of(loops)
-    seen, again = next_range(loops, len(after.settled))
+    loops, again = next_range(loops, len(after.settled))
     earlier = after.settled.part(again.start, again.stop)
     if after.map is not None and any(d.key == LOOP_SHIFT.key for d in step.decisions):
         earlier += after.map.trajectory()
-    earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
-    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
-    pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
-    if pose is not None:
-        if step.covariance is not None:
-            variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-            own = covariance_at(seen, pose, step.covariance, variance)
-            covariance = in_frame(own, Pose(), newest.scale)
-            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
-        pose = newest.apply_pose(pose)
-    return seen, replace(
-        step,
-        world_from_frame=pose,
-        covariance=covariance,
-        landmarks=landmarks_at(step.landmarks, newest),
-        revised=correction.of_trajectory(revised),
-        scale_sigma=scale_sigma,
-    )
+    odometry, variance = None, 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+    if step.world_from_frame is not None and step.covariance is not None:
+        odometry = step.world_from_frame, step.covariance, variance
+    return loops, corrected_step(loops, step, earlier, odometry, Pose())
 
 
 def _key_frame_seen(

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
-from ispom.estimators.modern.loops.output_correction import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, seen_again
+from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
 from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
@@ -48,29 +48,15 @@ def corrected(loops: StereoLoops, poses: Trajectory) -> Trajectory:
 
 
 def _corrected(setup: Setup, loops: StereoLoops, after: ModernStereoState, step: Step) -> tuple[StereoLoops, Step]:
-    newest = loops.loops.correction
-    correction = Correction.of(loops.loops)
     seen, again = next_range(loops.loops, len(after.poses))
     earlier = [
         (t, (pose @ loops.key_pose(after.map, key)).inverse() @ setup.left_from_rig)
         for t, key, pose in after.poses.part(again.start, again.stop)
-        if t < step.time_ns
     ]
-    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
-    pose, covariance = step.world_from_frame, None
-    if pose is not None:
-        if after.last.covariance is not None:
-            own = covariance_at(seen, after.last.left_from_world.inverse(), after.last.covariance, 0.0)
-            covariance = in_frame(own, setup.left_from_rig, 1.0)
-        pose = newest.apply_pose(pose)
-    step = replace(
-        step,
-        world_from_frame=pose,
-        covariance=covariance,
-        landmarks=landmarks_at(step.landmarks, newest),
-        revised=correction.of_trajectory(revised),
-    )
-    return replace(loops, loops=seen), step
+    last, odometry = after.last, None
+    if last.covariance is not None:
+        odometry = last.left_from_world.inverse(), last.covariance, 0.0
+    return replace(loops, loops=seen), corrected_step(seen, step, earlier, odometry, setup.left_from_rig)
 
 
 def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSeen:
