@@ -18,8 +18,8 @@ def main() -> int:
         return 2
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
-        from ispom.simulation.cache import anything_rendered
-        from ispom.simulation.process import render_pool
+        from ispom.simulation.rendering.cache import anything_rendered
+        from ispom.simulation.rendering.process import render_pool
 
         if not anything_rendered():
             render_pool().start()
@@ -39,7 +39,7 @@ def main() -> int:
 
 def _end_rendering() -> None:
     """Ends the processes that render. Without this, Python waits at its end for an image that nobody needs."""
-    if (process := sys.modules.get("ispom.simulation.process")) is not None:
+    if (process := sys.modules.get("ispom.simulation.rendering.process")) is not None:
         process.render_pool().end()
 
 

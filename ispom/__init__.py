@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ispom.ensemble import Ensemble, build
     from ispom.errors import InputError
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig
-    from ispom.evaluation.ate import aligned, ate_m
     from ispom.evaluation.metrics import errors
+    from ispom.evaluation.trajectory_error import aligned, ate_m
     from ispom.features.descriptors import (
         DescriptorTracker,
         OpenCvFeatures,
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from ispom.persistent_list import PersistentList
     from ispom.sequences import open_sequence
     from ispom.settings import Range
+    from ispom.solvers.localisation import resect
     from ispom.solvers.multiview.essential import relative_pose
-    from ispom.solvers.multiview.resection import resect
     from ispom.solvers.trajectory.alignment import umeyama
     from ispom.testing import check_estimator
     from ispom.types import (
@@ -68,7 +68,7 @@ _HOMES = {
     "ispom.ensemble": "Ensemble build",
     "ispom.errors": "InputError",
     "ispom.estimator": "Estimator Integrator Method MethodConfig",
-    "ispom.evaluation.ate": "aligned ate_m",
+    "ispom.evaluation.trajectory_error": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
     "ispom.features.descriptors": "DescriptorTracker OpenCvFeatures SimilarityMatcher descriptor_front_end dot_product "
     "hamming_similarity match_near",
@@ -82,7 +82,7 @@ _HOMES = {
     "ispom.sequences": "open_sequence",
     "ispom.settings": "Range",
     "ispom.solvers.multiview.essential": "relative_pose",
-    "ispom.solvers.multiview.resection": "resect",
+    "ispom.solvers.localisation": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
     "ispom.testing": "check_estimator",
     "ispom.types": "Camera Check Decision Exposure Landmarks Rig Sequence Status Step StereoPair Tracks TrackStatus "

@@ -15,9 +15,9 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo import checks as stereo_checks
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.paper import checks as paper_checks
-from ispom.estimators.paper.integrated.estimator import IntegratedConfig
-from ispom.estimators.paper.monocular.estimator import MonocularConfig
-from ispom.estimators.paper.stereo.estimator import StereoConfig
+from ispom.estimators.paper.integrated import IntegratedConfig
+from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.registry import Registry
 from ispom.types import Kind, Rig
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ispom.child import end_with_parent
 from ispom.compiled_code import mark_complete
 from ispom.ensemble import build
-from ispom.estimators.paper.monocular.estimator import MonocularConfig
+from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.geometry import Array, Pose
 from ispom.methods import Config, default_methods
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame

@@ -11,7 +11,7 @@ from keyword import iskeyword
 from typing import get_args
 
 from ispom.errors import InputError
-from ispom.estimators.program import ProgramConfig, program_method
+from ispom.estimators.program.estimator import ProgramConfig, program_method
 from ispom.methods import add, names
 from ispom.types import Kind
 

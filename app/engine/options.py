@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from ispom.calibration.tracked.opened import refined
+from ispom.calibration.tracked.opened import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
@@ -76,7 +76,7 @@ class SourceOptions:
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images tell where it has no
         calibration; InputError where that cannot be, or may not."""
-        return refined(self.opened(source, policy))
+        return self_calibrated(self.opened(source, policy))
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""

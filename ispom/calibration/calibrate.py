@@ -10,25 +10,21 @@ from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
-from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
-from ispom.calibration.adjust.start import start_of, with_views
+from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve, start_of, with_views
 from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
-from ispom.calibration.detection import Detection
-from ispom.calibration.diagnostics.coverage import coverage
-from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
-from ispom.calibration.diagnostics.parameters import correlations, parameters
+from ispom.calibration.detection.detection import Detection
+from ispom.calibration.diagnostics import correlations, coverage, difference_map, parameters, uncertainty_map
 from ispom.calibration.line_delay import Film, with_line_delay
 from ispom.calibration.models import Choice, Trial, chosen, trials_of
 from ispom.calibration.pair import rectifying, require_order, row_error
-from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay, Redo, Rejected, Views
-from ispom.calibration.targets import Target
-from ispom.calibration.verdict import verdict
+from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay, Redo, Rejected, Views, verdict
+from ispom.calibration.targets.target import Target
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.types import Rig
 
 LEAST_VIEWS = 3
-"""Of one camera: fewer do not determine its interior."""
+"""Fewer views do not determine the interior of a camera."""
 Progress = Callable[[str], None]
 
 
@@ -41,14 +37,13 @@ def calibrate(
     most_offset_s: float = 0.5,
     around: Views | None = None,
 ) -> Calibration:
-    """Of cameras whose images of the same number were taken at the same time; the first one is the frame of the rest.
-    Of left, right and video where the images have times: the video's are its own, by a clock that is off by
-    `most_offset_s` at most.
+    """Calibrates cameras whose images of the same number were taken at the same time; the first one is the rig.
 
-    With `joint`, interiors are adjusted together with the cameras' places; without, each camera's own views alone
-    determine its interior. Of one camera, images `around` its views (the same, and two before and after each) tell the
-    line delay of its shutter. Raises Redo where there are too few views, InputError where the pair is the wrong way
-    round.
+    Left, right and video whose images have times: the video's are its own, with a clock offset of at most
+    `most_offset_s`. With `joint`, interiors are adjusted together with the cameras' poses; otherwise each camera's own
+    views determine its interior. For one camera, images `around` its views (the same, and two before and after each)
+    determine the line delay of its shutter. Raises Redo for too few views, InputError where left and right are
+    exchanged.
     """
     for each in views:
         good = sum(not d.reason for d in each.detections)
@@ -91,7 +86,8 @@ def calibrate(
 
 
 def _image_of(views: tuple[Views, ...], apart: bool) -> NDArray[np.int64]:
-    """(V, C) which image of each camera a view is, -1 for none; those in which no camera sees the target are none."""
+    """Returns which image of each camera a view is (V, C), -1 for none; only views in which a camera observes the
+    target."""
     good = [np.array([not d.reason for d in each.detections]) for each in views]
     if not apart:
         shown = np.flatnonzero(np.any(good, axis=0))
@@ -106,9 +102,8 @@ def _image_of(views: tuple[Views, ...], apart: bool) -> NDArray[np.int64]:
 def _with_line_delay(
     target: Target, found: Solution, views: Views, around: Views, image_of: NDArray[np.int64]
 ) -> tuple[Solution, LineDelay | None]:
-    """By how the camera moved around its views."""
-    assert views.times_ns is not None
-    times_ns = views.times_ns[image_of]
+    """Estimates the line delay from the camera's motion around its views."""
+    times_ns = views.known_times_ns[image_of]
     zero_ns = int(times_ns[0])
     film = Film.of(target, around, zero_ns)
     return (found, None) if film is None else with_line_delay(found, film, (times_ns - zero_ns) * 1e-9)
@@ -117,7 +112,7 @@ def _with_line_delay(
 def _alone(
     target: Target, views: Views, choice: Choice, progress: Progress
 ) -> tuple[Solution, Trial, tuple[Trial, ...]]:
-    """The camera by its own views: the chosen model's solution."""
+    """Returns the camera by its own views: the chosen model's solution."""
     progress(f"{views.name}: comparing camera models" if choice == "auto" else f"{views.name}: solving")
     seen = Observations.of(target, [[d for d in views.detections if not d.reason]])
     trials = trials_of(seen, views.size, choice)
@@ -126,7 +121,7 @@ def _alone(
 
 
 def _as_chosen(found: Solution, trial: Trial, model: Model, views: Views) -> Estimate:
-    """The camera with the model that all cameras get."""
+    """Returns the camera with the model that all cameras get."""
     if trial.model == model:
         return found.estimate
     if "fisheye" in (model, trial.model):
@@ -137,8 +132,11 @@ def _as_chosen(found: Solution, trial: Trial, model: Model, views: Views) -> Est
 def _together(
     target: Target, views: tuple[Views, ...], alone: list[Estimate], seen: Observations, apart: int | None
 ) -> Estimate:
-    """All cameras, where they sit by the views that two of them share, and the board's poses; of a camera that takes
-    its views `apart` from the others, as if it sat in the first one."""
+    """Returns initial values for all cameras: their poses by the views that two of them share, and the board's
+    poses.
+
+    A camera that takes its views `apart` from the others gets the pose of the first one.
+    """
     cameras = tuple(estimate.cameras[0] for estimate in alone)
     count = int(seen.view.max()) + 1
     poses: list[list[Pose | None]] = []
@@ -169,7 +167,7 @@ def _together(
 
 
 def _most_agreed(candidates: list[Pose]) -> Pose:
-    """The one that differs least from the others, at the median: [m] and [rad] count alike."""
+    """Returns the pose with the least median difference from the others: [m] and [rad] weigh the same."""
     apart = [[float(np.linalg.norm((a @ b.inverse()).log())) for b in candidates] for a in candidates]
     return candidates[int(np.argmin(np.median(apart, axis=1)))]
 
@@ -200,14 +198,24 @@ def _result(
         camera = replace(found.estimate.cameras[0], line_delay_s=line_delay.seconds)
         rig = replace(rig, **{name: camera})
     return Calibration(
-        target, cameras, found, image_of, rig, listed, correlations(found),
-        _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,
-        verdict(found, cameras, listed, rows, of_images, clock),
-    )  # fmt: skip
+        target=target,
+        cameras=cameras,
+        solution=found,
+        image_of=image_of,
+        rig=rig,
+        parameters=listed,
+        correlations=correlations(found),
+        rejected=_rejections(views, seen, keep, image_of),
+        row_error=rows,
+        halves_pose=between,
+        clock=clock,
+        line_delay=line_delay,
+        verdict=verdict(found, cameras, listed, rows, of_images, clock),
+    )
 
 
 def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
-    """The rig: of a pair centred on its baseline (Fig. 6), of other cameras that of the first."""
+    """Returns the rig: of a pair centred on its baseline (Fig. 6), of other cameras that of the first."""
     poses = [pose.inverse() for pose in estimate.camera_from_rig]
     if names[:2] == ("left", "right"):
         left, _ = rectifying(estimate.camera_from_rig[1])
@@ -219,7 +227,7 @@ def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
 
 
 def _halves(found: Solution) -> tuple[Estimate, Estimate] | None:
-    """Two halves of the views solved apart; None where there are not enough for that."""
+    """Solves two halves of the views separately; None where there are too few views."""
     views = np.unique(found.seen.view)
     if len(views) < 2 * LEAST_VIEWS:
         return None
@@ -242,16 +250,20 @@ def _camera_result(
     halves: tuple[Estimate, Estimate] | None,
 ) -> CameraResult:
     camera = found.estimate.cameras[c]
-    interior, _ = found.unknowns.places[c]
+    interior, _ = found.unknowns.slices[c]
     one, other = (camera, camera) if halves is None else (halves[0].cameras[c], halves[1].cameras[c])
     mine = found.seen.select(found.seen.camera == c)
     present = np.unique(mine.view)
     poses = [found.estimate.camera_from_rig[c] @ found.estimate.rig_from_board(v) for v in present]
     points: list[Array] = [mine.uv[mine.view == v] for v in present]
     return CameraResult(
-        views, camera, trials, uncertainty_map(camera, found.covariance[interior, interior]),
-        difference_map(one, other), coverage(camera, points, poses, target.xyz_in_board.mean(0)),
-    )  # fmt: skip
+        views=views,
+        camera=camera,
+        trials=trials,
+        uncertainty=uncertainty_map(camera, found.covariance[interior, interior]),
+        halves=difference_map(one, other),
+        coverage=coverage(camera, points, poses, target.xyz_in_board.mean(0)),
+    )
 
 
 def _rejections(
@@ -283,7 +295,7 @@ def _too_few(views: Views, good: int) -> str:
 
 
 def require_found(views: Views, hint: str) -> None:
-    """InputError where no image shows the target; `hint` says what is there instead."""
+    """Raises InputError where no image shows the target; `hint` describes what the images show instead."""
     if any(not d.reason for d in views.detections):
         return
     reasons = [d.reason for d in views.detections]

@@ -1,4 +1,4 @@
-"""Views of a target that the video camera takes at times of its own: which of them count, and what follows."""
+"""A video camera with times of its own next to a pair: which of its views are used, its pose, and its clock offset."""
 
 from __future__ import annotations
 
@@ -8,28 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns, normal_equations
-from ispom.calibration.adjust.solve import Solution
-from ispom.calibration.adjust.start import board_poses
+from ispom.calibration.adjust.solve import Solution, board_poses
 from ispom.calibration.motion.before_board import placed, views_of
-from ispom.calibration.motion.course import LONGEST_S, Course
-from ispom.calibration.motion.start import Start, start_of
+from ispom.calibration.motion.course import LONGEST_S, Course, Start, start_of
 from ispom.calibration.result import Clock, Redo, Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Pose
 from ispom.types import Camera
 
 VIDEO = 2
-"""Place of the video camera among left, right, video."""
+"""Index of the video camera among left, right, video."""
 AROUND = 3
 """Video images before, and as many after, each stereo pair that count."""
 OFFSET_S = 0.005
-"""A clock offset that is more uncertain is not determined: a hand that shakes by 2 degrees turns as much in it as the
+"""A clock offset with a larger error is not determined: a hand shake of 2 degrees rotates as much in it as the
 rotation on the rig may be uncertain."""
 
 
 def own_times(views: tuple[Views, ...]) -> bool:
-    """Whether the images of a video camera beside a pair have times, and follow each other closely enough to say where
-    the camera was between them."""
+    """Returns whether the images of a video camera next to a pair have times, close enough to interpolate its poses."""
     if [each.name for each in views] != ["left", "right", "video"]:
         return False
     left, video = views[0].times_ns, views[VIDEO].times_ns
@@ -39,9 +36,9 @@ def own_times(views: tuple[Views, ...]) -> bool:
 def with_clock(
     target: Target, views: tuple[Views, ...], cameras: list[Camera], most_offset_s: float
 ) -> tuple[tuple[Views, ...], Start]:
-    """The same with the video's images around the pairs only, and what the turns of both cameras say.
+    """Selects the video's images around the pairs, and returns what the rotations of both cameras give.
 
-    Redo where they share too little time, or do not turn alike.
+    Raises Redo where they share too little time, or do not rotate together.
     """
     zero = _zero(views)
     left, video = (course_of(target, views[c], cameras[c], zero) for c in (0, VIDEO))
@@ -53,14 +50,13 @@ def with_clock(
         )
     require_together(start, most_offset_s)
     own = views[VIDEO]
-    assert own.times_ns is not None
-    at = np.searchsorted((own.times_ns - zero) * 1e-9, left.times_s - start.offset_s)
+    at = np.searchsorted((own.known_times_ns - zero) * 1e-9, left.times_s - start.offset_s)
     around = np.unique(np.clip(at[:, None] + np.arange(-AROUND, AROUND), 0, len(own.images) - 1))
     return (*views[:VIDEO], own.select(around)), start
 
 
 def require_together(start: Start, most_offset_s: float) -> None:
-    """Redo where the two courses are not of one rig at one time."""
+    """Raises Redo where the two courses are not of one rig at one time."""
     if not start.together:
         raise Redo(
             f"video and pair do not turn alike at any clock offset within {most_offset_s:g} s "
@@ -72,14 +68,13 @@ def require_together(start: Start, most_offset_s: float) -> None:
 def with_video_placed(
     found: Solution, views: tuple[Views, ...], image_of: NDArray[np.int64], start: Start
 ) -> tuple[Solution, Clock]:
-    """A solution in which the video camera's place is known, too, by the views of both; and its clock."""
+    """Returns a solution that includes the video camera's pose, by the views of both, and its clock."""
     zero = _zero(views)
     solved = np.isin(np.arange(len(image_of)), found.seen.view)
     left_seen = np.isin(np.arange(len(image_of)), found.seen.view[found.seen.camera == 0])
     parts = []
     for c, chosen in ((0, left_seen), (VIDEO, solved & (image_of[:, VIDEO] >= 0))):
-        index, times_ns = np.flatnonzero(chosen), views[c].times_ns
-        assert times_ns is not None
+        index, times_ns = np.flatnonzero(chosen), views[c].known_times_ns
         parts.append(views_of(found, index, (times_ns[image_of[index, c]] - zero) * 1e-9))
     left, video = parts
     finite = np.where(np.isfinite(found.covariance), found.covariance, 0.0)
@@ -97,7 +92,7 @@ def with_video_placed(
 
 
 def _moved(estimate: Estimate, video_from_left: Pose, image_of: NDArray[np.int64]) -> Estimate:
-    """With the video camera, and the views that it took, in their place on the rig."""
+    """Adds the video camera, and its views, at its pose on the rig."""
     own, back = image_of[:, VIDEO] >= 0, video_from_left.inverse()
     rotations, positions = estimate.rotations.copy(), estimate.positions.copy()
     rotations[own] = back.rotation @ rotations[own]
@@ -107,7 +102,7 @@ def _moved(estimate: Estimate, video_from_left: Pose, image_of: NDArray[np.int64
 
 
 def _first_pose(left: Course, video: Course, start: Start) -> Pose:
-    """video_from_left by the turn found, and the median of where the two cameras are apart."""
+    """Returns video_from_left by the estimated rotation, and the median of the positions."""
     turn = start.left_from_video.T
     seen = video.at(left.times_s - start.offset_s)
     inverse = np.swapaxes(seen.rotations, 1, 2)[seen.known]
@@ -116,16 +111,13 @@ def _first_pose(left: Course, video: Course, start: Start) -> Pose:
 
 
 def course_of(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:
-    """board_from_camera of the images that show the target, each by itself; times count from `zero_ns`."""
+    """Returns board_from_camera of each image that shows the target; times count from `zero_ns`."""
     good = [i for i, d in enumerate(views.detections) if not d.reason]
     seen = Observations.of(target, [[views.detections[i] for i in good]])
     poses = [pose.inverse() for pose in board_poses(camera, seen)]
-    assert views.times_ns is not None
-    times_s = (views.times_ns[good] - zero_ns) * 1e-9
+    times_s = (views.known_times_ns[good] - zero_ns) * 1e-9
     return Course(times_s, np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))
 
 
 def _zero(views: tuple[Views, ...]) -> int:
-    times_ns = views[0].times_ns
-    assert times_ns is not None
-    return int(times_ns[0])
+    return int(views[0].known_times_ns[0])

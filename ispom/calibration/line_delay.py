@@ -1,10 +1,10 @@
-"""The line delay of a rolling shutter: by how much later each row of an image is exposed than the one above it.
+"""The line delay of a rolling shutter: the delay of each row of an image after the one above it.
 
-How the board moved in each view, by the images right before and after it, says how far a corner went between the
-exposure of the middle row and that of its own (Ait-Aider et al. 2006; Oth et al. 2013). The delay that explains the
-residuals best is found by one linear step, in which interior and poses are free as well, and again with the corners of
-all images corrected by it. Noise of the velocities would draw it towards 0 (Fuller 1987, section 1.2): what it adds to
-the normal equation is taken away again.
+The motion of the board in each view, by the images right before and after it, gives the displacement of a corner
+between the times of the middle row and its own (Ait-Aider et al. 2006; Oth et al. 2013). The delay that explains the
+residuals best follows from one linear step, in which interior and poses are free as well, repeated with the corners of
+all images corrected by it. Noise of the velocities would bias it towards 0 (Fuller 1987, section 1.2): its contribution
+to the normal equation is subtracted.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ import numpy as np
 
 from ispom.calibration.adjust.lens import projected
 from ispom.calibration.adjust.problem import Observations, Unknowns, normal_equations
-from ispom.calibration.adjust.solve import Solution, adjusted, solution
-from ispom.calibration.adjust.start import with_views
+from ispom.calibration.adjust.solve import Solution, adjusted, solution, with_views
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Array, skew
 from ispom.types import Camera
 
@@ -29,7 +28,7 @@ HUBER_SIGMAS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Images around the views, in which the board was seen."""
+    """Images around the views, in which the board was detected."""
 
     seen: Observations
     """Views count these images."""
@@ -38,16 +37,15 @@ class Film:
 
     @staticmethod
     def of(target: Target, around: Views, zero_ns: int) -> Film | None:
-        """Times count from `zero_ns`; None where the images are too few."""
-        assert around.times_ns is not None
+        """Collects the images; times count from `zero_ns`. None where they are too few."""
         good = [i for i, d in enumerate(around.detections) if not d.reason]
         if len(good) < NEIGHBOURS:
             return None
         seen = Observations.of(target, [[around.detections[i] for i in good]])
-        return Film(seen, (around.times_ns[good] - zero_ns) * 1e-9)
+        return Film(seen, (around.known_times_ns[good] - zero_ns) * 1e-9)
 
     def solved(self, camera: Camera, delay_s: float, before: Solution | None) -> Solution:
-        """The board's poses before the camera, with corners corrected by the delay as it moved `before`."""
+        """Returns the board's poses before the camera, with corners corrected by the delay as it moved `before`."""
         if before is None:
             seen, start = self.seen, with_views(camera, self.seen)
         else:
@@ -58,8 +56,10 @@ class Film:
         return solution(adjusted(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
 
     def moves(self, solved: Solution, at_s: Array) -> tuple[Array, Array]:
-        """How the camera moved at times (V,): (V, 6) velocity [m/s] and angular velocity [rad/s] in its own frame, and
-        (V, 6, 6) their covariance, as left twists of camera_from_board; 0 where they are not known."""
+        """Returns velocities (V, 6) [m/s] and [rad/s] of the camera at times (V,), and their covariances (V, 6, 6).
+
+        Both as left twists of camera_from_board; 0 where they are not known.
+        """
         poses = [solved.estimate.rig_from_board(v).inverse() for v in range(len(self.times_s))]
         course = Course(self.times_s, np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))
         between = course.at(at_s, one_sided=True)
@@ -70,9 +70,10 @@ class Film:
 
 
 def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Solution, LineDelay | None]:
-    """Of one camera: the solution for its corners as a shutter that does not roll would have them, and the delay.
+    """Estimates the delay of one camera; returns the solution for its corners as with a global shutter, and the
+    delay.
 
-    `times_s` (V,) are those of its views, counted as the film's. Without views that move, nothing changes and the delay
+    `times_s` (V,) are those of its views, on the film's clock. Without views that move, nothing changes and the delay
     is None; nor does anything where it is not significant.
     """
     height = found.estimate.cameras[0].height
@@ -95,7 +96,7 @@ def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Soluti
 
 
 def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
-    """(M, 2) by how many pixels a corner is off for each second of delay from row to row."""
+    """Returns the displacement of corners (M, 2) [px] per second of delay from row to row."""
     camera = found.estimate.cameras[0]
     _, in_camera = found.estimate.in_camera(filmed, 0, np.ones(len(filmed), bool))
     rate = rates[filmed.view]
@@ -105,8 +106,8 @@ def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
 
 
 def _by_noise(found: Solution, covariance: Array) -> float:
-    """What the noise of the velocities, with covariance (V, 6, 6), adds to the square of the shift, beside what the
-    poses take up of it."""
+    """Returns what the noise of the velocities, with covariance (V, 6, 6), adds to the square of the displacement,
+    less what the poses absorb of it."""
     seen, estimate, camera = found.seen, found.estimate, found.estimate.cameras[0]
     _, in_camera = estimate.in_camera(seen, 0, np.ones(len(seen), bool))
     by_point = projected(camera, in_camera)[1] / seen.sigma_px[:, None, None]
@@ -124,7 +125,7 @@ def _by_noise(found: Solution, covariance: Array) -> float:
 
 
 def _step(found: Solution, shift: Array, by_noise: float) -> tuple[float, float]:
-    """By how much the delay [s] is still off, and its standard error: least squares over all unknowns."""
+    """Returns the correction of the delay [s], and its standard error: least squares over all unknowns."""
     seen, estimate = found.seen, found.estimate
     weights = 1 / seen.sigma_px**2
     predicted = seen.uv + found.residuals_px

@@ -1,4 +1,5 @@
-"""Which camera model: each is solved on half of the views and tried on the rest; the simplest good one is chosen."""
+"""Choice of the camera model: each is fitted to half of the views and tested on the rest; the simplest good one
+wins."""
 
 from __future__ import annotations
 
@@ -9,20 +10,19 @@ import numpy as np
 
 from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
-from ispom.calibration.adjust.solve import Solution, adjusted, solve
-from ispom.calibration.adjust.start import start_of, with_views
+from ispom.calibration.adjust.solve import Solution, adjusted, solve, start_of, with_views
 from ispom.geometry import Array
 from ispom.types import Camera
 
 Choice = Literal["auto", "pinhole", "radtan", "rational", "fisheye"]
 BETTER, BETTER_PX = 0.02, 0.1
-"""A model with more parameters must be better by this share and so much: beyond the views it is the more uncertain,"""
+"""A model with more parameters must be better by this share and this error: beyond the views it is more uncertain,"""
 SIGNIFICANT = 2.0
-"""and by so many standard errors of the difference over the views."""
+"""and by this many standard errors of the difference over the views."""
 MOST_VIEWS = 20
-"""Models are compared on so many, spread over all."""
+"""Models are compared on at most this many views, spread over all."""
 LEAST_VIEWS = 4
-"""In each half; with fewer views the model is not chosen but radtan."""
+"""Views in each half; with fewer views no model is chosen, but radtan used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +35,18 @@ class Trial:
     of_views_px: Array
     """(V,) the same of each view."""
     halves: tuple[Camera, Camera]
-    """As solved from each half of the views."""
+    """The cameras solved from each half of the views."""
     solution: Solution
-    """From all views of the comparison."""
+    """The solution from all views of the comparison."""
 
     @property
     def camera(self) -> Camera:
-        """As solved from these."""
+        """The camera of the solution."""
         return self.solution.estimate.cameras[0]
 
 
 def trials_of(seen: Observations, size: tuple[int, int], choice: Choice) -> tuple[Trial, ...]:
-    """Every model that comes into question for a camera with images (width, height), or only the one that is asked."""
+    """Tries every model that is plausible for a camera with images (width, height), or only the requested one."""
     models = MODELS if choice == "auto" else (choice,)
     views = np.unique(seen.view)
     if choice == "auto" and len(views) < 2 * LEAST_VIEWS:
@@ -67,7 +67,7 @@ def trials_of(seen: Observations, size: tuple[int, int], choice: Choice) -> tupl
 
 
 def chosen(trials: tuple[Trial, ...]) -> Trial:
-    """The simplest that no other one beats clearly."""
+    """Returns the simplest that no other one beats clearly."""
     best = trials[0]
     for trial in trials[1:]:
         gain = best.of_views_px - trial.of_views_px
@@ -95,13 +95,14 @@ def _trial(model: Model, start: Estimate, seen: Observations) -> Trial:
 
 
 def _solved(estimate: Estimate, seen: Observations) -> Camera:
-    """From these views alone, beginning at what all views gave."""
+    """Solves the camera from these views only, starting from the result of all views."""
     start = with_views(estimate.cameras[0], seen)
     return adjusted(start, seen, Unknowns.all_of(start), iterations=25).cameras[0]
 
 
 def _tried(camera: Camera, seen: Observations) -> Array:
-    """(V,) error [px] of each view with the camera held, the board's poses adjusted; single bad points count little."""
+    """Returns the error (V,) [px] of each view with the camera fixed and the board's poses adjusted, robust to
+    outliers."""
     start = with_views(camera, seen)
     held = adjusted(start, seen, Unknowns.all_of(start, interior=False), huber=3.0, iterations=15)
     squared = (held.residuals_px(seen) ** 2).sum(1)

@@ -11,9 +11,10 @@ from ispom.geometry import Array, Pose, rotation_between, so3_exp, so3_log
 
 
 def rectifying(right_from_left: Pose) -> tuple[Pose, Pose]:
-    """rig_from_left and rig_from_right: the rig is at the middle of the baseline, its x axis along it (Fig. 6).
+    """Returns rig_from_left and rig_from_right: the rig is at the middle of the baseline, its x axis along it (Fig.
+    6).
 
-    The rest of the turn is half of the way from the one camera to the other, as cv2.stereoRectify has it.
+    Its rotation is otherwise half of that from one camera to the other, as in cv2.stereoRectify.
     """
     left_from_right = right_from_left.inverse()
     half = so3_exp(so3_log(left_from_right.rotation) / 2)  # left_from_middle
@@ -24,7 +25,7 @@ def rectifying(right_from_left: Pose) -> tuple[Pose, Pose]:
 
 
 def row_error(estimate: Estimate, seen: Observations) -> RowError:
-    """Of all points that both cameras of an estimate saw in one view."""
+    """Compares all points that both cameras of an estimate observed in one view."""
     keys = seen.view * (int(seen.point.max()) + 1) + seen.point
     first, second = seen.camera == 0, seen.camera == 1
     _, a, b = np.intersect1d(keys[first], keys[second], return_indices=True)
@@ -36,7 +37,7 @@ def row_error(estimate: Estimate, seen: Observations) -> RowError:
 
 
 def require_order(right_from_left: Pose) -> None:
-    """InputError where the right camera is to the left of the left one."""
+    """Raises InputError where the right camera is to the left of the left one."""
     x, y, _ = right_from_left.inverse().translation
     if x < 0 and abs(x) > abs(y):
         raise InputError(
@@ -46,6 +47,6 @@ def require_order(right_from_left: Pose) -> None:
 
 
 def _row(estimate: Estimate, c: int, uv: Array, turn: Array) -> Array:
-    """(N,) y / z in the rectified camera."""
+    """Returns y / z (N,) in the rectified camera."""
     rays = np.column_stack([estimate.cameras[c].normalise(uv), np.ones(len(uv))]) @ turn.T
     return rays[:, 1] / rays[:, 2]

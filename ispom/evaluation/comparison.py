@@ -1,4 +1,4 @@
-"""One estimate beside its reference: associated, aligned, and all that is said about its errors."""
+"""Comparison of one estimate with its reference: coverage, scale, and statistics of all errors."""
 
 from __future__ import annotations
 
@@ -8,17 +8,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.evaluation.ate import Alignment, rms
-from ispom.evaluation.coverage import Coverage, coverage
-from ispom.evaluation.kitti import kitti_errors
-from ispom.evaluation.relative import motion_errors
-from ispom.evaluation.step_scale import StepScale, step_scale
-from ispom.evaluation.trajectory_error import TrajectoryError
+from ispom.evaluation.relative_error import kitti_errors, motion_errors
+from ispom.evaluation.scale import StepScale, step_scale
+from ispom.evaluation.trajectory_error import Alignment, TrajectoryError, rms
 from ispom.geometry import Array, Similarity, rotation_angle_rad
 from ispom.types import Trajectory
 
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of a reference an estimate covers."""
+
+    compared: int
+    """Poses of the estimate that were compared."""
+    expected: int
+    """Poses that the estimate, at its own median rate, would have over the reference's span; at most the number of
+    the reference's poses."""
+    longest_gap_ns: int
+    """Longest time without a compared pose, from the reference's first pose to its last."""
+
+
+def coverage(estimate: Trajectory, reference: Trajectory, compared_ns: NDArray[np.int64]) -> Coverage:
+    """Compares whole trajectories with at least one pose each; `compared_ns` (K,): times of the compared poses."""
+    first_ns, last_ns = int(reference.times_ns[0]), int(reference.times_ns[-1])
+    expected = len(reference)
+    intervals_ns = np.diff(np.unique(estimate.times_ns))
+    if len(intervals_ns):
+        interval_ns = float(np.median(intervals_ns))
+        expected = min(expected, round((last_ns - first_ns) / interval_ns) + 1)
+    compared = len(np.unique(compared_ns))
+    gaps_ns = np.diff(np.concatenate([[first_ns], np.sort(compared_ns), [last_ns]]))
+    return Coverage(compared, max(expected, compared), int(gaps_ns.max()))
+
+
 STRAIGHT = 0.05
-"""A path whose spread across is a smaller share of that along it leaves the turn about it open."""
+"""The rotation about a path is undetermined where its extent across is a smaller share of that along it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +52,7 @@ class Comparison:
     error: TrajectoryError
     coverage: Coverage
     scale: StepScale | None
-    """Of the estimate before alignment; None where the path is too short to tell."""
+    """Of the estimate before alignment; None where the path is too short."""
     delta: int
     """Poses over which relative errors are taken."""
 
@@ -43,7 +67,7 @@ class Comparison:
 
     @property
     def world_from_own(self) -> Similarity:
-        """What the alignment did to the estimate."""
+        """The alignment of the estimate."""
         return self.error.reference_from_estimate
 
     @property
@@ -58,14 +82,14 @@ class Comparison:
 
     @property
     def straight(self) -> bool:
-        """Whether the compared positions lie so near a line that they hardly fix the turn about it."""
+        """Whether the compared positions lie so near a line that they hardly determine the rotation about it."""
         centred = self.reference.translations - self.reference.translations.mean(axis=0)
         spread = np.linalg.svd(centred, compute_uv=False)
         return bool(spread[1] <= STRAIGHT * spread[0])
 
     @property
     def relative_errors(self) -> tuple[Array, Array]:
-        """Translation (K,) [m] and rotation (K,) [deg] of all motions from pose i to i + delta; empty with too few."""
+        """Errors (K,) [m] and (K,) [deg] of all motions from pose i to i + delta; empty with too few poses."""
         first: NDArray[np.intp] = np.arange(max(len(self.reference) - self.delta, 0))
         translation, rotation_rad = motion_errors(self.estimate, self.reference, first, first + self.delta)
         return translation, np.degrees(rotation_rad)
@@ -74,7 +98,7 @@ class Comparison:
 def compare(
     estimate: Trajectory, reference: Trajectory, pairs: tuple[Trajectory, Trajectory], kind: Alignment, delta: int = 1
 ) -> Comparison:
-    """Of whole trajectories, and the associated poses of both (at least MIN_POSES)."""
+    """Compares whole trajectories; `pairs` are the associated poses of both (at least MIN_POSES)."""
     own, partners = pairs
     return Comparison(
         TrajectoryError(own, partners, kind),
@@ -85,12 +109,12 @@ def compare(
 
 
 def measures(found: Comparison) -> dict[str, float | None]:
-    """The numbers, by name with unit; None where the path is too short for one."""
+    """Returns all measures by name with unit; None where the path is too short for one."""
     relative_m, relative_deg = found.relative_errors
     drift = kitti_errors(found.estimate, found.reference)
     return {
-        "poses_given": found.coverage.given,
-        "poses_asked": found.coverage.asked,
+        "poses_given": found.coverage.compared,
+        "poses_asked": found.coverage.expected,
         "longest_gap_s": found.coverage.longest_gap_ns * 1e-9,
         "alignment_scale": found.world_from_own.scale,
         **_statistics("ate", "m", found.position_errors),
@@ -108,7 +132,7 @@ def measures(found: Comparison) -> dict[str, float | None]:
 
 
 def local_scale(found: Comparison) -> dict[str, Any]:
-    """Units of the estimate, before alignment, per unit of the reference, in windows of equal length along the path."""
+    """Returns units of the estimate, before alignment, per unit of the reference, in windows along the path."""
     if found.scale is None:
         return {"times_ns": [], "scale": []}
     return {

@@ -1,4 +1,4 @@
-"""Whether covariances tell the truth: normalised estimation error squared (Bar-Shalom et al. 2001, section 5.4.2)."""
+"""Consistency of covariances: normalised estimation error squared (NEES; Bar-Shalom et al. 2001, section 5.4.2)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ispom.types import Step, Trajectory
 
 DOF = 6
 PARTS = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
-"""Of a twist (rho, phi)."""
+"""Components of a twist (rho, phi)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """The errors of one run's poses, with what the estimator said of them."""
+    """The errors of one run's poses, and their estimated covariances."""
 
     times_ns: NDArray[np.int64]
     """(K,)."""
@@ -29,7 +29,7 @@ class Errors:
     """(K, 6, 6) of these."""
 
     def nees(self, part: slice = PARTS["pose"]) -> Array:
-        """(K,) e' P^-1 e of the pose or a part of it; its mean is the part's size where P is right."""
+        """Returns e' P^-1 e (K,) of the pose or a part of it; its mean is the part's size where P is right."""
         e, p = self.twists[:, part], self.covariances[:, part, part]
         return np.einsum("ki,ki->k", e, np.linalg.solve(p, e[..., None])[..., 0])
 
@@ -45,28 +45,27 @@ class Consistency:
     band: tuple[float, float]
     """95 % band of the average over the runs at one time."""
     inside: float
-    """Share of the times whose average lies in the band: about 0.95 where all is well."""
+    """Share of the times whose average lies in the band: about 0.95 where the covariance is right."""
     above: float
     """Share of the times whose average lies above: the covariance is too small."""
     below: float
     """Share of the times whose average lies below: the covariance is too large."""
     longest_above_s: float
-    """The longest time that it stays above, from the first such time to the first one after that is not."""
+    """Longest time that the average stays above, up to the first time that it does not."""
 
     @property
     def sigma_factor(self) -> float:
-        """What standard deviations should be multiplied by."""
+        """Factor by which standard deviations should be multiplied."""
         return float(np.sqrt(self.average / self.dof))
 
 
 def errors(steps: Iterable[Step], truth: Trajectory, own_unit: bool = False) -> Errors:
-    """Of the steps that have a pose and a covariance, against world_from_FRAME of the same frame at the same times.
+    """Returns the errors of all steps with a pose and a covariance; `truth` is world_from_FRAME of the same frame.
 
-    The first pose of the steps is the world that the covariances are relative to: the truth is brought there, and that
-    pose takes no part. With `own_unit` the poses have no metric scale, and their covariances are relative to the length
-    of one baseline, too: from the first pose to the first one with a covariance, where the map began. The truth is
-    scaled so that this one length agrees (no fit to the rest), and that pose takes no part either; twists are then in
-    that unit.
+    The covariances are relative to the first pose: the truth is aligned there, and that pose is not used. With
+    `own_unit` the poses have no metric scale, and their covariances are also relative to the length of one baseline:
+    from the first pose to the first one with a covariance, where the map began. The truth is scaled so that this one
+    length agrees (no fit to the rest), and that pose is not used either; twists are then in that unit.
     """
     times, twists, covariances = [], [], []
     first: tuple[Pose, Pose] | None = None
@@ -93,7 +92,7 @@ def errors(steps: Iterable[Step], truth: Trajectory, own_unit: bool = False) -> 
 
 
 def consistency(runs: list[Errors], part: slice = PARTS["pose"]) -> Consistency | None:
-    """Over the times that all runs have; None where there are none."""
+    """Averages over the times that all runs share; None where there are none."""
     if not runs:
         return None
     common = sorted(set.intersection(*(set(run.times_ns.tolist()) for run in runs)))
@@ -105,26 +104,26 @@ def consistency(runs: list[Errors], part: slice = PARTS["pose"]) -> Consistency 
     mean = rows.mean(axis=0)
     above, below = mean > high, mean < low
     return Consistency(
-        dof,
-        count,
-        float(rows.mean()),
-        (low, high),
-        float((~above & ~below).mean()),
-        float(above.mean()),
-        float(below.mean()),
-        _longest_s(np.array(common), above),
+        dof=dof,
+        runs=count,
+        average=float(rows.mean()),
+        band=(low, high),
+        inside=float((~above & ~below).mean()),
+        above=float(above.mean()),
+        below=float(below.mean()),
+        longest_above_s=_longest_s(np.array(common), above),
     )
 
 
 def _longest_s(times_ns: NDArray[np.int64], holds: NDArray[np.bool_]) -> float:
-    """The longest stretch of the times (K,) at which it holds, until the next time at which it does not, or the end."""
+    """Returns the longest stretch of times (K,) at which `holds`, up to the next time at which it does not."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
     begins, ends = edges[::2], np.minimum(edges[1::2], len(holds) - 1)
     return float((times_ns[ends] - times_ns[begins]).max(initial=0)) * 1e-9
 
 
 def band(dof: int, runs: int, probability: float = 0.95) -> tuple[float, float]:
-    """What the average of the NEES of so many independent runs lies between with this probability."""
+    """Returns the bounds of the average NEES of `runs` independent runs at this probability (chi-square)."""
     tails = np.array([(1 + probability) / 2, (1 - probability) / 2])
     low, high = chdtri(dof * runs, tails) / runs
     return float(low), float(high)

@@ -1,4 +1,4 @@
-"""The rig as the methods themselves corrected it in a run, with how sure they are of each correction."""
+"""The rig after self-calibration: as the methods corrected it in a run, with the standard error of each correction."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from ispom.solvers.right_camera import (
 from ispom.types import Camera, Rig
 
 SIGNIFICANT = 2.0
-"""Corrections below so many standard errors are no finding, and change nothing."""
+"""Corrections below this many standard errors are not applied."""
 BOTH_RADIAL = ("k1", BOTH_K1), ("k2", BOTH_K2)
 GRID = 12
-"""Pixels along each side at which a corrected lens is fitted, to some hundredths of a pixel."""
+"""Grid points along each side at which a corrected lens is fitted, to some hundredths of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -47,53 +47,51 @@ class Finding:
     standard_error: float
     unit: str
     applied: bool
-    """Whether the rig has it: what is not significant, or has no place in a rig, is only told."""
+    """Whether the rig has it: a correction that is not significant, or that a rig cannot hold, is only reported."""
 
     def __str__(self) -> str:
-        fate = "" if self.applied else " (not applied)"
-        return f"{self.what} {self.value:+.4g} +- {self.standard_error:.2g} {self.unit}{fate}"
+        suffix = "" if self.applied else " (not applied)"
+        return f"{self.what} {self.value:+.4g} +- {self.standard_error:.2g} {self.unit}{suffix}"
 
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
+    """A rig, and all corrections that were estimated."""
+
     rig: Rig
     findings: tuple[Finding, ...]
 
-    @property
-    def any_applied(self) -> bool:
-        return any(finding.applied for finding in self.findings)
 
+def corrected(rig: Rig, calibration: Mapping[str, Array]) -> Corrected:
+    """Applies the corrections of the last steps (Step.calibration): `lens`, `pair` and `rig`, with NAME_covariance.
 
-def corrected(rig: Rig, found: Mapping[str, Array]) -> Corrected:
-    """By what the last steps said (Step.calibration): `lens`, `pair` and `rig`, each with its NAME_covariance.
-
-    InputError where they said nothing.
+    Raises InputError where there are none.
     """
-    findings: list[Finding] = []
-    if rig.video is not None and "lens_covariance" in found:
-        camera, told = _lens(rig.video, found["lens"], found["lens_covariance"])
-        rig, findings = replace(rig, video=camera, video_sigma=None), [*findings, *told]
-    if rig.has_stereo and "pair_covariance" in found:
-        rig, told = _pair(rig, found["pair"], found["pair_covariance"])
-        findings += told
-    if rig.video is not None and "rig_covariance" in found:
-        rig, told = _placed(rig, found["rig"], found["rig_covariance"])
-        findings += told
-    if not findings:
+    all_findings: list[Finding] = []
+    if rig.video is not None and "lens_covariance" in calibration:
+        camera, findings = _lens(rig.video, calibration["lens"], calibration["lens_covariance"])
+        rig, all_findings = replace(rig, video=camera, video_sigma=None), [*all_findings, *findings]
+    if rig.has_stereo and "pair_covariance" in calibration:
+        rig, findings = _pair(rig, calibration["pair"], calibration["pair_covariance"])
+        all_findings += findings
+    if rig.video is not None and "rig_covariance" in calibration:
+        rig, findings = _placed(rig, calibration["rig"], calibration["rig_covariance"])
+        all_findings += findings
+    if not all_findings:
         raise InputError("no method corrected its cameras in this run: run monocular, stereo or integrated")
-    return Corrected(rig, tuple(findings))
+    return Corrected(rig, tuple(all_findings))
 
 
 def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[Finding]]:
-    """The camera that sees at once what `camera` sees once its normalised x is x (1 + f + k |x|^2)."""
+    """Fits a camera whose projection is that of `camera` after x -> x (1 + f + k |x|^2) in normalised coordinates."""
     good = _significant(lens, covariance)
     sigma = np.sqrt(np.diag(covariance))
-    told = [
+    findings = [
         Finding("video focal length", float(100 * lens[0]), float(100 * sigma[0]), "%", good),
         Finding("video radial distortion", float(lens[1]), float(sigma[1]), "", good),
     ]
     if not good:
-        return camera, told
+        return camera, findings
     u, v = np.meshgrid(np.linspace(0, camera.width - 1, GRID), np.linspace(0, camera.height - 1, GRID))
     seen = np.stack([u.ravel(), v.ravel()], axis=1)
     x = given = camera.normalise(seen)
@@ -112,35 +110,35 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
     begin = np.array([camera.fx, camera.fy, *distortion[:count]])
     scale = np.array([camera.fx, camera.fy, *(0.1,) * count])
     fit = least_squares(lambda w: (of(begin + scale * w).project(rays) - seen).ravel(), np.zeros(len(begin)))
-    return of(begin + scale * fit.x), told
+    return of(begin + scale * fit.x), findings
 
 
 def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]:
-    """Both cameras as they were found to be (right_camera.TERMS), but for the right one's lag."""
+    """Applies the corrections of both cameras (right_camera.TERMS), except the right one's delay."""
     f, sigma, turns = rig.camera("right").fx, np.sqrt(np.diag(covariance)), [PITCH, YAW, ROLL]
     but_lag = np.arange(len(pair)) != LAG
     good = _significant(pair[but_lag], covariance[np.ix_(but_lag, but_lag)])
-    told = [Finding(f"left {name}", float(pair[i]), float(sigma[i]), "", good) for name, i in BOTH_RADIAL]
-    told += [
+    findings = [Finding(f"left {name}", float(pair[i]), float(sigma[i]), "", good) for name, i in BOTH_RADIAL]
+    findings += [
         Finding(f"right camera {TERMS[i]}", float(np.degrees(pair[i])), float(np.degrees(sigma[i])), "deg", good)
         for i in turns
     ]
-    # What a turn does in the middle of the image is part of the offset there.
+    # In the middle of the image a rotation is part of the offset.
     for name, offset, turn, sign in (("x", OFFSET_X, YAW, 1.0), ("y", OFFSET_Y, PITCH, -1.0)):
         both = np.zeros(len(pair))
         both[[offset, turn]] = f, sign * f
         spread = float(np.sqrt(both @ covariance @ both))
-        told.append(Finding(f"right principal point {name}", float(both @ pair), spread, "px", good))
-    told.append(Finding("right focal length", float(100 * pair[FOCAL]), float(100 * sigma[FOCAL]), "%", good))
-    told += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", good) for i in (K1, K2, P1, P2)]
-    told += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", False) for i in (Q1, Q2)]
-    told += [
+        findings.append(Finding(f"right principal point {name}", float(both @ pair), spread, "px", good))
+    findings.append(Finding("right focal length", float(100 * pair[FOCAL]), float(100 * sigma[FOCAL]), "%", good))
+    findings += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", good) for i in (K1, K2, P1, P2)]
+    findings += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", False) for i in (Q1, Q2)]
+    findings += [
         Finding(f"baseline {TERMS[i]}", float(np.degrees(pair[i])), float(np.degrees(sigma[i])), "deg", good)
         for i in (DOWN, AHEAD)
     ]
-    told.append(Finding("right shutter late", float(1e3 * pair[LAG]), float(1e3 * sigma[LAG]), "ms", False))
+    findings.append(Finding("right shutter late", float(1e3 * pair[LAG]), float(1e3 * sigma[LAG]), "ms", False))
     if not good:
-        return rig, told
+        return rig, findings
     camera, both = rig.camera("right"), np.array([pair[BOTH_K1], pair[BOTH_K2], 0.0, 0.0])
     right = replace(
         camera,
@@ -154,36 +152,36 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
     moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
     turn = Pose.from_rotvec(pair[turns], np.zeros(3))
     placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
-    return replace(rig, left=left, right=right, rig_from_right=placed, pair_sigma=None), told
+    return replace(rig, left=left, right=right, rig_from_right=placed, pair_sigma=None), findings
 
 
 def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
-    """Its distortion with `lens` (4,) k1, k2, p1, p2 added."""
+    """Returns its distortion with `lens` (4,) k1, k2, p1, p2 added."""
     given = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
     return (*(float(a + b) for a, b in zip(given, lens, strict=False)), *given[4:])
 
 
 def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Finding]]:
-    """The video camera turned and moved on the rig by `change` (7,), `rig` of Step.calibration."""
+    """Moves the video camera on the rig by `change` (7,), the entry `rig` of Step.calibration."""
     sigma = np.sqrt(np.diag(covariance))
-    told = []
+    findings = []
     turn, shift = np.zeros(3), np.zeros(3)
     for name, part, unit, factor in (("turned", slice(0, 3), "deg", 180 / np.pi), ("moved", slice(3, 6), "mm", 1e3)):
         if not (sigma[part] > 0).all():
             continue
         good = _significant(change[part], covariance[part, part])
         for axis, value, error in zip("xyz", change[part], sigma[part], strict=True):
-            told.append(Finding(f"video {name} {axis}", float(factor * value), float(factor * error), unit, good))
+            findings.append(Finding(f"video {name} {axis}", float(factor * value), float(factor * error), unit, good))
         if good and name == "turned":
             turn = change[part]
         elif good:
             shift = change[part]
     if sigma[6] > 0:
-        told.append(Finding("video clock late", float(1e3 * change[6]), float(1e3 * sigma[6]), "ms", False))
+        findings.append(Finding("video clock late", float(1e3 * change[6]), float(1e3 * sigma[6]), "ms", False))
     placed = Pose(translation=shift) @ rig.rig_from_video @ Pose.from_rotvec(turn, np.zeros(3))
-    return replace(rig, rig_from_video=placed), told
+    return replace(rig, rig_from_video=placed), findings
 
 
 def _significant(value: Array, covariance: Array) -> bool:
-    """Whether a vector differs from none by more than chance makes it: SIGNIFICANT in each of its directions' mean."""
+    """Returns whether a vector is significant: its mean squared Mahalanobis length exceeds SIGNIFICANT squared."""
     return bool(value @ np.linalg.solve(covariance, value) > SIGNIFICANT**2 * len(value))

@@ -1,20 +1,110 @@
 """Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and perhaps `distortion` (OpenCV's coefficients).
 
-`model: fisheye` says that these are the four of a fisheye lens, as do the names that other programs have for it
-(`distortion_model: equidistant`, `fisheye_model: 1`); `line_delay_s` says that the shutter rolls.
+`model: fisheye` marks the four coefficients of a fisheye lens, as do the names of other programs (`distortion_model:
+equidistant`, `fisheye_model: 1`); `line_delay_s` is that of a rolling shutter.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.io.lens import FISHEYE_FLAGS, MODEL_KEYS, coefficients, lens_of
-from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.geometry import Array
+from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
+from ispom.types.camera import Lens
+
+MODEL_KEYS = ("distortion_model", "distortion_type", "camera_model", "camera_type", "projection_model")
+"""Entries that name a model, in other programs' files."""
+FISHEYE_FLAGS = ("fisheye_model", "fisheye", "is_fisheye", "use_fisheye")
+"""Yes-or-no entries for a fisheye lens, as OpenCV's calibration sample writes them."""
+_NEUTRAL = frozenset({"", "none", "pinhole", "perspective", "null"})
+"""Names of a projection without a word about its distortion."""
+_LENSES: dict[str, Lens] = {
+    **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan5", "radtan8"), "opencv"),
+    **dict.fromkeys(("rationalpolynomial", "rational", "brown", "brownconrady", "standard"), "opencv"),
+    **dict.fromkeys(("fisheye", "equidistant", "equi", "opencvfisheye"), "fisheye"),
+    **dict.fromkeys(("kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb", "kb4"), "fisheye"),
+}
+COUNTS = {"opencv": (4, 5, 8), "fisheye": (4,)}
+"""Numbers of coefficients that `Camera.distortion` may have."""
+MOST_COEFFICIENTS = 14
+"""Names of OpenCV's lenses with a thin prism and a tilted sensor."""
+LARGEST_SKEW = 0.05
+"""Largest skew as a share of the focal length: no sensor has more."""
+
+
+def lens_of(
+    path: Path, content: Mapping[Any, Any], where: str = "", n: str = "", keys: tuple[str, ...] = MODEL_KEYS
+) -> Lens:
+    """Returns the lens that the entries `keys` of a file name; perspective where there are none.
+
+    `where` is the place of the entries, such as "cam0.", and `n` the camera's number at the end of their names. Raises
+    Raises InputError for an unknown model, and for two that differ.
+    """
+    named: dict[Lens, str] = {}
+    for key in dict.fromkeys(f"{key}{suffix}" for key in keys for suffix in (n, "")):
+        value = content.get(key)
+        word = re.sub(r"[^a-z0-9]", "", str(value if value is not None else "").lower())
+        if word in _NEUTRAL:
+            continue
+        if word not in _LENSES:
+            raise InputError(
+                f"{path}: {where}{key} is {str(value)[:40]}, which is no pinhole camera with OpenCV's distortion and "
+                "no fisheye (equidistant) one: calibrate it as one of these"
+            )
+        named[_LENSES[word]] = f"{where}{key} is {value}"
+    for key in dict.fromkeys(f"{key}{suffix}" for key in FISHEYE_FLAGS for suffix in (n, "")):
+        if str(content.get(key, "")).strip().lower() in ("1", "1.0", "true", "yes", "on"):
+            named["fisheye"] = f"{where}{key} is {content[key]}"
+    if len(named) > 1:
+        raise InputError(f"{path}: {' but '.join(named.values())}: correct the one that is wrong")
+    return "fisheye" if "fisheye" in named else "opencv"
+
+
+def coefficients(path: Path, where: str, value: Any, lens: Lens) -> list[float]:
+    """Distortion in OpenCV's order, as many numbers as `Camera.distortion` may have: zeros at the end may be more or
+    fewer. Raises InputError where others than zeros would be lost."""
+    try:
+        found = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
+    except InputError:
+        found = finite_numbers(path, where, value, (0, *COUNTS[lens]))  # which raises, and names the usual counts
+    if not found or len(found) in COUNTS[lens]:
+        return found
+    used = len(np.trim_zeros(found, "b"))
+    if lens == "fisheye" and used > 4:
+        raise InputError(f"{path}: {where} has {used} coefficients, but a fisheye lens has 4: correct it")
+    if used > 8:
+        raise InputError(f"{path}: {where} has a thin prism or tilted sensor: calibrate with 8 coefficients")
+    if used > 5 and len(found) < 8:
+        raise InputError(
+            f"{path}: {where} has {len(found)} coefficients, but OpenCV's lenses have 4, 5 or 8: correct it"
+        )
+    return [*found, 0.0][: next(count for count in COUNTS[lens] if count >= used)]
+
+
+def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], tuple[str, ...]]:
+    """Returns fx, fy, cx, cy of a camera matrix (3, 3), and a note about a skew. Raises InputError where it is none."""
+    fx, skew, fy = float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
+    last = matrix[2]
+    if np.abs(last - (0, 0, 1)).max() > 1e-9:
+        row = " ".join(f"{value:g}" for value in last)
+        turned = not matrix[:2, 2].any() and last[2] == 1
+        cure = "it is transposed, as MATLAB prints it: exchange its rows and columns" if turned else "correct it"
+        raise InputError(f"{path}: the last row of {where} is {row}, not 0 0 1: {cure}")
+    if matrix[1, 0] != 0 or abs(skew) > LARGEST_SKEW * abs(fx):
+        raise InputError(
+            f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} next to its focal lengths, where 0 should be: "
+            "correct it"
+        )
+    note = f"{path}: the skew of {skew:g} px in {where} is skipped, as cameras here have none"
+    return [fx, fy, float(matrix[0, 2]), float(matrix[1, 2])], (note,) if skew else ()
+
 
 SIZES, INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
 LINE_DELAY = "line_delay_s"
@@ -22,13 +112,13 @@ CAMERA_KEYS = ("model", *SIZES, *INTRINSICS, "distortion", LINE_DELAY)
 LENS_KEYS = ("model", *MODEL_KEYS)
 """Entries that may name the lens."""
 SINGLE_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-"""In the order of `distortion`, which they stand for; of a fisheye k1 to k4."""
+"""Names in the order of `distortion`; of a fisheye k1 to k4."""
 FOREIGN_KEYS = (*MODEL_KEYS, *FISHEYE_FLAGS, *SINGLE_COEFFICIENTS)
 """Entries of other programs that are understood in a camera.yaml, too."""
 CLOCK_KEYS = ("times", "rate_hz", "offset_s")
 """Entries about the images of a camera, which may stand in a camera.yaml."""
 MAX_READOUT_S = 1.0
-"""From the first row of a rolling shutter to its last."""
+"""Largest duration from the first row of a rolling shutter to its last."""
 MAX_SIDE_PX = 32_766
 """OpenCV's remapping counts pixels in 16 bits."""
 MAX_PIXELS = 1 << 26
@@ -36,25 +126,20 @@ MAX_PIXELS = 1 << 26
 MIN_FOCAL, MAX_FOCAL = 0.01, 1000.0
 """Focal lengths, as a share of the longer side: views from 179° down to 0.06°."""
 MAX_CENTRE = 10.0
-"""The principal point is at most so many longer sides from the image's centre."""
+"""Largest distance of the principal point from the image's centre, in longer sides."""
 MAX_COEFFICIENT = 1e4
 USUAL_CENTRE = 0.25
 """The principal point is rarely farther from the image's centre than this share of its side,"""
 USUAL_ASPECT = 1.2
-"""one focal length rarely longer than so many times the other,"""
+"""Largest ratio of the two focal lengths,"""
 USUAL_FOCAL = 0.12
 """and that of a lens that is no fisheye rarely shorter than this share of the longer side (a view of 153 degrees)."""
 UNDONE_PX = 1.0
 """A pixel's distortion counts as undone where distorting again leads back this near."""
 
 
-def read_camera(path: Path) -> Camera:
-    """The camera of a file such as camera.yaml; InputError names the value that is missing or wrong."""
-    return camera_of(path, read_mapping(path))
-
-
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
-    """The camera of a mapping found in `path` under `where` ("left."); InputError names the value that is wrong."""
+    """Reads a mapping of `path` under `where` ("left."). Raises InputError that names the invalid value."""
     lens = lens_of(path, values, where, keys=LENS_KEYS)
     found = {key: finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in (*SIZES, *INTRINSICS)}
     for key in ("width", "height", "fx", "fy"):
@@ -75,7 +160,7 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
 
 
 def skipped_note(path: Path, values: dict[Any, Any]) -> tuple[str, ...]:
-    """A note about entries of a camera.yaml that are not known, as a misspelt one would go unnoticed."""
+    """Returns a note about unknown entries of a camera.yaml, as a misspelt one would go unnoticed."""
     known = (*CAMERA_KEYS, *CLOCK_KEYS)
     others = [str(key) for key in values if key not in (*known, *FOREIGN_KEYS)]
     note = f"{path}: {', '.join(others)} skipped, as the entries of a camera are {', '.join(known)}"
@@ -83,7 +168,7 @@ def skipped_note(path: Path, values: dict[Any, Any]) -> tuple[str, ...]:
 
 
 def _distortion(path: Path, where: str, values: dict[Any, Any], lens: str) -> Any:
-    """`distortion`, or else what single coefficients say."""
+    """Returns `distortion`, or the single coefficients."""
     names = ("k1", "k2", "k3", "k4") if lens == "fisheye" else SINGLE_COEFFICIENTS
     single = [name for name in SINGLE_COEFFICIENTS if name in values]
     if not single:
@@ -98,14 +183,15 @@ def _distortion(path: Path, where: str, values: dict[Any, Any], lens: str) -> An
 
 
 def line_delay_entry(camera: Camera) -> dict[str, float]:
-    """What a file says of the shutter: nothing unless it rolls."""
+    """Returns the entries of a rolling shutter; none for a global one."""
     return {LINE_DELAY: camera.line_delay_s} if camera.line_delay_s else {}
 
 
 def usable(camera: Camera, where: str) -> Camera:
-    """The camera, where images can be of it; InputError, beginning with `where`, says what is impossible about it.
+    """Returns the camera if images can be of it. Raises InputError, which begins with `where`, for an impossible
+    one.
 
-    Its image has at most MAX_SIDE_PX a side and MAX_PIXELS in all, which is known before memory is taken for it.
+    Its image has at most MAX_SIDE_PX a side and MAX_PIXELS in all: checked before memory is allocated.
     """
     width, height = camera.width, camera.height
     if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX and width * height <= MAX_PIXELS):
@@ -144,7 +230,8 @@ def doubts(camera: Camera, where: str) -> tuple[str, ...]:
 
 
 def _distortion_undone(camera: Camera) -> bool:
-    """Whether it can be, for half of the pixels at least: fitted polynomials often turn back in the corners."""
+    """Returns whether the distortion is invertible for at least half of the pixels: fitted polynomials often fold in
+    the corners."""
     if not camera.distortion:
         return True
     if not max(map(abs, camera.distortion)) <= MAX_COEFFICIENT:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import InputError
 from ispom.geometry import Array
+from ispom.io.calibrations.placed import Placed, camera_from
 from ispom.io.maps import SceneMap
+from ispom.io.rows import read_text
 from ispom.types import Camera
 
 PIXEL = 0.5
@@ -17,12 +21,14 @@ PIXEL = 0.5
 
 @dataclass(frozen=True)
 class ColmapModel:
+    """The three text files of a COLMAP model."""
+
     cameras: str
     """The content of cameras.txt, and so on."""
     images: str
     points: str
     kept: int
-    """Observations in the model, and of how many: those of landmarks that at least two images saw."""
+    """Numbers of observations in the model (of landmarks with at least two images), and of all."""
     observations: int
     point_count: int
     mean_error_px: float | None
@@ -30,10 +36,10 @@ class ColmapModel:
 
 
 def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> ColmapModel:
-    """The model of one method: its key frames as images called CAMERA/TIME_NS.png, its landmarks as points.
+    """Returns the model of one method: its keyframes as images called CAMERA/TIME_NS.png, its landmarks as points.
 
     An observation counts where its landmark is reprojected within max_error_px, a landmark with two of them or more.
-    `camera` is that of the key frames; errors are of their poses, as they are.
+    `camera` is that of the keyframes; errors are of their poses, as they are.
     """
     landmarks, keys = scene.landmarks, scene.key_frames
     row = np.searchsorted(landmarks.ids, scene.seen_ids).clip(0, max(len(landmarks) - 1, 0))
@@ -48,29 +54,29 @@ def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> Colmap
     row, frame, uv, error_px = row[order], frame[order], uv[order], error_px[order]
     starts = np.searchsorted(frame, np.arange(len(keys) + 1))
     return ColmapModel(
-        f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{camera_line(camera)}\n",
-        _images(scene, uv, landmarks.ids[row], starts),
-        _points(scene, row, frame, np.arange(len(row)) - starts[frame], error_px),
-        len(row),
-        int(known.sum()),
-        len(np.unique(row)),
-        float(error_px.mean()) if len(row) else None,
+        cameras=f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{camera_line(camera)}\n",
+        images=_images(scene, uv, landmarks.ids[row], starts),
+        points=_points(scene, row, frame, np.arange(len(row)) - starts[frame], error_px),
+        kept=len(row),
+        observations=int(known.sum()),
+        point_count=len(np.unique(row)),
+        mean_error_px=float(error_px.mean()) if len(row) else None,
     )
 
 
 def _errors(
     scene: SceneMap, camera: Camera, row: NDArray[np.intp], frame: NDArray[np.int64], uv: Array
 ) -> NDArray[np.float64]:
-    """(N,) [px]; infinite behind the camera."""
+    """Returns pixels (N, 2); infinite behind the camera."""
     seen = scene.landmarks.xyz_in_world[row] - scene.key_frames.translations[frame]
     in_camera = np.einsum("nji,nj->ni", scene.key_frames.rotations[frame], seen)
     return np.nan_to_num(np.linalg.norm(camera.project(in_camera) - uv, axis=1), nan=np.inf)
 
 
 def camera_line(camera: Camera, number: int = 1) -> str:
-    """The camera's line of cameras.txt: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[].
+    """Returns the camera's line of cameras.txt: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[].
 
-    OpenCV's distortion has the same order of coefficients there; models differ by how many they have.
+    OpenCV's distortion has the same order of coefficients there; models differ in their number.
     """
     model, count = {0: ("PINHOLE", 0), 4: ("OPENCV", 4)}.get(len(camera.distortion), ("FULL_OPENCV", 8))
     if camera.lens == "fisheye":
@@ -81,7 +87,7 @@ def camera_line(camera: Camera, number: int = 1) -> str:
 
 
 def _images(scene: SceneMap, uv: Array, ids: NDArray[np.int64], starts: NDArray[np.intp]) -> str:
-    """Two lines each: camera_from_world and name; then what it saw."""
+    """Returns two lines for each image: camera_from_world and name; then its observations."""
     lines = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[] as X, Y, POINT3D_ID"]
     for k, (time_ns, pose) in enumerate(scene.key_frames.items()):
         camera_from_world = pose.inverse()
@@ -96,7 +102,7 @@ def _images(scene: SceneMap, uv: Array, ids: NDArray[np.int64], starts: NDArray[
 def _points(
     scene: SceneMap, row: NDArray[np.intp], frame: NDArray[np.int64], place: NDArray[np.intp], error_px: Array
 ) -> str:
-    """`place` is each observation's index within its image."""
+    """Writes the points; `place` is each observation's index within its image."""
     lines = ["# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as IMAGE_ID, POINT2D_IDX"]
     order = np.argsort(row, kind="stable")
     points, first = np.unique(row[order], return_index=True)
@@ -106,3 +112,52 @@ def _points(
         track = " ".join(f"{frame[n] + 1} {place[n]}" for n in seen)
         lines.append(f"{scene.landmarks.ids[point]} {xyz} {rgb} {error_px[seen].mean():.4f} {track}")
     return "\n".join(lines) + "\n"
+
+
+# COLMAP's cameras.txt: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; it has no poses.
+
+
+_COUNTS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "FULL_OPENCV": 12}
+_COUNTS |= {"OPENCV_FISHEYE": 8, "SIMPLE_RADIAL_FISHEYE": 4, "RADIAL_FISHEYE": 5}
+_ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+
+
+def colmap_cameras_text(cameras: list[Placed]) -> str:
+    """Numbered from 1 in the order given."""
+    lines = [camera_line(each.camera, n) for n, each in enumerate(cameras, 1)]
+    return "\n".join(["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", *lines]) + "\n"
+
+
+def read_colmap_cameras(path: Path) -> list[Camera]:
+    """Reads cameras in the order of the file. Raises InputError that names the invalid line."""
+    out = []
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) < 4 or words[1] not in _COUNTS:
+            raise InputError(f"{path} line {number}: give a camera of {', '.join(_COUNTS)}")
+        try:
+            values = [float(word) for word in words[2:]]
+        except ValueError:
+            raise InputError(f"{path} line {number} holds something else than numbers: correct that line") from None
+        if len(values) != 2 + _COUNTS[words[1]] or not np.isfinite(values).all():
+            raise InputError(f"{path} line {number}: {words[1]} has {_COUNTS[words[1]]} parameters: correct that line")
+        out.append(_camera(path, number, words[1], values))
+    if not out:
+        raise InputError(f"{path} holds no camera: give COLMAP's cameras.txt")
+    return out
+
+
+def _camera(path: Path, number: int, model: str, values: list[float]) -> Camera:
+    size, rest = values[:2], values[2:]
+    focals = [rest[0], rest[0]] if model in _ONE_FOCAL else rest[:2]
+    rest = rest[1:] if model in _ONE_FOCAL else rest[2:]
+    centre, distortion = [v - PIXEL for v in rest[:2]], rest[2:]
+    if model in ("SIMPLE_RADIAL", "RADIAL"):
+        distortion = [*distortion, 0.0][:2]
+        distortion = [*distortion, 0.0, 0.0]
+    if model in ("SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
+        distortion = [*distortion, 0.0, 0.0, 0.0][:4]
+    lens = "fisheye" if "FISHEYE" in model else "opencv"
+    return camera_from(path, f"line {number}", np.array(size), [*focals, *centre], distortion, lens)

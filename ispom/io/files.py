@@ -13,7 +13,7 @@ from pathlib import Path
 from ispom.errors import InputError
 
 MAX_BYTES = 64 << 20
-"""Of a text file: more than a day of poses at 10 Hz."""
+"""Largest size of a text file: more than a day of poses at 10 Hz."""
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -36,7 +36,7 @@ def bounded(places: tuple[Path, ...] | None) -> Iterator[None]:
 
 
 def inside(path: Path) -> bool:
-    """Whether the bounds that are set, if any, allow the path."""
+    """Returns whether the bounds, if any are set, allow the path."""
     bounds = _BOUNDS.get()
     if bounds is None:
         return True
@@ -48,14 +48,14 @@ def inside(path: Path) -> bool:
 
 
 def expanded(path: str | Path) -> Path:
-    """With the home folder in place of ~; a user who does not exist stays as written."""
+    """Returns the path with the home folder in place of ~; unchanged for a user who does not exist."""
     return Path(os.path.expanduser(path))
 
 
 def exists(path: Path) -> bool:
-    """Whether something is there that may be opened.
+    """Returns whether the path exists and may be opened.
 
-    InputError where that cannot be told, and for a link to nothing: someone meant something by it.
+    Raises InputError where that cannot be determined, and for a dangling link, which is likely a mistake.
     """
     if not inside(path):
         return False
@@ -73,12 +73,12 @@ def exists(path: Path) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is a folder; InputError as `exists`."""
+    """Returns whether the path is a folder. Raises InputError as `exists`."""
     return exists(path) and path.is_dir()
 
 
 def names(folder: Path) -> list[str]:
-    """What a folder holds, sorted; InputError where it is none or cannot be read."""
+    """Returns the sorted contents of a folder. Raises InputError where it is none or cannot be read."""
     _require_inside(folder)
     try:
         return sorted(os.listdir(folder))
@@ -89,7 +89,8 @@ def names(folder: Path) -> list[str]:
 
 
 def require_file(path: Path) -> int:
-    """The size [bytes] of a regular file; InputError where there is none, or a pipe, socket, device or folder."""
+    """Returns the size [bytes] of a regular file. Raises InputError where there is none, or a pipe, socket, device
+    or folder."""
     _require_inside(path)
     try:
         found = path.stat()
@@ -104,7 +105,7 @@ def require_file(path: Path) -> int:
 
 
 def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of a regular file; InputError where it cannot be read or is longer than max_bytes."""
+    """Returns the content of a regular file. Raises InputError where it cannot be read or is longer than max_bytes."""
     size = require_file(path)
     content = read_head(path, max_bytes + 1) if size <= max_bytes else b""
     if max(size, len(content)) > max_bytes:
@@ -115,14 +116,15 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def read_head(path: Path, count: int) -> bytes:
-    """The first `count` bytes of a regular file, or all it has; InputError where it cannot be read."""
+    """Returns the first `count` bytes of a regular file, or all it has. Raises InputError where it cannot be read."""
     with opened(path) as file:
         return file.read(count)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[BufferedReader]:
-    """A regular file, to read from; InputError where it is none, or cannot be read now or while it is open."""
+    """Opens a regular file for reading. Raises InputError where it is none, or cannot be read now or while it is
+    open."""
     require_file(path)
     try:
         # Not blocking, and looked at again: the file may have become a pipe since.

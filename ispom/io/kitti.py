@@ -1,7 +1,10 @@
-"""The text files of a KITTI odometry drive."""
+"""KITTI's files: poses, calibrations and times of the odometry benchmark; calibrations and GPS/IMU tracks of raw
+drives."""
 
 from __future__ import annotations
 
+import re
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.rows import increasing_times_ns, numbers, read_rows, read_text
-from ispom.types import Trajectory
+from ispom.types import Camera, Trajectory
 
 
 def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
@@ -40,7 +43,7 @@ def poses_text(trajectory: Trajectory) -> str:
 
 
 def read_times(path: Path) -> NDArray[np.int64]:
-    """(N,) [ns], increasing, of a file with seconds."""
+    """Reads a file with seconds as increasing times (N,) [ns]."""
     return increasing_times_ns(path, read_rows(path, 1))
 
 
@@ -63,3 +66,144 @@ def read_calibration(path: Path, cameras: tuple[str, ...] = ("P0", "P1")) -> dic
     if cameras[0] not in found:
         raise InputError(f"{path} has no line '{cameras[0]}: ...': give the calibration of this drive")
     return found
+
+
+# The text files of a KITTI raw drive: `calib_cam_to_cam.txt` and `timestamps.txt`.
+
+
+_SHAPES = {"S": (2,), "K": (3, 3), "D": (5,), "S_rect": (2,), "R_rect": (3, 3), "P_rect": (3, 4)}
+_STAMP = re.compile(r"(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)(?:\.(\d{1,9}))?", re.ASCII)
+
+
+def read_calibrations(path: Path, cameras: tuple[str, ...]) -> list[dict[str, Array]]:
+    """Reads, for each camera ("00", "01" ...), S (2,) and S_rect (2,) sizes [px], K (3, 3), D (5,), R_rect (3, 3)
+    and P_rect (3, 4). Raises InputError that names the missing or invalid line."""
+    rows: dict[str, tuple[int, list[str]]] = {}
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        name, _, values = text.partition(":")
+        rows[name.strip()] = (line, values.split())
+    return [
+        {name: _values(path, rows, f"{name}_{camera}", shape) for name, shape in _SHAPES.items()} for camera in cameras
+    ]
+
+
+def raw_camera(calibration: dict[str, Array]) -> Camera:
+    """Returns the camera of an unrectified image."""
+    fx, fy, cx, cy = calibration["K"][[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    return Camera(*image_size(calibration["S"]), fx, fy, cx, cy, tuple(calibration["D"].tolist()))
+
+
+def image_size(size: Array) -> tuple[int, int]:
+    """Width and height of S or S_rect."""
+    return int(size[0]), int(size[1])
+
+
+def read_timestamps(path: Path, ordered: bool = True) -> NDArray[np.int64]:
+    """Reads times (N,) [ns since 1970], increasing where `ordered`, from lines such as `2011-09-26
+    13:02:25.964389445`."""
+    times_ns: list[int] = []
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        if not text.strip():
+            continue
+        times_ns.append(_time_ns(path, line, text.strip()))
+        if ordered and len(times_ns) > 1 and times_ns[-1] <= times_ns[-2]:
+            raise InputError(f"{path} line {line}: time {text.strip()} is not after the one before: put them in order")
+    return np.array(times_ns, np.int64)
+
+
+def _values(path: Path, rows: dict[str, tuple[int, list[str]]], name: str, shape: tuple[int, ...]) -> Array:
+    line, words = rows.get(name, (0, []))
+    if not line:
+        raise InputError(f"{path} has no line '{name}: ...': give the calibration of the drive's day")
+    if len(words) != np.prod(shape):
+        raise InputError(
+            f"{path} line {line}: {name} needs {np.prod(shape)} numbers, not {len(words)}: correct that line"
+        )
+    found = numbers(path, line, words).reshape(shape)
+    if name[0] in "KP" and min(found[0, 0], found[1, 1]) <= 0:
+        raise InputError(f"{path} line {line}: the focal length is not positive: correct that line")
+    if name[0] == "S" and not ((found >= 1) & (found <= 65_536)).all():
+        raise InputError(f"{path} line {line}: {name} is no size in pixels: correct that line")
+    return found
+
+
+def _time_ns(path: Path, line: int, text: str) -> int:
+    match = _STAMP.fullmatch(text)
+    try:
+        moment = datetime.fromisoformat(match[1]).replace(tzinfo=UTC) if match else None
+    except ValueError:
+        moment = None
+    if match is None or moment is None or not 1970 <= moment.year < 2115:
+        raise InputError(f"{path} line {line}: '{text[:40]}' is not a date and a time: correct that line")
+    return int(moment.timestamp()) * 10**9 + int((match[2] or "0").ljust(9, "0"))
+
+
+EARTH_RADIUS_M = 6_378_137.0
+COLUMNS = 30
+"""Number of values of each file; the first six are read: latitude, longitude [deg], altitude [m], roll, pitch, yaw
+[rad]."""
+
+
+def read_oxts(folder: Path) -> Trajectory:
+    """Reads world_from_body of the GPS/IMU unit (`oxts/data/*.txt`, `oxts/timestamps.txt`); world: x east, y north,
+    z up.
+
+    The origin is its first position. Positions use a Mercator projection at the first latitude, as the data set's own
+    tools (Geiger et al. 2013). Samples whose time is not after that of all before them are skipped. Raises InputError
+    that names the invalid file.
+    """
+    stamps = folder / "timestamps.txt"
+    times_ns = read_timestamps(stamps, ordered=False)
+    samples = {int(p.stem): p for p in (folder / "data").glob("*.txt") if p.stem.isascii() and p.stem.isdigit()}
+    frames = sorted(samples)
+    if not frames:
+        raise InputError(f"{folder / 'data'} holds no sample: restore the files, or move {folder} away")
+    if frames[-1] >= len(times_ns):
+        raise InputError(f"{stamps} has {len(times_ns)} times, none for {samples[frames[-1]]}: give the whole file")
+    values = np.stack([_sample(samples[frame]) for frame in frames])
+    times_ns = times_ns[frames]
+    after = np.append(True, times_ns[1:] > np.maximum.accumulate(times_ns)[:-1])
+    positions = _mercator(values[:, :3])
+    rotations = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_matrix()
+    return Trajectory(times_ns[after], rotations[after], (positions - positions[0])[after], "body")
+
+
+def read_rigid(path: Path) -> Pose:
+    """Reads the transformation of `calib_imu_to_velo.txt` (velo_from_imu) and the like, from its lines `R:` and
+    `T:`."""
+    lines = {}
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        name, _, words = text.partition(":")
+        lines[name.strip()] = (line, words.split())
+    rotation, translation = (_oxts_values(path, lines, name, count) for name, count in (("R", 9), ("T", 3)))
+    rotation = rotation.reshape(3, 3)
+    if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
+        raise InputError(f"{path} line {lines['R'][0]}: R is not a rotation: correct that line")
+    return Pose(Rotation.from_matrix(rotation).as_matrix(), translation)
+
+
+def _oxts_values(path: Path, lines: dict[str, tuple[int, list[str]]], name: str, count: int) -> Array:
+    line, words = lines.get(name, (0, []))
+    if not line:
+        raise InputError(f"{path} has no line '{name}: ...': give the calibration of the drive's day")
+    if len(words) != count:
+        raise InputError(f"{path} line {line}: {name} needs {count} numbers, not {len(words)}: correct that line")
+    return numbers(path, line, words)
+
+
+def _sample(path: Path) -> Array:
+    words = read_text(path).split()
+    if len(words) != COLUMNS:
+        raise InputError(f"{path} has {len(words)} values, not {COLUMNS}: restore the file")
+    values = numbers(path, 1, words[:6])
+    if abs(values[0]) >= 90 or abs(values[1]) > 360:
+        raise InputError(f"{path} line 1: {words[0]} {words[1]} is not a latitude and longitude: restore the file")
+    return values
+
+
+def _mercator(geodetic: Array) -> Array:
+    """Returns positions (N, 3) [m] of latitude, longitude [deg] and altitude [m] (N, 3)."""
+    latitude, longitude = np.radians(geodetic[:, 0]), np.radians(geodetic[:, 1])
+    scale = np.cos(latitude[0])
+    north = EARTH_RADIUS_M * np.log(np.tan(np.pi / 4 + latitude / 2))
+    return np.stack([scale * EARTH_RADIUS_M * longitude, scale * north, geodetic[:, 2]], axis=1)

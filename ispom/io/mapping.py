@@ -1,5 +1,4 @@
-"""YAML files (also JSON, and OpenCV's) that hold a mapping, and the numbers in them: read with the place of every
-mistake."""
+"""YAML files (also JSON, and OpenCV's) with a mapping, and the numbers in them; errors name their position."""
 
 from __future__ import annotations
 
@@ -17,13 +16,14 @@ from ispom.io.rows import read_text
 MAX_BYTES = 256 << 10
 MAX_DIGITS = 100
 MAX_VALUES, MAX_DEPTH = 20_000, 30
-"""Of a file with its aliases written out: a short file of aliases of aliases stands for billions of values."""
+"""Largest number of values of a file with its aliases expanded: a short file of aliases of aliases stands for
+billions."""
 
 _EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
 
 
 class _Loader(yaml.SafeLoader):
-    """With OpenCV's tags, whose matrices are mappings with rows, cols, dt and data."""
+    """A loader for OpenCV's tags, whose matrices are mappings with rows, cols, dt and data."""
 
 
 for _tag in ("opencv-matrix", "opencv-nd-matrix"):
@@ -31,7 +31,8 @@ for _tag in ("opencv-matrix", "opencv-nd-matrix"):
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
-    """The mapping of a YAML file, also of OpenCV; InputError where it is missing, malformed or no mapping."""
+    """Returns the mapping of a YAML file, also of OpenCV. Raises InputError where it is missing, malformed or no
+    mapping."""
     text = read_text(path, MAX_BYTES)
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text
@@ -42,9 +43,9 @@ def read_mapping(path: Path) -> dict[Any, Any]:
 
 
 def parse_yaml(where: Path | str, text: str) -> Any:
-    """Returns the values of a YAML text of somebody else's.
+    """Returns the values of a YAML text from others.
 
-    InputError, which begins with `where`, for a text that is malformed or stands for more than MAX_VALUES.
+    Raises InputError, which begins with `where`, for a text that is malformed or stands for more than MAX_VALUES.
     """
     try:
         return _loaded(where, text)
@@ -72,14 +73,14 @@ def _loaded(path: Path | str, text: str) -> Any:
 
 
 def _written_out(path: Path | str, node: Node, depth: int, known: dict[int, int]) -> int:
-    """How many values a node stands for; more than MAX_VALUES where it is too deep, or holds itself.
+    """Returns the number of values in a node; more than MAX_VALUES where it is too deep, or contains itself.
 
-    InputError where a name is given twice.
+    Raises InputError where a name is given twice.
     """
     if depth > MAX_DEPTH:
         return MAX_VALUES + 1
     if id(node) not in known:
-        known[id(node)] = MAX_VALUES + 1  # while it is counted: what holds itself has no end
+        known[id(node)] = MAX_VALUES + 1  # while it is counted: what contains itself has no end
         inner: list[Node] = []
         if isinstance(node, MappingNode):
             _require_once(path, node)
@@ -102,7 +103,7 @@ def _require_once(path: Path | str, node: MappingNode) -> None:
 
 
 def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:
-    """A list of one of `counts` finite numbers; InputError says where in the file it is not."""
+    """Returns a list of one of `counts` finite numbers. Raises InputError that names the position where it is not."""
     counts = (counts,) if isinstance(counts, int) else counts
     good = isinstance(value, list) and len(value) in counts
     if not good or not all(_is_number(v) for v in value):

@@ -1,4 +1,4 @@
-"""landmarks.npz: each method's landmarks, and what its key frames saw of them."""
+"""landmarks.npz: each method's landmarks, and the observations of its keyframes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from ispom.types import Frame, Landmarks, Trajectory
 
 MAX_BYTES = 1 << 30
 SMALL_BYTES, MOST_PACKED = 64 << 20, 60
-"""A file that unpacks to more than the former is at most so many times as large unpacked: those of `ispom run` are some
-3 times as large."""
+"""Largest compression ratio of a file that unpacks to more than the former: those of `ispom run` have about 3."""
 ROTATION_TOLERANCE = 1e-3
 CAMERAS: tuple[Frame, ...] = ("video", "left")
 _SHAPES = {
@@ -34,26 +33,26 @@ _SHAPES = {
     "seen_ids": ("n", "i"),
     "seen_uv": ("n2", "f"),
 }
-"""By array of a method: its axes (letters: counts that agree within a method) and kind of number."""
+"""By array of a method: its axes (letters: sizes that agree within a method) and kind of number."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneMap:
-    """What one method knows of the scene, in its own world and unit."""
+    """One method's map, in its own world and unit."""
 
     landmarks: Landmarks
     key_frames: Trajectory
-    """(K) world_from_CAMERA; its `frame` is the camera."""
+    """(K) world_from_CAMERA of the keyframes; its `frame` is the camera."""
     seen_from: NDArray[np.int64]
-    """(N,) of each observation: the key frame's index."""
+    """(N,) index of each observation's keyframe."""
     seen_ids: NDArray[np.int64]
-    """(N,) the point's id; points that never got a position are among them."""
+    """(N,) id of its point; points that never got a position are among them."""
     seen_uv: NDArray[np.float32]
-    """(N, 2) [px]."""
+    """(N, 2) [px] of each observation."""
 
 
 def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
-    """The file's content: compressed arrays called METHOD.NAME, no pickles."""
+    """Returns the file's content: compressed arrays called METHOD.NAME, no pickles."""
     arrays: dict[str, np.ndarray] = {}
     for method, found in maps.items():
         keys, points = found.key_frames, found.landmarks
@@ -74,9 +73,9 @@ def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
 
 
 def read_maps(path: Path) -> dict[str, SceneMap]:
-    """By method; InputError where the file is missing or damaged, or claims to be larger than such files are.
+    """Reads the maps by method. Raises InputError where the file is missing, damaged, or claims an implausible size.
 
-    All sizes are looked at before memory is taken for any of the arrays.
+    All sizes are checked before memory is allocated for any of the arrays.
     """
     size = require_file(path)
     try:
@@ -97,7 +96,7 @@ def read_maps(path: Path) -> dict[str, SceneMap]:
 
 
 def _claimed_bytes(packed: ZipFile, entry: ZipInfo) -> int:
-    """Of one array, unpacked. ValueError where the archive, and the array's own header, say different sizes."""
+    """Returns the unpacked size of one array. Raises ValueError where the archive and the array's own header differ."""
     with packed.open(entry) as file:
         version = np.lib.format.read_magic(file)
         if version == (1, 0):
@@ -110,7 +109,7 @@ def _claimed_bytes(packed: ZipFile, entry: ZipInfo) -> int:
 
 
 def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
-    """ValueError where shapes or kinds do not agree."""
+    """Raises ValueError where shapes or kinds do not agree."""
     counts: dict[str, int] = {}
     for name, (axes, kind) in _SHAPES.items():
         array = arrays[name]

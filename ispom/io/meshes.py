@@ -1,11 +1,14 @@
-"""Meshes and clouds as files of other tools: PLY and glTF; and a user's mesh with its texture, by trimesh."""
+"""Meshes and clouds: PLY with colours, normals or a trajectory; textured meshes of other programs; Open3D on demand."""
 
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,13 +18,63 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.files import names, read_bytes, require_file
 from ispom.io.rows import LARGEST
-from ispom.types import Image
+from ispom.types import Image, Landmarks, Trajectory
+
+_VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
+_ORIENTED = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
+_TRIANGLE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
+_EDGE = np.dtype([("vertices", "<i4", 2)])
+
+
+def ply_bytes(landmarks: Landmarks, trajectory: Trajectory, colour: tuple[int, int, int]) -> bytes:
+    """Binary: the landmarks' vertices, then the positions of the trajectory in its colour, joined by edges."""
+    count, poses = len(landmarks), len(trajectory)
+    vertices = np.zeros(count + poses, _VERTEX)
+    vertices["xyz"] = np.concatenate([landmarks.xyz_in_world, trajectory.translations])
+    vertices["rgb"][:count], vertices["rgb"][count:] = landmarks.rgb, colour
+    edges = np.zeros(max(poses - 1, 0), _EDGE)
+    edges["vertices"] = count + np.arange(len(edges))[:, None] + (0, 1)
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment vertices from {count} on are the trajectory, world_from_{trajectory.frame}",
+        f"element vertex {len(vertices)}",
+        *(f"property float {axis}" for axis in "xyz"),
+        *(f"property uchar {channel}" for channel in ("red", "green", "blue")),
+        f"element edge {len(edges)}",
+        *(f"property int vertex{end}" for end in (1, 2)),
+        "end_header",
+    ]
+    return "\n".join(header).encode() + b"\n" + vertices.tobytes() + edges.tobytes()
+
+
+def surface_ply(
+    xyz: Array, normals: Array, rgb: NDArray[np.uint8], triangles: NDArray[np.int32] | None = None
+) -> bytes:
+    """Writes points (N, 3) [m] with unit normals (N, 3) and colours (N, 3), and triangles (T, 3) between them, as
+    binary."""
+    vertices = np.zeros(len(xyz), _ORIENTED)
+    vertices["xyz"], vertices["normal"], vertices["rgb"] = xyz, normals, rgb
+    faces = np.zeros(0 if triangles is None else len(triangles), _TRIANGLE)
+    if triangles is not None:
+        faces["count"], faces["vertices"] = 3, triangles
+    header = ["ply", "format binary_little_endian 1.0", "comment world of the run's trajectory, metres"]
+    header += [f"element vertex {len(vertices)}", *(f"property float {axis}" for axis in ("x", "y", "z"))]
+    header += [f"property float n{axis}" for axis in "xyz"]
+    header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
+    if triangles is not None:
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    return "\n".join([*header, "end_header", ""]).encode() + vertices.tobytes() + faces.tobytes()
+
+
+# Meshes and clouds as files of other tools: PLY and glTF; and a user's mesh with its texture, by trimesh.
+
 
 GLTF_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]))
 """glTF's y axis points up and its z axis to the viewer; here y points down, and z ahead."""
 ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl")
 COMPANION_BYTES = 256 << 20
-"""Of a file that a mesh names."""
+"""Largest size of a file that a mesh refers to."""
 PLAIN = (160, 160, 160)
 """Colour of a mesh without one."""
 
@@ -33,26 +86,25 @@ class ColouredMesh:
     triangles: NDArray[np.float32]
     """(T, 3, 3) corners [m], counter-clockwise as seen from outside."""
     rgb: NDArray[np.uint8]
-    """(T, 3, 3) of the corners; white where a texture says more."""
+    """(T, 3, 3) colours of the corners; white where there is a texture."""
     uv: NDArray[np.float32] | None = None
     """(T, 3, 2) of the corners in the texture, 0..1, (0, 0) at its lower left; None without one."""
     texture: Image | None = None
-    """(H, W, 3)."""
+    """(H, W, 3) RGB."""
 
 
 def glb_bytes(xyz: Array, normals: Array, rgb: NDArray[np.uint8], triangles: NDArray[np.int32]) -> bytes:
-    """A binary glTF file of points (N, 3) [m] of our world, with normals (N, 3), colours (N, 3), triangles (T, 3)."""
+    """Returns a binary glTF file of points (N, 3) [m] of our world, with normals (N, 3), colours (N, 3), triangles
+    (T, 3)."""
     import trimesh
 
     moved, turned = GLTF_FROM_WORLD.apply(np.asarray(xyz, float)), normals @ GLTF_FROM_WORLD.rotation.T
     mesh = trimesh.Trimesh(moved, triangles, vertex_normals=turned, vertex_colors=rgb, process=False)
-    content = mesh.export(file_type="glb", include_normals=True)
-    assert isinstance(content, bytes)
-    return content
+    return bytes(mesh.export(file_type="glb", include_normals=True))  # type: ignore[arg-type]
 
 
 def read_coloured_mesh(path: Path) -> ColouredMesh:
-    """Of a PLY, OBJ, glTF or STL file, in its own axes. InputError where it is none, or holds no triangle."""
+    """Reads a PLY, OBJ, glTF or STL file, in its own axes. Raises InputError where it is none, or has no triangle."""
     import trimesh
 
     require_file(path)
@@ -83,8 +135,8 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
 
 
 def _companions(path: Path) -> Any:
-    """What trimesh reads the files through that a mesh names, such as its texture: those of its own folder only, links
-    followed, of bounded size. Its own reader waits for pipes, and in some versions takes any path."""
+    """Resolves the files that a mesh refers to, such as its texture, for trimesh: those of its own folder only,
+    links followed, of bounded size. Its own resolver waits for pipes, and in some versions takes any path."""
     from trimesh.resolvers import Resolver
 
     folder = Path(os.path.realpath(path.parent))
@@ -96,7 +148,7 @@ def _companions(path: Path) -> Any:
         def get(self, key: str) -> bytes:
             found = Path(os.path.realpath(folder / key.strip()))
             if not found.is_relative_to(folder):
-                raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: put the file beside it")
+                raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: move the file into it")
             return read_bytes(found, COMPANION_BYTES)
 
         def keys(self) -> list[str]:
@@ -115,3 +167,25 @@ def _texture(visual: Any) -> Image | None:
     material = getattr(visual, "material", None)
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     return None if image is None else np.asarray(image.convert("RGB"), np.uint8)
+
+
+# Open3D, for those parts that need it: its wheel loads system libraries that slim machines lack.
+
+
+def open3d() -> ModuleType:
+    """Imports and returns the module `open3d`. Raises InputError where it, or a system library that it loads, is
+    missing."""
+    try:
+        return import_module("open3d")
+    except ModuleNotFoundError as error:
+        if error.name != "open3d":
+            raise
+        raise InputError("this needs Open3D, which is not installed: run 'pip install open3d'") from error
+    except (ImportError, OSError) as error:  # "libX.so.1: cannot open shared object file: ..."
+        library = re.search(r"[\w.+-]+\.so[.\d]*", str(error))
+        if library is None:
+            raise InputError(f"Open3D cannot be loaded ({error}): install it again") from error
+        raise InputError(
+            f"Open3D cannot load the system library {library[0]}: install it (on Debian and Ubuntu: "
+            "'apt-get install libusb-1.0-0 libegl1 libgl1 libx11-6 libidn2-0 libudev1 libgomp1')"
+        ) from error

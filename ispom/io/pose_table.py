@@ -17,9 +17,9 @@ from ispom.types import Frame, Trajectory
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 POSE_COLUMNS, HEADER_LINES = 8, 200
 USUAL_S = 0.05
-"""Usual interval of poses: whole numbers without a unit have the unit whose interval is nearest to it."""
+"""Usual interval of poses: integers without a unit have the unit whose interval is nearest to it."""
 DATES_S = (1.0e9, 2.1e9)
-"""From 2001 to 2036: what lies between these in a unit is a date in it."""
+"""From 2001 to 2036: times between these in a unit are dates in it."""
 _UNIT_WORDS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
     "ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms",
@@ -28,7 +28,7 @@ _UNIT_WORDS = {
 }  # fmt: skip
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "t")
-"""What a column of times is called; of several the first of these counts."""
+"""Names of a column of times; the first of these has priority."""
 _POSITION = frozenset({"p", "t", "pos", "position", "trans", "translation", "tvec", "location", "xyz"})
 _ROTATION = frozenset({"q", "quat", "quaternion", "orientation", "rot", "rotation", "qvec", "attitude"})
 _AXIS = re.compile(r"([a-z]*?)_?([xyzw])")
@@ -36,19 +36,19 @@ _AXIS = re.compile(r"([a-z]*?)_?([xyzw])")
 
 @dataclass(frozen=True)
 class Columns:
-    """Which column holds what, counted from 0."""
+    """The contents of the columns, counted from 0."""
 
     times: tuple[int, ...]
     """One, or whole seconds and the nanoseconds after them."""
     xyz: tuple[int, ...]
     xyzw: tuple[int, ...]
     unit: str | None
-    """Of the times; None where the header does not say it."""
+    """Unit of the times; None where the header has none."""
     count: int
     line: int = 0
-    """Of the header, counted from 1."""
+    """Line of the header, counted from 1."""
     spaced: bool = True
-    """Whether spaces or tabs are between its names."""
+    """Its names are separated by spaces or tabs."""
     metres: float = 1.0
     """Unit of the positions [m]."""
 
@@ -59,10 +59,10 @@ class Columns:
 
 
 def header_columns(path: Path) -> Columns | None:
-    """What the last line before a file's first values says of its columns; None where there is none.
+    """Reads the columns from the last line before a file's first values; None where there is no header.
 
-    It may begin with # or %. InputError where it names all columns between commas, and not those of a pose: the order
-    of a quaternion cannot be seen in its values.
+    It may begin with # or %. Raises InputError where it names all columns between commas, and not those of a pose: the
+    order of a quaternion cannot be inferred from its values.
     """
     found, unknown = None, (0, 0)
     for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
@@ -84,9 +84,9 @@ def header_columns(path: Path) -> Columns | None:
 
 
 def read_pose_table(path: Path, columns: Columns, frame: Frame, every: bool) -> tuple[Trajectory, str]:
-    """The poses of a file with such columns, world_from_FRAME, and the unit of its times; `every` as in `latest`.
+    """Reads world_from_FRAME from a file with such columns, and the unit of its times; `every` as in `latest`.
 
-    InputError names the line that is wrong.
+    Raises InputError that names the invalid line.
     """
     rows = _rows(path, columns)
     unit = columns.unit or unit_of([words[columns.times[0]] for _, words in rows])
@@ -97,7 +97,7 @@ def read_pose_table(path: Path, columns: Columns, frame: Frame, every: bool) -> 
 
 
 def split_line(text: str) -> list[str]:
-    """The words of a line, between semicolons, or else commas, or else spaces and tabs."""
+    """Returns the words of a line, between semicolons, or else commas, or else spaces and tabs."""
     for separator in (";", ","):
         if separator in text:
             words = [word.strip().strip("\"'").strip() for word in text.rstrip(f"{separator} \t").split(separator)]
@@ -106,7 +106,7 @@ def split_line(text: str) -> list[str]:
 
 
 def unit_of(words: list[str]) -> str:
-    """The unit of times that do not say it: that in which they are dates, or else their intervals usual ones."""
+    """Returns the unit of times without one: that in which they are dates, or else their intervals usual ones."""
     values = [value for word in words if (value := _decimal(word)) is not None]
     if not values:
         return "s"
@@ -115,15 +115,15 @@ def unit_of(words: list[str]) -> str:
             return unit
     if any(value != value.to_integral_value() for value in values):
         return "s"
-    apart = sorted(b - a for a, b in pairwise(values) if b > a)
-    if not apart:
+    intervals = sorted(b - a for a, b in pairwise(values) if b > a)
+    if not intervals:
         return "ns" if values[0] > MAX_TIME_S else "s"
-    usual_s = float(apart[len(apart) // 2])
+    usual_s = float(intervals[len(intervals) // 2])
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 
 def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
-    """Of a header's names; None where one is missing or given twice."""
+    """Returns the columns of a header's names; None where one is missing or given twice."""
     times: dict[tuple[str, str | None], int] = {}
     axes: dict[tuple[str, str], int] = {}
     lengths: set[str] = set()
@@ -138,8 +138,8 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
                 return None
             axes[role] = i
             lengths |= {unit} & set(_METRES) if role[0] != "q" and unit is not None else set()
-        elif parts and (said := _time_name(parts)) is not None:
-            times.setdefault((said[0], _UNIT_WORDS.get(unit or "") or said[1]), i)
+        elif parts and (named := _time_name(parts)) is not None:
+            times.setdefault((named[0], _UNIT_WORDS.get(unit or "") or named[1]), i)
     bare = {axis: i for (kind, axis), i in axes.items() if not kind}  # of a position, unless that has names of its own
     for kind, letters in (("p", "xyz"), ("q", "xyzw")):
         if not any((kind, axis) in axes for axis in "xyz"):
@@ -152,18 +152,20 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
         return None
     which, unit = _best_times(times)
     metres = _METRES[lengths.pop()] if lengths else 1.0
-    return Columns(which, xyz, xyzw, unit, len(words), line, spaced, metres)
+    return Columns(
+        times=which, xyz=xyz, xyzw=xyzw, unit=unit, count=len(words), line=line, spaced=spaced, metres=metres
+    )
 
 
 def _unit(word: str) -> tuple[str, str | None]:
-    """A name in small letters, without the unit in brackets that follows it."""
+    """Returns a name in small letters, without the unit in brackets at its end."""
     found = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]?", word.strip().lower().replace("µ", "u"))
     return (word.strip().lower(), None) if found is None else (found[1], found[2])
 
 
 def _axis(parts: list[str]) -> tuple[str, str] | None:
-    """("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w; ("", axis) of an
-    axis alone."""
+    """Returns ("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w; ("",
+    axis) for only an axis."""
     found = _AXIS.fullmatch(parts[-1]) if parts else None
     if found is None:
         return None
@@ -178,7 +180,7 @@ def _axis(parts: list[str]) -> tuple[str, str] | None:
 
 
 def _time_name(parts: list[str]) -> tuple[str, str | None] | None:
-    """What a name calls its times, and their unit: timestamp, time_ns, header.stamp.sec."""
+    """Returns the kind of times of a name, and their unit: timestamp, time_ns, header.stamp.sec."""
     unit = _UNIT_WORDS.get(parts[-1])
     name = next((part for part in reversed(parts) if part in _TIMES), None)
     if name is None and unit is not None and len(parts) == 1 and parts[0] != "s":
@@ -187,7 +189,7 @@ def _time_name(parts: list[str]) -> tuple[str, str | None] | None:
 
 
 def _best_times(times: dict[tuple[str, str | None], int]) -> tuple[tuple[int, ...], str | None]:
-    """The column of times, or those of seconds and of the nanoseconds after them, and their unit."""
+    """Returns the column of times, or those of seconds and of the nanoseconds after them, and their unit."""
     name = min((name for name, _ in times), key=_TIMES.index)
     units = {unit: i for (each, unit), i in times.items() if each == name}
     if {"s", "ns"} <= units.keys():

@@ -1,4 +1,4 @@
-"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; of a laser where it is; and how sure all this is.
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; the pose of a laser; and the uncertainty.
 
 `video_sigma` and `pair_sigma` hold the standard deviations of `ispom.types.calibration`.
 """
@@ -22,12 +22,12 @@ CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
-"""Of the other deviations, as of the methods' settings: with more there is nothing to start from."""
+"""Largest other deviations, as in the methods' settings: with more there is no useful start."""
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 
 
 def rig_text(rig: Rig) -> str:
-    """The file's content."""
+    """Returns the file's content."""
     present = [name for name in CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
     content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}
@@ -37,8 +37,10 @@ def rig_text(rig: Rig) -> str:
 
 
 def read_rig(path: Path, placed: bool = True) -> Rig:
-    """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
-    video camera may be without a pose: it is then that of the rig."""
+    """Reads the rig of a file. Raises InputError that names the missing or invalid entry.
+
+    Unless all cameras must be `placed`, the video camera may be without a pose: it is then that of the rig.
+    """
     content = read_mapping(path)
     if not set(content) & set(CAMERAS) or not set(content) <= ENTRIES:
         perhaps = ", ".join(("laser", *SIGMAS))

@@ -1,4 +1,4 @@
-"""Text files with one row of numbers per line: read with the place of every mistake."""
+"""Text files with one row of numbers per line; errors name their position."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ LARGEST = 1e15
 
 
 def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
-    """A text file in UTF-8, with or without byte-order mark; InputError where it is missing, too long or not that."""
+    """Reads a text file in UTF-8, with or without byte-order mark. Raises InputError where it is missing, too long
+    or not that."""
     content = read_bytes(path, max_bytes)
     try:
         return content.decode("utf-8-sig")
@@ -37,7 +38,7 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
 
 
 def read_rows(path: Path, columns: int) -> list[Row]:
-    """The lines that hold something, comments (#) excluded; InputError where one has not `columns` words."""
+    """Returns all lines with values, without comments (#). Raises InputError where one has not `columns` words."""
     rows: list[Row] = []
     for line, text in enumerate(read_text(path).splitlines(), 1):
         words = text.split()
@@ -50,7 +51,7 @@ def read_rows(path: Path, columns: int) -> list[Row]:
 
 
 def numbers(path: Path, line: int, words: list[str]) -> Array:
-    """The words as finite numbers (N,); InputError naming the first that is none."""
+    """Returns the words as finite numbers (N,). Raises InputError naming the first that is none."""
     values = []
     for word in words:
         try:
@@ -65,7 +66,7 @@ def numbers(path: Path, line: int, words: list[str]) -> Array:
 
 
 def matrix(path: Path, shape: tuple[int, int]) -> Array:
-    """The matrix that a file holds, not finite where the file says so; InputError naming the line that is wrong."""
+    """Reads a matrix, which may have values that are not finite. Raises InputError that names the invalid line."""
     rows = read_rows(path, shape[1])
     if len(rows) != shape[0]:
         raise InputError(f"{path} has {len(rows)} rows, not {shape[0]}: restore the file")
@@ -80,14 +81,15 @@ def matrix(path: Path, shape: tuple[int, int]) -> Array:
 
 
 def times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
-    """The first words, decimal seconds, as integer nanoseconds (N,), exactly; InputError where time goes backwards."""
+    """Returns the first words, decimal seconds, as integers (N,) [ns], exactly. Raises InputError where time goes
+    backwards."""
     times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)
     _refuse(path, rows, np.diff(times) < 0)
     return times
 
 
 def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
-    """The same; InputError also where a time is repeated."""
+    """Returns strictly increasing times (N,) [ns]. Raises InputError also where a time is repeated."""
     times = times_ns(path, rows)
     _refuse(path, rows, np.diff(times) == 0)
     return times
@@ -96,10 +98,11 @@ def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
 def latest(
     path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: Frame, every: bool
 ) -> Trajectory:
-    """The trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time the last.
+    """Returns the trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time
+    the last.
 
-    With `every`, all of those stay, and times do not strictly increase then.
-    InputError where time goes backwards or a quaternion is not of length 1 (to 1 %).
+    With `every`, all of those stay, and times do not strictly increase then. Raises InputError where time goes
+    backwards or a quaternion is not of length 1 (to 1 %).
     """
     _refuse(path, rows, np.diff(times) < 0)
     lengths = np.linalg.norm(xyzw, axis=1)

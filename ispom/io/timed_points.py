@@ -15,13 +15,13 @@ from ispom.types import TimedPoints
 
 COORDINATES = ("x", "y", "z")
 TIMES = ("time_s", "time", "timestamp", "t", "gps_time")
-"""What a column or property of times [s] may be called, besides time_ns."""
+"""Names of a column or property of times [s], besides time_ns."""
 MAX_BYTES = 4 << 30
 
 
 def read_timed_points(path: Path) -> TimedPoints:
-    """Of a CSV file with columns x, y, z [m] and time_s (or time_ns), or a PLY file with such properties of its
-    vertices; others are ignored. InputError names file and line, or what is missing."""
+    """Reads a CSV file with columns x, y, z [m] and time_s (or time_ns), or a PLY file with such properties of its
+    vertices; others are ignored. Raises InputError that names file and line, or what is missing."""
     require_file(path)
     columns = _ply(path) if path.suffix.lower() == ".ply" else _csv(path)
     times = _times_ns(path, columns)
@@ -35,7 +35,7 @@ def read_timed_points(path: Path) -> TimedPoints:
 
 
 def timed_points_csv(points: TimedPoints) -> str:
-    """The file's content."""
+    """Returns the file's content."""
     rows = zip(points.times_ns.tolist(), points.xyz_in_laser.tolist(), strict=True)
     return "time_ns,x,y,z\n" + "".join(f"{t},{x:.4f},{y:.4f},{z:.4f}\n" for t, (x, y, z) in rows)
 

@@ -1,4 +1,8 @@
-"""Trajectory files of any program: TUM, KITTI and EuRoC, and tables whose header names their columns."""
+"""Trajectories as files: TUM's text, EuRoC's CSV, KITTI's poses, tables with other headers; CSV for spreadsheets.
+
+TUM: `timestamp tx ty tz qx qy qz qw`, seconds and metres. EuRoC: `timestamp [ns], px, py, pz, qw, qx, qy, qz[, ...]`.
+All poses are world_from_FRAME.
+"""
 
 from __future__ import annotations
 
@@ -10,34 +14,120 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.io.euroc import OWN, read_euroc
+from ispom.geometry import Array
 from ispom.io.kitti import read_poses
-from ispom.io.pose_table import header_columns, read_pose_table
-from ispom.io.rows import read_text
-from ispom.io.tum import is_tum, read_tum
-from ispom.types import Trajectory
+from ispom.io.pose_table import Columns, header_columns, read_pose_table
+from ispom.io.rows import latest, numbers, read_rows, read_text, times_ns
+from ispom.types import Frame, Landmarks, Trajectory
+
+ORDER = tuple(range(8))
+
+
+def is_tum(columns: Columns) -> bool:
+    """Returns whether a header names TUM's columns, in its order and no others."""
+    return columns.order == ORDER and columns.count == len(ORDER) and columns.unit in (None, "s") and columns.spaced
+
+
+def tum_text(trajectory: Trajectory) -> str:
+    """Returns the file's content; times keep every nanosecond, other values nine decimals."""
+    values = np.round(np.hstack([trajectory.translations, trajectory.xyzw]), 9) + 0.0  # no "-0.000000000"
+    times = [seconds_text(int(t)) for t in trajectory.times_ns]
+    return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
+
+
+def read_tum(path: Path, frame: Frame = "rig", every: bool = False) -> Trajectory:
+    """Reads a trajectory; `frame` is that of its poses. Raises InputError that names the invalid line.
+
+    Of several poses at one time the last is used: the published ground truth of TUM's fr2_desk has such a pair. With
+    `every`, all of them stay. A header that names the columns in another order is followed.
+    """
+    columns = header_columns(path)
+    if columns is not None and not is_tum(columns):
+        return read_pose_table(path, columns, frame, every)[0]
+    rows = [row for row in read_rows(path, 8) if columns is None or row[0] != columns.line]
+    times = times_ns(path, rows)
+    values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
+    return latest(path, rows, times, values[:, :3], values[:, 3:], frame, every)
+
+
+def seconds_text(time_ns: int) -> str:
+    """Decimal seconds by integer arithmetic: a float has too few digits for nanoseconds since 1970."""
+    whole, rest = divmod(abs(time_ns), 10**9)
+    return f"{'-' if time_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+# Trajectories as EuRoC's ground-truth CSV: `timestamp [ns], px, py, pz, qw, qx, qy, qz[, ...]`, world_from_FRAME.
+
+
+HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
+OWN = Columns((0,), (1, 2, 3), (5, 6, 7, 4), "ns", 8)
+"""Read of each line; what follows (velocity, biases of the gyroscope and accelerometer) is ignored."""
+
+
+def euroc_text(trajectory: Trajectory) -> str:
+    """Returns the file's content: whole nanoseconds, other values with nine decimals."""
+    values = np.round(np.hstack([trajectory.translations, trajectory.xyzw[:, [3, 0, 1, 2]]]), 9) + 0.0
+    rows = zip(trajectory.times_ns.tolist(), values.tolist(), strict=True)
+    return f"{HEADER}\n" + "".join(f"{t},{','.join(f'{v:.9f}' for v in row)}\n" for t, row in rows)
+
+
+def read_euroc(path: Path, frame: Frame = "body", every: bool = False) -> Trajectory:
+    """Reads `state_groundtruth_estimate0/data.csv` and the like. Raises InputError that names the invalid line.
+
+    The header gives the order of the columns; without one they are EuRoC's. Of several poses at one time the last is
+    used; with `every`, all of them stay.
+    """
+    return read_pose_table(path, header_columns(path) or OWN, frame, every)[0]
+
+
+# Trajectories and landmarks as CSV with a header, for spreadsheets and data frames.
+
+
+def trajectory_csv(trajectory: Trajectory) -> str:
+    """One pose per line, world_from_FRAME."""
+    header = "time_ns,x,y,z,qx,qy,qz,qw\n"
+    return header + _lines(trajectory.times_ns, np.hstack([trajectory.translations, trajectory.xyzw]))
+
+
+def landmarks_csv(landmarks: Landmarks) -> str:
+    """Writes one point per line, in the trajectory's world and unit."""
+    colours = (",".join(map(str, rgb)) for rgb in landmarks.rgb.tolist())
+    points = _lines(landmarks.ids, landmarks.xyz_in_world).splitlines()
+    return "id,x,y,z,red,green,blue\n" + "".join(f"{p},{c}\n" for p, c in zip(points, colours, strict=True))
+
+
+def _lines(keys: np.ndarray, values: Array) -> str:
+    rows = (np.round(values, 9) + 0.0).tolist()  # no "-0.0"
+    return "".join(f"{k},{','.join(f'{v:.9f}' for v in r)}\n" for k, r in zip(keys.tolist(), rows, strict=True))
+
+
+# Trajectory files of any program: TUM, KITTI and EuRoC, and tables whose header names their columns.
+
 
 Format = Literal["TUM", "KITTI", "EuRoC", "CSV"]
 ROW_NS = 1_000_000_000
-"""Rows of a KITTI file count as seconds where their times are not known."""
+"""Rows of a KITTI file are seconds where their times are not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
+    """A trajectory from a file, and what is known about the file."""
+
     path: Path
     format: Format
     trajectory: Trajectory
-    """world_from_FRAME; what FRAME is, only EuRoC's files tell (the body): the others' is called rig."""
+    """world_from_FRAME; only EuRoC's files define FRAME (the body): for the others it is rig."""
     timed: bool = True
     """False: times are row numbers."""
     unit: str = ""
-    """Of the times of a table whose header does not say it."""
+    """Assumed unit of the times of a table whose header has none."""
 
 
 def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
-    """At least one pose; `times_ns` are those of a KITTI file's rows. Every line counts, also of a repeated time.
+    """Reads at least one pose; `times_ns` are those of a KITTI file's rows. Every line is used, also of a repeated
+    time.
 
-    InputError names file and line of a mistake.
+    Raises InputError that names file and line of a mistake.
     """
     columns = header_columns(path)
     if columns is not None and not is_tum(columns):
@@ -45,8 +135,8 @@ def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> Tr
         trajectory, unit = read_pose_table(path, columns, "body" if own else "rig", every=True)
         if not len(trajectory):
             raise InputError(f"{path} holds no pose: give a trajectory with one line per pose")
-        said = columns.unit is not None or (own and unit == "ns")
-        return TrajectoryFile(path, "EuRoC" if own else "CSV", trajectory, unit="" if said else unit)
+        has_unit = columns.unit is not None or (own and unit == "ns")
+        return TrajectoryFile(path, "EuRoC" if own else "CSV", trajectory, unit="" if has_unit else unit)
     match found := _format(path):
         case "KITTI":
             return TrajectoryFile(path, found, _kitti(path, times_ns), times_ns is not None)
@@ -57,7 +147,7 @@ def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> Tr
 
 
 def _format(path: Path) -> Literal["TUM", "KITTI", "EuRoC"]:
-    """By the first line with values."""
+    """Recognises the format by the first line with values."""
     for number, line in enumerate(read_text(path).splitlines(), 1):
         text = line.strip()
         if not text or text.startswith(("#", "%")):

@@ -13,19 +13,19 @@ PART = ".part-"
 
 
 def part_of(path: Path) -> Path:
-    """Where a file is while it grows."""
+    """Returns the name of a file while it is written."""
     return path.with_name(f"{PART}{path.name}")
 
 
 def whole_of(path: Path) -> Path:
-    """The name that a growing file gets when it is complete; that of any other file is its own."""
+    """Returns the name that a growing file gets when it is complete; that of any other file is its own."""
     return path.with_name(path.name.removeprefix(PART))
 
 
 def create_file(path: Path) -> FileIO:
-    """Returns a new, empty file to write to, in place of whatever file was there. OSError where it cannot be made.
+    """Returns a new, empty file to write to, in place of any file there. Raises OSError where it cannot be made.
 
-    A link is replaced, never followed: a folder that came from somebody else may hold links to the user's own files.
+    A link is replaced, never followed: a folder from others may hold links to the user's own files.
     """
     path.unlink(missing_ok=True)
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
@@ -34,7 +34,7 @@ def create_file(path: Path) -> FileIO:
 
 
 def require_no_links(folder: Path, path: Path) -> None:
-    """InputError where a folder between `folder` and `path` is a link: what is written there would land elsewhere."""
+    """Raises InputError where a folder between `folder` and `path` is a link: a file would be written elsewhere."""
     for parent in path.parents:
         if parent == folder or folder not in parent.parents:
             return
@@ -43,7 +43,7 @@ def require_no_links(folder: Path, path: Path) -> None:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Makes or replaces a file; InputError where the disk does not take it, the old file staying then."""
+    """Makes or replaces a file. Raises InputError where the disk does not take it, the old file staying then."""
     if not path.name:
         raise InputError(f"{path} is a folder: give the name of a file to write")
     try:
@@ -55,7 +55,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def replace_whole(path: Path, content: str | bytes) -> None:
-    """As `write_whole`, but OSError where the disk does not take it. Names in a text that are no UTF-8 are escaped."""
+    """Writes as `write_whole`, but raises OSError where the disk is full or read-only; escapes names that are no
+    UTF-8."""
     part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

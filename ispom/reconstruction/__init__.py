@@ -1,1 +1,1 @@
-"""Dense models of what a run saw, and other sensors' points placed by its poses (section 2 of the paper: a datum)."""
+"""Dense models from the images of a run, and other sensors' points in its world (section 2 of the paper: a datum)."""

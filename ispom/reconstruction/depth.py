@@ -23,14 +23,14 @@ class DenseStereo:
     """Side of the window of the sub-pixel step."""
     refinements: int = 3
     nearest_baselines: float = 4.0
-    """Points nearer than so many baselines are not looked for."""
+    """Least depth that is searched, in baselines."""
     max_step_px: float = 1.2
     """A pixel that the sub-pixel step would move farther is unknown."""
     min_texture: float = 4.0
     """Mean square gradient along the row [grey levels per pixel, squared] below which a pixel is unknown."""
 
     def depth(self, left: Image, right: Image, camera: Camera, baseline_m: float, max_depth_m: float) -> Depth:
-        """Of the rectified left image (H, W[, 3]), up to `max_depth_m`."""
+        """Returns the depth of the rectified left image (H, W[, 3]), up to `max_depth_m`."""
         one, other = as_grey(left), as_grey(right)
         disparity = self._refined(one, other, self._matched(one, other, camera.fx))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -58,8 +58,8 @@ class DenseStereo:
         return np.where(found > 0, found, np.nan)
 
     def _refined(self, left: Image, right: Image, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Gauss-Newton along the row (Lucas and Kanade 1981): what matching finds between whole pixels is up to half a
-        pixel wrong, on rendered pairs of which the disparities are known."""
+        """Refines by Gauss-Newton along the row (Lucas and Kanade 1981): matching between whole pixels is up to half
+        a pixel wrong, as measured on rendered pairs with known disparities."""
         one, other = left.astype(np.float32), right.astype(np.float32)
         height, width = one.shape
         x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 from ispom.reconstruction.depth import Depth
 from ispom.reconstruction.model import Mesh, Points, without_crumbs, without_outliers
 from ispom.types import Camera, Image
@@ -22,19 +22,21 @@ BYTES_PER_VOXEL = 20
 
 @dataclass(frozen=True)
 class FusionSettings:
+    """Resolution, memory and filters of the fusion."""
+
     voxel_m: float
     max_gb: float = 4.0
-    """Of voxels; a place that needs more is an InputError that says which size fits."""
+    """Memory of the voxels; a place that needs more raises an InputError with a size that fits."""
     truncation_voxels: float = 6.0
-    """Distances farther from a surface than this say nothing of it."""
+    """Distances from a surface beyond this are ignored."""
     min_looks: float = 2.0
-    """A voxel that fewer images saw is no surface."""
+    """A voxel observed in fewer images is no surface."""
     min_triangles: int = 200
-    """Of a connected part of the mesh."""
+    """Least number of triangles of a connected part of the mesh."""
 
 
 class Fusion:
-    """Grows with what is seen, not with how often."""
+    """Fuses depth images; memory grows with the observed surface, not with the number of images."""
 
     def __init__(self, settings: FusionSettings) -> None:
         o3d = open3d()
@@ -50,9 +52,9 @@ class Fusion:
         )
 
     def add(self, depth: Depth, image: Image, camera: Camera, world_from_camera: Pose, max_depth_m: float) -> None:
-        """One look: z (H, W) [m], 0 where unknown, of an RGB or grey image of a camera without distortion.
+        """Adds z (H, W) [m], 0 where unknown, of an RGB or grey image of a camera without distortion.
 
-        InputError where the place is too large for its voxels.
+        Raises InputError where the place is too large for its voxels.
         """
         if not depth.any():
             return
@@ -70,7 +72,7 @@ class Fusion:
         self._looks += 1
 
     def mesh(self) -> Mesh:
-        """With normals and colours; InputError where no surface was seen often enough."""
+        """Returns the surface with normals and colours. Raises InputError where none was observed often enough."""
         found = None if not self._looks else self._grid.extract_triangle_mesh(self._settings.min_looks)
         if found is None or not len(found.triangle.indices):
             raise InputError("no surface was seen in two pairs: give a run with stereo images of textured places")
@@ -80,7 +82,7 @@ class Fusion:
         return mesh
 
     def cloud(self) -> Points:
-        """With normals and colours; call it after `mesh`."""
+        """Returns the points with normals and colours; call it after `mesh`."""
         return without_outliers(self._grid.extract_point_cloud(self._settings.min_looks))
 
     def _require_room(self) -> None:

@@ -1,4 +1,4 @@
-"""A surface and a cloud as plain arrays, and what is taken away from them because it is no surface."""
+"""A surface and a cloud as plain arrays, and filters for what is no surface."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,9 +17,9 @@ class Points:
     """A cloud in some frame."""
 
     xyz: NDArray[np.float32]
-    """(N, 3) [m]."""
+    """(N, 3) [m] in some frame."""
     normals: NDArray[np.float32]
-    """(N, 3) unit vectors, towards where it was seen from."""
+    """(N, 3) unit vectors, towards the cameras."""
     rgb: NDArray[np.uint8]
     """(N, 3)."""
 
@@ -40,7 +40,8 @@ class Mesh:
 
 
 def without_crumbs(mesh: Any, min_triangles: int) -> Mesh:
-    """An Open3D mesh (tensor) with its connected parts of at least so many triangles, in one order for one surface."""
+    """Returns the connected parts of an Open3D mesh (tensor) with at least `min_triangles`, in a deterministic
+    order."""
     legacy = mesh.to_legacy()
     legacy.remove_degenerate_triangles()
     labels, counts, _ = legacy.cluster_connected_triangles()
@@ -58,7 +59,7 @@ def without_crumbs(mesh: Any, min_triangles: int) -> Mesh:
 
 
 def without_outliers(cloud: Any, neighbours: int = 20, ratio: float = 2.0) -> Points:
-    """An Open3D cloud (tensor) without points that are alone (Rusu et al. 2008), in one order for one surface."""
+    """Returns an Open3D cloud (tensor) without isolated points (Rusu et al. 2008), in a deterministic order."""
     legacy = cloud.to_legacy()
     if len(legacy.points) > neighbours:
         legacy, _ = legacy.remove_statistical_outlier(neighbours, ratio)
@@ -69,7 +70,7 @@ def without_outliers(cloud: Any, neighbours: int = 20, ratio: float = 2.0) -> Po
 
 
 def simplified(mesh: Mesh, most_triangles: int) -> Mesh:
-    """The same surface with at most about so many triangles (quadric error metrics, Garland and Heckbert 1997)."""
+    """Simplifies the surface to about `most_triangles` (quadric error metrics, Garland and Heckbert 1997)."""
     if len(mesh) <= most_triangles:
         return mesh
     legacy = _as_open3d(mesh).simplify_quadric_decimation(most_triangles)
@@ -80,7 +81,7 @@ def simplified(mesh: Mesh, most_triangles: int) -> Mesh:
 
 
 def _as_open3d(mesh: Mesh) -> Any:
-    """As `open3d.geometry.TriangleMesh`."""
+    """Returns an `open3d.geometry.TriangleMesh`."""
     o3d = open3d()
     vectors, corners = o3d.utility.Vector3dVector, o3d.utility.Vector3iVector
     found = o3d.geometry.TriangleMesh(vectors(mesh.points.xyz.astype(float)), corners(mesh.triangles))
@@ -93,18 +94,18 @@ class Surface:
     """Triangles, to measure distances to them."""
 
     def __init__(self, triangles: NDArray[np.float32]) -> None:
-        """Of triangles (T, 3, 3) by their corners [m]."""
+        """Takes triangles (T, 3, 3) by their corners [m]."""
         self._core, self._scene = open3d().core, open3d().t.geometry.RaycastingScene()
         corners = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
         vertices = np.ascontiguousarray(triangles.reshape(-1, 3), np.float32)
         self._scene.add_triangles(self._core.Tensor.from_numpy(vertices), self._core.Tensor.from_numpy(corners))
 
     def distances(self, xyz: Array) -> NDArray[np.float32]:
-        """(N,) [m] of points (N, 3) from the nearest triangle."""
-        asked = self._core.Tensor.from_numpy(np.ascontiguousarray(xyz, np.float32))
-        return self._scene.compute_distance(asked).numpy()
+        """Returns the distances (N,) [m] of points (N, 3) from the nearest triangle."""
+        points = self._core.Tensor.from_numpy(np.ascontiguousarray(xyz, np.float32))
+        return self._scene.compute_distance(points).numpy()
 
 
 def _order(rows: NDArray[Any]) -> NDArray[np.intp]:
-    """By which rows (N, 3) are sorted: threads finish in any order."""
+    """Returns the order that sorts rows (N, 3): threads finish in any order."""
     return np.lexsort(rows.T[::-1])

@@ -1,7 +1,7 @@
 """Dense depth of one camera's image from others of known pose: planes parallel to it, swept through the scene.
 
-Collins 1996; each plane's homography brings the other images onto the reference, where normalised correlation of small
-windows says how well they agree.
+Collins 1996; each plane's homography maps the other images onto the reference, where the normalised correlation of
+small windows measures their agreement.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Float = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class PlaneSweep:
-    """What is not seen alike by half of the other images, or would be as well elsewhere, is unknown."""
+    """Pixels without agreement of half of the other images, or with an ambiguous depth, are unknown."""
 
     planes: int = 96
     """At equal steps of inverse depth, from infinity on."""
@@ -30,11 +30,11 @@ class PlaneSweep:
     """Side of the windows that are compared."""
     min_correlation: float = 0.8
     unique: float = 0.03
-    """By so much the correlation at planes that are not next to the best one must be less."""
+    """Least difference of the correlation from that of planes that are not next to the best one."""
     min_contrast: float = 4.0
     """Standard deviation of a window [grey levels] below which a pixel is unknown."""
     sigma_px: float = 0.2
-    """How exactly a window is found, and"""
+    """Standard deviation of a window's position, and"""
     max_error: float = 0.03
     """the share by which that may put a depth off: less parallax leaves a pixel unknown, as at the epipole."""
 
@@ -43,7 +43,7 @@ class PlaneSweep:
     ) -> Depth:
         """z (H, W) [m] of the image (H, W[, 3]) of a camera without distortion; `others` of the same camera, each with
         other_from_image."""
-        inverse_depths = np.linspace(0, 1 / nearest_m, self.planes)  # what is farther must have its place, too
+        inverse_depths = np.linspace(0, 1 / nearest_m, self.planes)  # farther surfaces need a plane, too
         reference = _Windows.of(as_grey(image).astype(np.float32), self.window_px)
         scores = np.empty((self.planes, *reference.mean.shape), np.float32)
         greys = [as_grey(other).astype(np.float32) for other, _ in others]
@@ -52,7 +52,7 @@ class PlaneSweep:
                 reference.correlation(_on_plane(grey, camera, pose, inverse_depth), self.window_px, self.min_contrast)
                 for grey, (_, pose) in zip(greys, others, strict=True)
             ]
-            # Half of the images may see something else there.
+            # Half of the images may be occluded there.
             scores[k] = np.sort(np.stack(each), axis=0)[len(each) // 2 :].mean(axis=0)
         best, step = _peak(scores)
         good = (scores.max(axis=0) > self.min_correlation) & (reference.spread > self.min_contrast)
@@ -65,7 +65,7 @@ class PlaneSweep:
 
 
 def undistorted(image: Image, camera: Camera) -> tuple[Image, Camera]:
-    """The image as a camera without distortion has it, with the same focal lengths and centre, and that camera."""
+    """Returns the image of a camera without distortion, with the same focal lengths and centre, and that camera."""
     ideal = replace(camera, distortion=(), lens="opencv")
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     rays = np.column_stack([(u.ravel() - camera.cx) / camera.fx, (v.ravel() - camera.cy) / camera.fy, np.ones(u.size)])
@@ -87,8 +87,8 @@ class _Windows:
         return _Windows(grey, mean, np.sqrt(np.maximum(_blurred(grey * grey, side) - mean * mean, 0)))
 
     def correlation(self, grey: Float, side: int, least: float) -> Float:
-        """(H, W) normalised, of each window with that of another image at the same place; -1 where that is outside of
-        it (NaN) or flat."""
+        """Returns the normalised correlation (H, W) of each window with that of another image; -1 where that is
+        outside of it (NaN) or flat."""
         inside = np.isfinite(grey)
         other = _Windows.of(np.where(inside, grey, 0), side)
         both = _blurred(self.grey * other.grey, side) - self.mean * other.mean
@@ -98,7 +98,7 @@ class _Windows:
 
 
 def _on_plane(grey: Float, camera: Camera, other_from_image: Pose, inverse_depth: float) -> Float:
-    """The other image where the reference sees a plane z = 1 / inverse depth; NaN outside."""
+    """Returns the other image by a plane z = 1 / inverse depth of the reference; NaN outside."""
     k, r, t = camera.matrix, other_from_image.rotation, other_from_image.translation
     homography = k @ (r + inverse_depth * np.outer(t, [0, 0, 1.0])) @ np.linalg.inv(k)
     size, flags = (camera.width, camera.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -109,7 +109,7 @@ def _on_plane(grey: Float, camera: Camera, other_from_image: Pose, inverse_depth
 
 
 def _peak(scores: Float) -> tuple[NDArray[np.int64], Float]:
-    """(H, W) the best plane, and by how much of a step the parabola through its neighbours is highest beside it."""
+    """Returns the best plane (H, W), and the offset of the maximum of the parabola through its neighbours, in steps."""
     best = scores.argmax(axis=0)
     inner = np.clip(best, 1, len(scores) - 2)[None]
     before, here, after = (np.take_along_axis(scores, inner + d, axis=0)[0] for d in (-1, 0, 1))
@@ -118,7 +118,7 @@ def _peak(scores: Float) -> tuple[NDArray[np.int64], Float]:
 
 
 def _rival(scores: Float, best: NDArray[np.int64]) -> Float:
-    """(H, W) the highest score two planes or more beside the best one."""
+    """Returns the highest score (H, W) two planes or more away from the best one."""
     out = np.full(best.shape, -1, np.float32)
     for k, plane in enumerate(scores):
         np.maximum(out, np.where(np.abs(best - k) > 2, plane, -1), out=out)
@@ -126,7 +126,7 @@ def _rival(scores: Float, best: NDArray[np.int64]) -> Float:
 
 
 def _px_per_inverse_depth(camera: Camera, other_from_image: Pose, inverse_depth: Array) -> Array:
-    """(H, W) [px m] how fast a pixel's place in the other image moves with its inverse depth (H, W)."""
+    """Returns the velocity (H, W) [px m] of a pixel's position in the other image with its inverse depth (H, W)."""
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     ray = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=-1)
     t = other_from_image.translation

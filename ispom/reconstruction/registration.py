@@ -22,16 +22,16 @@ class Registered:
     xyz_in_world: Array
     """(N, 3) [m]."""
     index: NDArray[np.intp]
-    """(N,) of each among the points that were given: those at times without poses are skipped."""
+    """(N,) index of each among the input points: those at times without poses are skipped."""
 
     def __len__(self) -> int:
         return len(self.index)
 
 
 def registered(points: TimedPoints, path: Trajectory, rig_from_laser: Pose, between: Between) -> Registered:
-    """By the poses world_from_rig of `path`, interpolated at each point's time.
+    """Transforms points by the poses world_from_rig of `path`, interpolated at each point's time.
 
-    Times outside of the path, and in gaps of it, give no point.
+    Points at times outside of the path, and in gaps of it, are skipped.
     """
     index = np.flatnonzero(known_at(path, points.times_ns))
     xyz = [np.zeros((0, 3))]
@@ -44,9 +44,10 @@ def registered(points: TimedPoints, path: Trajectory, rig_from_laser: Pose, betw
 
 
 def world_from_own(own: Trajectory, world: Trajectory) -> Pose:
-    """The motion that brings poses (N) closest to others at the same times (N), N >= 1, in place and orientation.
+    """Returns the motion that brings poses (N) closest to others at the same times (N), N >= 1, in position and
+    orientation.
 
-    Positions alone would leave the turn about a straight path to chance.
+    Positions only would leave the rotation about a straight path undetermined.
     """
     turn = Rotation.from_matrix(world.rotations @ own.rotations.transpose(0, 2, 1)).mean().as_matrix()
     return Pose(turn, (world.translations - own.translations @ turn.T).mean(axis=0))

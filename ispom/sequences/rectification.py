@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.io.calibrations.rectified import coefficients_of, rectified
+from ispom.io.calibrations.pair import coefficients_of, rectified
 from ispom.types import Camera, Image, Rig
 
 Maps = tuple[NDArray, NDArray]

@@ -1,4 +1,4 @@
-"""The simulated rig: a video camera and a rectified stereo pair on one platform, and when each of them exposes."""
+"""The simulated rig, a video camera and a rectified stereo pair, and the times of their frames."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ BASELINE_M = 0.4
 NOISE_SIGMA = 1.6
 """Sensor noise [grey levels]."""
 STEREO_DELAY_S = 0.0113
-"""Stereo exposes this long after a video frame: never at the same time."""
+"""Stereo frames are this much later than a video frame: never at the same time."""
 
 FISHEYE = (-0.013, 0.004, -0.002, 0.0005)
 """k1 .. k4 of the fisheye lens."""
 WIDER = 1.5
-"""Times as wide an angle is seen by it."""
+"""Factor by which its field of view is wider."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Timing:
     stereo_hz: float = 3.0
 
     def exposures(self) -> list[tuple[int, Kind]]:
-        """(time_ns, kind) of every exposure before the end, in the order of time."""
+        """Returns (time_ns, kind) of every frame before the end, in the order of time."""
         video = [(round(i * 1e9 / self.video_hz), "video") for i in range(_count(self.duration_s, self.video_hz, 0))]
         stereo = [
             (round((i / self.stereo_hz + STEREO_DELAY_S) * 1e9), "stereo")
@@ -42,19 +42,19 @@ class Timing:
 
 @dataclass(frozen=True)
 class Optics:
-    """How the cameras of the rig differ from its own."""
+    """Changes of the cameras of the rig."""
 
     width_px: int = 0
-    """Of all images, at the same fields of view; 0: as the scale says."""
+    """Width of all images, at the same fields of view; 0: given by the scale."""
     portrait: bool = False
     """Images are higher than wide: sides are exchanged, and with them the fields of view."""
     fisheye: bool = False
-    """All cameras have a fisheye lens, which sees 1.5 times as wide an angle from the image's centre to its sides."""
+    """All cameras have a fisheye lens, with a 1.5 times wider angle from the image's centre to its sides."""
     rolling_ns: int = 0
-    """How long after the first row the last one is exposed [ns]; times are those of the middle row."""
+    """Delay of the last row after the first one [ns]; times are those of the middle row."""
 
     def of(self, camera: Camera) -> Camera:
-        """What becomes of a camera of the rig."""
+        """Returns a camera of the rig with these changes."""
         if self.fisheye:
             seen = (camera.fx / WIDER, camera.fy / WIDER)
             camera = Camera(camera.width, camera.height, *seen, camera.cx, camera.cy, FISHEYE, "fisheye")
@@ -66,7 +66,7 @@ class Optics:
 
 
 def _upright(camera: Camera) -> Camera:
-    """With x and y exchanged."""
+    """Exchanges x and y."""
     k1, k2, *tangential = camera.distortion or (0.0, 0.0)
     lens = (k1, k2, *(tangential if camera.lens == "fisheye" else tangential[::-1])) if camera.distortion else ()
     return Camera(
@@ -79,24 +79,24 @@ AS_BUILT = Optics()
 
 @lru_cache(maxsize=32)
 def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
-    """Video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale.
+    """Returns video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale.
 
-    It is exact, and says so. A pair of fisheye lenses is not rectified.
+    The calibration is marked as exact. A pair of fisheye lenses is not rectified.
     """
     stereo = Rig.stereo(optics.of(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale)), BASELINE_M)
     video = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
     return Rig(
-        optics.of(video.scaled(scale)),
-        stereo.left,
-        stereo.right,
-        Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
-        stereo.rig_from_left,
-        stereo.rig_from_right,
+        video=optics.of(video.scaled(scale)),
+        left=stereo.left,
+        right=stereo.right,
+        rig_from_video=Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
+        rig_from_left=stereo.rig_from_left,
+        rig_from_right=stereo.rig_from_right,
         video_sigma=EXACT_LENS,
         pair_sigma=EXACT_PAIR,
     )
 
 
 def _count(duration_s: float, rate_hz: float, start_s: float) -> int:
-    """How many exposures at start_s + i / rate_hz lie within 0..duration_s, the end itself included."""
+    """Returns the number of frames at start_s + i / rate_hz within 0..duration_s, the end included."""
     return int(np.floor((duration_s - start_s) * rate_hz + 1e-9)) + 1

@@ -1,4 +1,4 @@
-"""The simulated experiment's images: which camera sees what when; motion blur, rolling shutter, sensor noise."""
+"""The images of a simulation: every camera at every time, with motion blur, rolling shutter and sensor noise."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.simulation.building import build_building
 from ispom.simulation.cameras import NOISE_SIGMA, Optics, simulated_rig
-from ispom.simulation.city import build_city
-from ispom.simulation.meshes import WORD, MeshPlace, mesh_place
-from ispom.simulation.moon import build_moon
 from ispom.simulation.motions import motion_of
-from ispom.simulation.movers import Traffic, city_with_traffic
-from ispom.simulation.renderer import Renderer, exposed
-from ispom.simulation.scene import Scene
-from ispom.simulation.town import build_town
-from ispom.simulation.walls import build_wall
+from ispom.simulation.places.building import build_building
+from ispom.simulation.places.city import build_city
+from ispom.simulation.places.meshes import WORD, MeshPlace, mesh_place
+from ispom.simulation.places.moon import build_moon
+from ispom.simulation.places.town import build_town
+from ispom.simulation.places.traffic import Traffic, city_with_traffic
+from ispom.simulation.places.walls import build_wall
+from ispom.simulation.rendering.renderer import Renderer, exposed
+from ispom.simulation.rendering.scene import Scene
 from ispom.types import Camera, Frame, Image, Kind, Rig
 
 BLUR_EXPOSURE_S = 0.008
-"""How long the shutter is open where motion blur is asked for; times are those of its middle."""
+"""Time for which the shutter is open with motion blur; times are those of its middle."""
 BLUR_SAMPLES = 5
 PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "city": build_city,
@@ -36,12 +36,12 @@ PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "blank": lambda seed: build_wall(seed, "blank"),
     "tiles": lambda seed: build_wall(seed, "tiles"),
 }
-"""By name, made of a seed."""
+"""Places by name, made of a seed."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Renders exposures of a place of a seed; `scale` of the images as in `simulated_rig`."""
+    """Renders frames of a place of a seed; `scale` of the images as in `simulated_rig`."""
 
     seed: int
     motion_blur: bool
@@ -49,29 +49,29 @@ class Source:
     place: str = "city"
     motion: str = "flight"
     right_late_ns: int = 0
-    """How long after the left camera the right one exposes [ns]."""
+    """Delay of the right camera after the left one [ns]."""
     rolling_ns: int = 0
-    """How long after the first row the last one is exposed [ns]; times are those of the middle row."""
+    """Delay of the last row after the first one [ns]; times are those of the middle row."""
     vehicles: int = 0
-    """That drive in the street, of the city only."""
+    """Number that drive in the street, of the city only."""
     people: int = 0
     width_px: int = 0
     portrait: bool = False
     fisheye: bool = False
-    """These as in `cameras.Optics`."""
+    """The last three as in `cameras.Optics`."""
 
     @property
     def rig(self) -> Rig:
-        """As it is built: a pair of fisheye lenses is not rectified."""
+        """The rig as it is built: a pair of fisheye lenses is not rectified."""
         return simulated_rig(self.scale, Optics(self.width_px, self.portrait, self.fisheye, self.rolling_ns))
 
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
-        """The video image, or the left image above the right one. The same bytes for any number of threads."""
+        """Renders the video image, or the left image above the right one. The same bytes for any number of threads."""
         names: tuple[Frame, ...] = {"video": ("video",), "stereo": ("left", "right")}[kind]
         return np.concatenate([self._camera(name, time_ns, threads) for name in names])
 
     def light(self, name: Frame, time_ns: int, threads: int) -> NDArray[np.float32]:
-        """(H, W, 3) what falls on a camera's sensor in an exposure at a time, 0-255."""
+        """Returns the light (H, W, 3) on a camera's sensor for a frame, 0-255."""
         exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
         renderer, camera = self._renderer(exposed_ns), self.rig.camera(name)
         count = BLUR_SAMPLES if self.motion_blur else 1
@@ -82,23 +82,23 @@ class Source:
 
     @cached_property
     def scene(self) -> Scene | MeshPlace:
-        """The place, without what moves in it."""
+        """The place, without moving things."""
         return mesh_place(self.place) if self.place.startswith(WORD) else PLACES[self.place](self.seed)
 
     @cached_property
     def traffic(self) -> Traffic | None:
-        """What moves in the place; None where nothing does."""
+        """The moving things in the place; None where there are none."""
         some = self.vehicles or self.people
         return city_with_traffic(self.seed, self.vehicles, self.people) if some else None
 
     @cached_property
     def _still(self) -> Renderer | MeshPlace:
-        """Of the place at rest."""
+        """Renderer of the place at rest."""
         scene = self.scene if self.traffic is None else self.traffic.scene
         return scene if isinstance(scene, MeshPlace) else Renderer(scene)
 
     def _renderer(self, time_ns: int) -> Renderer | MeshPlace:
-        """Of the place as it is at a time."""
+        """Returns the renderer of the place at a time."""
         if self.traffic is None or isinstance(self._still, MeshPlace):
             return self._still
         return replace(self._still, scene=self.traffic.at(time_ns))  # with the views of the place at rest
@@ -108,12 +108,12 @@ class Source:
         return exposed(self.light(name, time_ns, threads), noise_seed, NOISE_SIGMA)
 
     def late_ns(self, camera: Camera) -> NDArray[np.int64]:
-        """(H,) how long after the middle row each one is exposed."""
+        """Returns the delay (H,) of each row after the middle one."""
         share = np.arange(camera.height) / (camera.height - 1) - 0.5
         return np.rint(share * self.rolling_ns).astype(np.int64)
 
     def _rows(self, name: Frame, time_ns: int) -> list[Pose] | None:
-        """(H,) camera_from_row of each row's pose while an image is read out; None with a global shutter."""
+        """Returns camera_from_row (H,) of each row's pose while an image is read out; None with a global shutter."""
         if not self.rolling_ns:
             return None
         late_ns, camera_from_world = self.late_ns(self.rig.camera(name)), self._pose(name, time_ns).inverse()

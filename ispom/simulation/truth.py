@@ -1,4 +1,4 @@
-"""What the simulated cameras truly see: depth, flow and visibility of every pixel, moving things included.
+"""Ground truth of the simulated cameras: depth, flow and visibility of every pixel, with moving things; laser scans.
 
 truth = Truth(rendered_source("sim:city?vehicles=6", seed=0))
 depth = truth.depth("left", time_ns)
@@ -7,18 +7,19 @@ flow, visible = truth.flow("video", time_ns, "left", later_ns)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.simulation.caster import NOTHING
-from ispom.simulation.meshes import MeshPlace
 from ispom.simulation.motions import motion_of
-from ispom.simulation.scene import Scene
+from ispom.simulation.places.meshes import MeshPlace
+from ispom.simulation.rendering.scene import NOTHING, Scene
 from ispom.simulation.source import Source
-from ispom.types import Camera, Frame
+from ispom.solvers.trajectory.continuous import poses_at
+from ispom.types import Camera, Frame, TimedPoints, Trajectory
 
 SAME = 1e-4
 """Share of its distance by which a point may lie behind what a ray to it hits."""
@@ -26,30 +27,33 @@ SAME = 1e-4
 
 @dataclass(frozen=True)
 class Truth:
-    """Of a source with a global shutter; a right camera that exposes late does so here, too."""
+    """Ground truth of a source with a global shutter; it includes the delay of the right camera."""
 
     source: Source
 
     def __post_init__(self) -> None:
         if self.source.rolling_ns:
-            raise ValueError("rows of a rolling shutter have poses of their own: ask for a source without")
+            raise ValueError("rows of a rolling shutter have poses of their own: use a source without")
 
     def camera(self, name: Frame) -> Camera:
         return self.source.rig.camera(name)
 
     def pose(self, name: Frame, time_ns: int) -> Pose:
-        """world_from_CAMERA in the exposure of a time."""
+        """Returns world_from_CAMERA of the frame at a time."""
         rig, motion = self.source.rig, motion_of(self.source.motion, self.source.seed)
         return motion.pose_at(self._exposed(name, time_ns)) @ rig.rig_from(name)
 
     def depth(self, name: Frame, time_ns: int) -> Array:
-        """(H, W) z [m] in the camera of what each pixel's centre sees, inf for the sky."""
+        """Returns z (H, W) [m] in the camera at each pixel's centre, inf for the sky."""
         camera = self.camera(name)
         return self._seen(name, time_ns)[2].reshape(camera.height, camera.width)
 
     def flow(self, name: Frame, time_ns: int, other: Frame, other_ns: int) -> tuple[Array, NDArray[np.bool_]]:
-        """(H, W, 2) how far [px] what a pixel sees is from there in another camera, or at another time, and (H, W)
-        whether it is in sight then. NaN for the sky, and for what is behind the other camera."""
+        """Returns the flow (H, W, 2) [px] to another camera or another time, and whether each point is visible there
+        (H, W).
+
+        NaN for the sky, and for points behind the other camera.
+        """
         camera, target, then = self.camera(name), self.camera(other), self.pose(other, other_ns)
         xyz, triangle, depth = self._seen(name, time_ns)
         if self.source.traffic is not None:
@@ -59,10 +63,10 @@ class Truth:
         uv, in_sight = np.full((len(xyz), 2), np.nan), np.zeros(len(xyz), bool)
         uv[some] = target.project(then.inverse().apply(xyz[some]))
         inside = ((uv >= -0.5) & (uv <= (target.width - 0.5, target.height - 0.5))).all(axis=1)
-        scene, asked = self._scene(other, other_ns), np.flatnonzero(inside)
-        towards = xyz[asked] - then.translation
+        scene, index = self._scene(other, other_ns), np.flatnonzero(inside)
+        towards = xyz[index] - then.translation
         hits = scene.caster.hits(then.translation, towards.astype(np.float32))
-        in_sight[asked] = _lengths(scene, hits, then.translation, towards) > 1 - SAME
+        in_sight[index] = _lengths(scene, hits, then.translation, towards) > 1 - SAME
         pixel = np.stack(np.meshgrid(np.arange(float(camera.width)), np.arange(float(camera.height))), axis=-1)
         shape = (camera.height, camera.width)
         return uv.reshape(*shape, 2) - pixel, in_sight.reshape(shape)
@@ -75,7 +79,8 @@ class Truth:
         return self.source.scene if traffic is None else traffic.at(self._exposed(name, time_ns))
 
     def _seen(self, name: Frame, time_ns: int) -> tuple[Array, NDArray[np.int32], Array]:
-        """Of each pixel: (N, 3) the point in the world, (N,) the triangle, or NOTHING, and (N,) z in the camera."""
+        """Returns, for each pixel, the point in the world (N, 3), the triangle (N,) or NOTHING, and z in the camera
+        (N,)."""
         camera, pose, scene = self.camera(name), self.pose(name, time_ns), self._scene(name, time_ns)
         u, v = np.meshgrid(np.arange(float(camera.width)), np.arange(float(camera.height)))
         rays = np.column_stack([camera.normalise(np.column_stack([u.ravel(), v.ravel()])), np.ones(u.size)])
@@ -87,11 +92,57 @@ class Truth:
 
 
 def _lengths(scene: Scene | MeshPlace, hits: NDArray[np.int32], origin: Array, directions: Array) -> Array:
-    """(N,) of rays until they meet the planes of the triangles that they hit, in units of `directions` (N, 3); inf
-    where they hit nothing."""
+    """Returns the lengths (N,) of rays to the planes of the triangles that they hit, in units of `directions` (N, 3);
+    inf for no hit."""
     out = np.full(len(hits), np.inf)
     some = hits != NOTHING
     first, second, third = np.moveaxis(scene.triangles[hits[some]].astype(float), 1, 0)
     normal = np.cross(second - first, third - first)
     out[some] = ((first - origin) * normal).sum(axis=1) / (directions[some] * normal).sum(axis=1)
     return out
+
+
+SAMPLE_NS = 2_000_000
+"""Interval of the true poses that a spline joins: a shake of 4 Hz is exact to 1e-9 m."""
+NEAREST_M = 0.3
+
+
+@dataclass(frozen=True)
+class Profiler:
+    """A laser profiler on the rig. Profiles are rotations about its z axis; the beam starts along x and passes y
+    (down)."""
+
+    points_hz: float = 30_000.0
+    profiles_hz: float = 100.0
+    reach_m: float = 30.0
+    """Points farther away are skipped."""
+    noise_m: float = 0.005
+    """Standard deviation of a range."""
+    rig_from_laser: Pose = Pose.from_rotvec(np.radians([2.0, -3.0, 1.0]), np.array([0.05, -0.12, -0.1]))
+
+    def scan(
+        self, scene: Scene | MeshPlace, pose_at: Callable[[int], Pose], start_ns: int, end_ns: int, seed: int
+    ) -> TimedPoints:
+        """Returns all points within a time, for a platform at pose_at(time_ns) (world_from_rig) in a scene."""
+        count = int((end_ns - start_ns) * 1e-9 * self.points_hz)
+        times_ns = start_ns + np.rint(np.arange(count) * 1e9 / self.points_hz).astype(np.int64)
+        angles = 2 * np.pi * self.profiles_hz * np.arange(count) / self.points_hz
+        beams = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
+        path = true_path(pose_at, start_ns, end_ns).moved(right=self.rig_from_laser)
+        poses = poses_at(path, times_ns, "spline")
+        directions = np.einsum("nij,nj->ni", poses.rotations, beams)
+        hits = scene.caster.hits(poses.translations, directions.astype(np.float32))
+        seen = hits != NOTHING
+        first, second, third = np.moveaxis(scene.triangles[hits].astype(float), 1, 0)
+        normal = np.cross(second - first, third - first)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ranges = ((first - poses.translations) * normal).sum(axis=1) / (directions * normal).sum(axis=1)
+        seen &= (ranges > NEAREST_M) & (ranges < self.reach_m)
+        noise = np.random.default_rng([seed, 5]).normal(0, self.noise_m, count)
+        return TimedPoints(times_ns[seen], ((ranges + noise)[:, None] * beams)[seen])
+
+
+def true_path(pose_at: Callable[[int], Pose], start_ns: int, end_ns: int) -> Trajectory:
+    """world_from_rig, densely."""
+    times_ns = np.arange(start_ns, end_ns + SAMPLE_NS, SAMPLE_NS)
+    return Trajectory.of([(t, pose_at(t)) for t in times_ns.tolist()])

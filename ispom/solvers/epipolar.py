@@ -13,6 +13,7 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, read_only
+from ispom.numerics.robust import cauchy_weights
 from ispom.numerics.vectors import matrix, plus, scaled, times, vector
 
 LEAST_INVERSE_DEPTH = 1e-6
@@ -49,7 +50,8 @@ class Rays:
     def normal(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
         """(6, 6) and (6,): normal equations with Cauchy weights, in units of `scale`, of errors in both images."""
         errors, by_twist = self.errors(camera_from_world)
-        weights = 1 / (2 * scale**2 + (errors**2).sum(axis=1))
+        variance = 2 * scale**2  # of two images
+        weights = cauchy_weights((errors**2).sum(axis=1), variance**0.5) / variance
         weighted = (weights[:, None, None] * by_twist).reshape(-1, 6)
         return weighted.T @ by_twist.reshape(-1, 6), np.where(np.isfinite(errors), errors, 0.0).ravel() @ weighted
 

@@ -11,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import SuperLU, splu
+from scipy.special import chdtri
 
 from ispom.geometry import Array, Pose, Similarity, skew, so3_exp, so3_log
+from ispom.numerics.levenberg_marquardt import minimise
 
-ITERATIONS = 10
-"""At most; from odometry with a drift of some percent four are enough."""
-STILL = 1e-6
-"""A round that changes nothing by more (units, radians, ln scale) is the last."""
+ITERATIONS, TOLERANCE = 20, 1e-9
+"""Steps of one adjustment, at most, and the relative decrease of the cost that ends it. From odometry with a drift of
+some percent four are enough."""
 FREEDOM = 7
+OUTLIER, MEDIAN = float(chdtri(FREEDOM, 0.001)), float(chdtri(FREEDOM, 0.5))
+"""Squared deviation of a right measurement from what all others say: exceeded once in a thousand times, and by half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +33,8 @@ class Edge:
     first_from_then: Similarity
     covariance: Array
     """(7, 7) of its right perturbation (rho in then's frame and unit, phi [rad], ln scale)."""
+    may_be_false: bool = False
+    """Whether it may be no measurement of these two poses at all, as a loop between places that look alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,29 +45,43 @@ class Spread:
     covariance: Array
     """(7, 7) of the last node's right perturbation."""
     cost: float
-    """Half the sum of squares of the residuals over their deviations."""
+    """Half the sum of squares of the residuals over their deviations, of the edges that count."""
+    weights: Array
+    """(E,) of the edges: 1, or 0 of those left out."""
 
 
 def spread(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool) -> Spread:
-    """The poses world_from_node that fit all edges best, by Gauss-Newton; the first node is held.
+    """Returns the poses world_from_node that fit all edges best; the first node is held.
 
-    Each node is joined to the first one by some edges. `scaled`: the unit may drift, else all scales are held.
+    Each node is joined to the first one by edges that can't be false. `scaled`: the unit may drift, else all scales
+    are held. Edges that may be false and deviate from what all others say are left out, one after the other (data
+    snooping: Baarda 1968). Odometry drifts by more than it claims: deviations count relative to their median.
     """
-    graph, places = _Graph.of(edges, len(nodes), scaled), _Places.of(nodes)
-    for _ in range(ITERATIONS):
-        residuals, jacobian = graph.linearised(places)
-        delta = graph.factored(jacobian).solve(-(jacobian.T @ residuals)).reshape(-1, FREEDOM)
-        places = places.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
-        if np.abs(delta).max() < STILL:
+    graph, weights = _Graph.of(edges, len(nodes), scaled), np.ones(len(edges))
+    doubtful = np.array([e.may_be_false for e in edges])
+    places = graph.adjusted(_Places.of(nodes), weights)
+    while True:
+        residuals, jacobian = graph.linearised(places, weights)
+        factored, judged = graph.factored(jacobian), np.flatnonzero(doubtful & (weights > 0))
+        deviations = np.array([_deviation(residuals, jacobian, factored, i) for i in judged.tolist()])
+        if not len(judged) or not (deviations > OUTLIER * max(1.0, float(np.median(deviations)) / MEDIAN)).any():
             break
-    residuals, jacobian = graph.linearised(places)
+        weights[judged[np.argmax(deviations)]] = 0.0
+        places = graph.adjusted(places, weights)
     last = np.zeros((graph.size, FREEDOM))
     last[-FREEDOM:] = np.eye(FREEDOM)
-    covariance = graph.factored(jacobian).solve(last)[-FREEDOM:]
+    covariance = factored.solve(last)[-FREEDOM:]
     if not scaled:
         # Held, and not free by one: carried along a way, that would be as much as its length.
         covariance[-1, :] = covariance[:, -1] = 0.0
-    return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals))
+    return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals), weights)
+
+
+def _deviation(residuals: Array, jacobian: csr_array, factored: SuperLU, edge: int) -> float:
+    """Squared deviation of an edge's measurement from what all others say, in standard deviations of both."""
+    rows = slice(FREEDOM * edge, FREEDOM * (edge + 1))
+    own, residual = jacobian[rows].toarray(), residuals[rows]
+    return float(residual @ np.linalg.solve(np.eye(FREEDOM) - own @ factored.solve(own.T), residual))
 
 
 def carried(between: Similarity) -> Array:
@@ -140,11 +159,32 @@ class _Graph:
             scaled,
         )
 
-    def linearised(self, nodes: _Places) -> tuple[Array, csr_array]:
-        """(7 E,) residuals over their deviations, and their derivatives (7 E, size)."""
+    def adjusted(self, start: _Places, weights: Array) -> _Places:
+        """The places of least squares, by weights (E,) of the edges."""
+
+        def cost(places: _Places) -> float:
+            return 0.5 * float(weights @ self.squares(places))
+
+        def stepped(places: _Places, damping: float) -> _Places:
+            residuals, jacobian = self.linearised(places, weights)
+            delta = self.factored(jacobian, damping).solve(-(jacobian.T @ residuals)).reshape(-1, FREEDOM)
+            return places.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
+
+        return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
+
+    def squares(self, nodes: _Places) -> Array:
+        """(E,) squared residuals over their deviations."""
+        return (_times(self.roots, self._residuals(nodes)[2]) ** 2).sum(axis=1)
+
+    def _residuals(self, nodes: _Places) -> tuple[_Places, _Places, Array]:
+        """The relative poses, how they differ from those measured, and the same as (E, 7)."""
         between = nodes.at(self.first).inverse() @ nodes.at(self.then)
         off = self.measured.inverse() @ between
-        residual = np.column_stack([off.offsets, so3_log(off.turns), np.log(off.scales)])
+        return between, off, np.column_stack([off.offsets, so3_log(off.turns), np.log(off.scales)])
+
+    def linearised(self, nodes: _Places, weights: Array) -> tuple[Array, csr_array]:
+        """(7 E,) residuals over their deviations, and their derivatives (7 E, size), times the weights' roots."""
+        between, off, residual = self._residuals(nodes)
         by_then = np.zeros((len(residual), FREEDOM, FREEDOM))
         by_then[:, :3, :3] = off.scales[:, None, None] * off.turns
         turned = skew(residual[:, 3:6])
@@ -154,7 +194,8 @@ class _Graph:
         blocks = np.concatenate([-by_then @ _carried(between), by_then], axis=2)
         if not self.scaled:
             blocks[:, :, FREEDOM - 1 :: FREEDOM] = 0.0
-        return _times(self.roots, residual).ravel(), self._placed(self.roots @ blocks)
+        roots = np.sqrt(weights)[:, None, None] * self.roots
+        return _times(roots, residual).ravel(), self._placed(roots @ blocks)
 
     def _placed(self, blocks: Array) -> csr_array:
         """(7 E, size) of blocks (E, 7, 14) by `first` and `then`."""
@@ -165,12 +206,13 @@ class _Graph:
         free = columns >= 0
         return coo_array((blocks[free], (rows[free], columns[free])), shape=(FREEDOM * len(ends), self.size)).tocsr()
 
-    def factored(self, jacobian: csr_array) -> SuperLU:
-        """The normal equations; a one on the diagonal holds the scales that are held."""
+    def factored(self, jacobian: csr_array, damping: float = 0.0) -> SuperLU:
+        """The normal equations, their diagonal raised by a share; a one on it holds the scales that are held."""
         held = np.zeros(self.size)
         held[FREEDOM - 1 :: FREEDOM] = float(not self.scaled)
         index = np.arange(self.size)
-        normal = jacobian.T @ jacobian + coo_array((held, (index, index)), shape=(self.size, self.size))
+        normal = csc_array(jacobian.T @ jacobian)
+        normal = normal + coo_array((held + damping * normal.diagonal(), (index, index)), shape=normal.shape)
         return splu(csc_array(normal), permc_spec="MMD_AT_PLUS_A")
 
 

@@ -1,4 +1,4 @@
-"""The contract test of estimators, for this package's methods and everybody else's.
+"""The contract test of estimators, for built-in methods and plug-ins.
 
 from ispom.testing import check_estimator
 check_estimator("orb")
@@ -12,8 +12,13 @@ from typing import Any
 
 from ispom.estimator import Method
 from ispom.methods import method as registered
-from ispom.testing.configs import check_declared, check_other_settings
-from ispom.testing.images import check_cameras_alone, check_colour, check_no_texture
+from ispom.testing.inputs import (
+    check_cameras_alone,
+    check_colour,
+    check_declared,
+    check_no_texture,
+    check_other_settings,
+)
 from ispom.testing.states import check_bounded, check_finish, check_repeats, check_unchanged, check_values
 from ispom.testing.steps import check_steps
 from ispom.testing.trial import Trial, walked
@@ -23,17 +28,17 @@ __all__ = ["check_estimator"]
 
 
 def check_estimator(method: Method | str, *, settings: Any = None, sequence: Sequence | None = None) -> None:
-    """Runs a method as the contract says (`ispom.estimator`), and stops at the first thing that it does not keep.
+    """Checks that a method keeps the contract (`ispom.estimator`).
 
-    `settings` are the method's defaults and `sequence` (its truth unused) a short simulated flight of 40 video frames
-    and 14 pairs of 320 x 240 pixels unless given. The tested estimator, and those that the method asks, are built and
-    stepped several hundred times, among them on images that show nothing, and with every setting at its limits.
-    AssertionError, one sentence: which method, what it does, and at which exposure (of the sequence, from 0).
+    By default, `settings` are the method's defaults and `sequence` (whose ground truth is unused) is a short simulated
+    flight of 40 video frames and 14 pairs of 320 x 240 pixels. The estimator, and those that the method depends on, are
+    built and stepped several hundred times, also on images without texture and with every setting at its limits.
+    Raises AssertionError at the first violation: which method, what it does, and at which frame (from 0).
     """
     trial = Trial.of(registered(method) if isinstance(method, str) else method, settings, sequence)
     check_declared(trial)
     with redirect_stdout(StringIO()) as printed:
-        walk = walked(trial.build(), trial.exposures)
+        walk = walked(trial.build(), trial.frames)
     trial.require(not printed.getvalue(), "prints on standard output")
     check_unchanged(trial, walk)
     check_steps(trial, walk)

@@ -1,4 +1,4 @@
-"""State is a value: kept, copied, stepped from twice, and of bounded size."""
+"""Checks that a State is a value: it can be kept, copied and stepped from twice, and has bounded size."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ispom.testing.values import TIMES, depth, digest
 from ispom.types import Exposure, StereoPair, VideoFrame
 
 MAX_DEPTH = 60
-"""Values nested in values, in a State of any length of run."""
+"""Largest depth of nested values in a State, after a run of any length."""
 STANDING = 60
-"""Exposures of each kind for which the platform stands still, to see what a State takes in addition."""
+"""Frames of each kind during which the platform is at rest, to measure the growth of a State."""
 GROWTH = 0.2
-"""Of an exposure's bytes, a State grows by at most so much per exposure. A pose takes less than a kB."""
+"""Largest growth of a State per frame, as a share of the frame's bytes. A pose takes less than a kB."""
 OTHER_THREADS = 2
 
 
 def check_values(trial: Trial, walk: Walk) -> None:
-    """Frozen, of bounded depth, and the same after copying, pickling and printing."""
-    places = ["the start", *(numbered.place for numbered in trial.exposures)]
+    """Checks that States are frozen, of bounded depth, and the same after copying, pickling and printing."""
+    places = ["the start", *(numbered.place for numbered in trial.frames)]
     for i in (0, len(walk.steps) // 2, len(walk.steps)):
         state, place = walk.states[i][trial.method.name], places[i]
         frozen = is_dataclass(state) and type(state).__dataclass_params__.frozen  # type: ignore[attr-defined]
@@ -40,36 +40,36 @@ def check_values(trial: Trial, walk: Walk) -> None:
 
 
 def check_finish(trial: Trial, walk: Walk) -> None:
-    """At any time, and without disturbing what comes after."""
+    """Checks that `finish` can be called at any frame and does not change later results."""
     built, seen = walk.built, dict[int, str]()
     frames = {step.frame for step in walk.steps}
     for i in range(len(walk.steps) + 1):
-        place = trial.exposures[i - 1].place if i else "the start"
+        place = trial.frames[i - 1].place if i else "the start"
         if i:
             seen[walk.steps[i - 1].time_ns] = place
         found = built.finish(walk.states[i], place)
         times = found.times_ns.tolist()
         trial.require(times == sorted(set(times)), "finishes with times that do not increase", place)
-        trial.require(set(times) <= seen.keys(), "finishes with poses at times of no exposure", place)
+        trial.require(set(times) <= seen.keys(), "finishes with poses at times of no frame", place)
         trial.require(not times or found.frame in frames, f"finishes with poses of the frame {found.frame}", place)
     trial.require(len(found), "finishes without any pose")
     again = built.finish(walk.states[-1], "the end")
-    trial.require(digest(again) == digest(found), "finishes differently when it is asked twice")
+    trial.require(digest(again) == digest(found), "finishes differently when called twice")
 
 
 def check_repeats(trial: Trial, walk: Walk) -> None:
-    """The same bits from new estimators, with other numbers of threads, and from States of the middle of a run."""
+    """Checks for the same bits from new estimators, with other numbers of threads, and from earlier States."""
     threads = cv2.getNumThreads()
     try:
         cv2.setNumThreads(OTHER_THREADS if threads != OTHER_THREADS else 1)
-        again = walked(trial.build(), trial.exposures)
+        again = walked(trial.build(), trial.frames)
     finally:
         cv2.setNumThreads(threads)
     _require_same(trial, walk, again, 0, "gives something else in another run")
     middle = len(walk.steps) // 2
-    ahead = trial.exposures[middle:]
+    ahead = trial.frames[middle:]
     for i in range(0, len(walk.steps), max(1, len(walk.steps) // 4)):
-        once = walked(walk.built, trial.exposures[i : i + 1], walk.states[i])
+        once = walked(walk.built, trial.frames[i : i + 1], walk.states[i])
         _require_same(trial, walk, once, i, "gives something else when it is stepped twice from one State")
     later = walked(walk.built, ahead, walk.states[middle])
     _require_same(trial, walk, later, middle, "gives something else when it goes on from an earlier State")
@@ -79,49 +79,49 @@ def check_repeats(trial: Trial, walk: Walk) -> None:
 
 
 def check_bounded(trial: Trial, walk: Walk) -> None:
-    """A State takes in poses, and little else, for every exposure."""
+    """Checks that a State grows by little more than poses."""
     built, state, sizes, total = walk.built, walk.states[-1], list[int](), 0
     for numbered in standing(trial):
         state, _ = built.step(state, numbered)
         sizes.append(_size(state[trial.method.name]))
-        total += _bytes(numbered.exposure)
+        total += _bytes(numbered.frame)
     _require_shallow(trial, state[trial.method.name], "the end")
     half = len(sizes) // 2
     grown = (max(sizes[half:]) - max(sizes[:half])) / half
     most = GROWTH * total / len(sizes)
-    problem = f"has a State that grows by {grown:.0f} bytes per exposure, more than {most:.0f}"
-    trial.require(grown <= most, f"{problem}, while nothing moves after the last exposure")
+    problem = f"has a State that grows by {grown:.0f} bytes per frame, more than {most:.0f}"
+    trial.require(grown <= most, f"{problem}, while nothing moves after the last frame")
 
 
 def check_unchanged(trial: Trial, walk: Walk) -> None:
-    """Of all that was kept, after all that was done with it."""
+    """Checks that no State of the run was changed since it was made."""
     for i, (state, before) in enumerate(zip(walk.states, walk.digests, strict=True)):
-        place = trial.exposures[i - 1].place if i else "the start"
+        place = trial.frames[i - 1].place if i else "the start"
         trial.require(digest(state) == before, "changes a State that was kept from before", place)
 
 
 def standing(trial: Trial) -> Iterator[Numbered]:
-    """More exposures after the last, which show the same."""
-    last = {type(numbered.exposure): numbered for numbered in trial.exposures}
-    end_ns = max(numbered.exposure.time_ns for numbered in trial.exposures)
+    """Yields more frames after the last one, with the same images."""
+    last = {type(numbered.frame): numbered for numbered in trial.frames}
+    end_ns = max(numbered.frame.time_ns for numbered in trial.frames)
     moments = (end_ns + 33_000_000 * k for k in count(1))
     for moment_ns in islice(moments, STANDING):
         for kind, numbered in last.items():
             time_ns = moment_ns + (11_000_000 if kind is StereoPair else 0)
-            yield numbered.like(at(numbered.exposure, time_ns), "again, standing still")
+            yield numbered.like(at(numbered.frame, time_ns), "again, at rest")
 
 
-def at(exposure: Exposure, time_ns: int) -> Exposure:
-    """The same images at another time."""
-    if isinstance(exposure, VideoFrame):
-        return VideoFrame(time_ns, exposure.image)
-    return StereoPair(time_ns, exposure.left, exposure.right)
+def at(frame: Exposure, time_ns: int) -> Exposure:
+    """Returns the same images at another time."""
+    if isinstance(frame, VideoFrame):
+        return VideoFrame(time_ns, frame.image)
+    return StereoPair(time_ns, frame.left, frame.right)
 
 
 def _require_same(trial: Trial, walk: Walk, again: Walk, first: int, what: str) -> None:
-    """Steps and States of the second are those of the first from there on."""
+    """Checks that Steps and States of `again` are those of `walk` from frame `first` on."""
     for k, step in enumerate(again.steps):
-        place = trial.exposures[first + k].place
+        place = trial.frames[first + k].place
         trial.require(digest(walk.steps[first + k], TIMES) == digest(step, TIMES), f"{what}: another Step", place)
         trial.require(walk.digests[first + k + 1] == again.digests[k + 1], f"{what}: another State", place)
 

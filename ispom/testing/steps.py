@@ -1,4 +1,4 @@
-"""What Steps say: whole, of the right shapes and kinds, and in keeping with what was said before."""
+"""Checks that Steps are complete, of the right shapes and kinds, and consistent with earlier ones."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ KEY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 RELATIONS = frozenset({">=", "<=", ">", "<", "="})
 KINDS = frozenset(get_args(DecisionKind))
 FINAL_SHARE = 0.01
-"""Poses that were declared final move by at most so much of the path until there, and turn by so many radians."""
+"""Poses declared final may move by this share of the path so far, and rotate by this angle [rad]."""
 CODES = [int(status) for status in TrackStatus]
 
 
 def check_steps(trial: Trial, walk: Walk) -> None:
-    """Every Step by itself, and beside those before it."""
-    said = _Said(trial)
-    for numbered, step in zip(trial.exposures, walk.steps, strict=True):
-        place, time_ns = numbered.place, numbered.exposure.time_ns
+    """Checks every Step by itself, and against those before it."""
+    history = _History(trial)
+    for numbered, step in zip(trial.frames, walk.steps, strict=True):
+        place, time_ns = numbered.place, numbered.frame.time_ns
         trial.require(step.time_ns == time_ns, f"gives a Step of the time {step.time_ns} ns", place)
         for part in (step, *step.parts):
             _check_values(trial, part, place)
         _check_poses(trial, step, place)
-        said.add(step, place)
+        history.add(step, place)
     found = any(step.status is Status.TRACKING for step in walk.steps)
-    trial.require(found, "never tracks: its status is initialising or lost at all exposures")
+    trial.require(found, "never tracks: its status is initialising or lost at all frames")
 
 
 def _check_values(trial: Trial, step: Step, place: str) -> None:
@@ -57,8 +57,8 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
     require(timed, "gives no wall time of its stages in Step.seconds")
     pixels = np.asarray(step.residuals_px)
     require(pixels.ndim == 1 and (pixels >= 0).all(), "has residuals that are no list of pixels from 0 on")
-    require(step.scale is None or step.scale > 0, "carries its unit over by a factor that is not positive")
-    require(step.scale_sigma is None or step.scale_sigma >= 0, "has a negative standard deviation of its unit")
+    require(step.scale is None or step.scale > 0, "has a scale factor that is not positive")
+    require(step.scale_sigma is None or step.scale_sigma >= 0, "has a negative standard deviation of its scale")
     if step.covariance is not None:
         require(_is_covariance(step.covariance), "has a covariance that is not (6, 6), symmetric and semidefinite")
     for name, tracks in step.tracks.items():
@@ -70,7 +70,7 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
     wrong = _wrong_landmarks(step.landmarks)
     require(wrong is None, f"has landmarks {wrong}")
     names = [(decision.key, decision.about) for decision in step.decisions]
-    require(len(set(names)) == len(names), "has a check twice in one Step: tell them apart by Decision.about")
+    require(len(set(names)) == len(names), "has a check twice in one Step: distinguish them by Decision.about")
     for decision in step.decisions:
         wrong = _wrong_decision(decision)
         require(wrong is None, f"has a check {decision.key!r} {wrong}")
@@ -83,12 +83,12 @@ def _check_poses(trial: Trial, step: Step, place: str) -> None:
         trial.require(rotates and np.isfinite(pose.translation).all(), "gives a pose that is no rigid motion", place)
     times = step.revised.times_ns
     trial.require((np.diff(times) > 0).all(), "revises poses at times that do not increase", place)
-    trial.require((times <= step.time_ns).all(), "revises poses of later exposures", place)
+    trial.require((times <= step.time_ns).all(), "revises poses of later frames", place)
 
 
 @dataclass
-class _Said:
-    """What one run said so far."""
+class _History:
+    """The Steps of one run so far."""
 
     trial: Trial
     frame: Frame | None = None
@@ -126,10 +126,10 @@ class _Said:
             self.ended[camera] |= set(tracks.ids[tracks.status >= TrackStatus.LOST].tolist())
 
     def _final(self, step: Step, place: str) -> None:
-        """Poses are revised where there were exposures, and hardly where they were declared final."""
+        """Checks that only poses of frames are revised, and hardly those that were declared final."""
         self.times.add(step.time_ns)
         for time_ns, pose in step.revised.items():
-            self.trial.require(time_ns in self.times, "revises a pose at a time of no exposure", place)
+            self.trial.require(time_ns in self.times, "revises a pose at a time of no frame", place)
             if self.final_ns is not None and time_ns < self.final_ns:
                 before = self.poses.get(time_ns)
                 small = before is not None and _moves_little(before, pose, self.path)
@@ -178,7 +178,7 @@ def _wrong_tracks(tracks: Tracks, camera: Camera | None) -> str | None:
     if not ((tracks.uv > -1) & (tracks.uv < (camera.width, camera.height))).all():
         return "outside of its image"
     if not np.isnan(tracks.uv_prev[tracks.status == TrackStatus.NEW]).all():
-        return "which are new and have a place in the image before (give NaN)"
+        return "which are new and have a position in the image before (give NaN)"
     return "with a negative residual" if (tracks.residual_px < 0).any() else None
 
 

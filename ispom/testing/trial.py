@@ -1,4 +1,4 @@
-"""A method under test: its estimator stepped by hand, and sentences about what goes wrong."""
+"""A method under test, stepped frame by frame; failures are sentences about the method."""
 
 from __future__ import annotations
 
@@ -18,39 +18,39 @@ from ispom.warm_up import flight, flight_rig
 
 @dataclass(frozen=True, eq=False)
 class Numbered:
-    """An exposure, and how sentences call it."""
+    """A frame, and its name in messages."""
 
-    exposure: Exposure
+    frame: Exposure
     place: str
-    """exposure 12, exposure 12 without texture"""
+    """Such as "frame 12", "frame 12 without texture"."""
 
     def like(self, exposure: Exposure, how: str) -> Numbered:
-        """Another one in its place."""
+        """Returns another frame instead of this one."""
         return Numbered(exposure, f"{self.place} {how}")
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What is tested, and on what."""
+    """The method, its settings, and the frames of the test."""
 
     method: Method
     settings: Any
     rig: Rig
-    exposures: tuple[Numbered, ...]
-    """Those that the method uses."""
+    frames: tuple[Numbered, ...]
+    """The frames that the method uses."""
 
     @staticmethod
     def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
-        """On the exposures of a sequence, or of a flight past balls."""
+        """Takes the frames of a sequence, or of a simulated flight past balls."""
         rig = flight_rig() if sequence is None else sequence.rig
         found = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
-        used = tuple(Numbered(e, f"exposure {i}") for i, e in enumerate(found) if method.uses(e))
+        used = tuple(Numbered(e, f"frame {i}") for i, e in enumerate(found) if method.uses(e))
         with failing_as(method, "cannot make its default settings"):
             chosen = method.config() if settings is None else settings
         return Trial(method, chosen, rig, used)
 
     def build(self, settings: Any = None, rig: Rig | None = None) -> Built:
-        """A new estimator with these settings, and new ones of those that it asks with their defaults."""
+        """Builds an estimator with these settings, and those that it depends on with their defaults."""
         rig = rig or self.rig
         members = {n: Member(m := registered(n), m.config().build(rig)) for n in with_asked(self.method.asks.values())}
         with failing_as(self.method, "cannot be built"):
@@ -61,14 +61,14 @@ class Trial:
         fail(self.method, what, place)
 
     def require(self, kept: object, what: str, place: str = "") -> None:
-        """AssertionError, a sentence that says what the method does, where the contract is not kept."""
+        """Raises AssertionError with a sentence about the method unless the contract is kept."""
         if not kept:
             self.fail(what, place)
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """An estimator and those that it asks, stepped together; its state is the States of all, by name."""
+    """An estimator and those that it depends on, stepped together; the state holds all States by name."""
 
     method: Method
     members: Mapping[str, Member]
@@ -77,7 +77,7 @@ class Built:
         return {name: member.estimator.start() for name, member in self.members.items()}
 
     def step(self, state: Mapping[str, Any], numbered: Numbered) -> tuple[dict[str, Any], Step]:
-        after, steps, exposure = dict(state), dict[str, Step](), numbered.exposure
+        after, steps, exposure = dict(state), dict[str, Step](), numbered.frame
         images, before = _images(exposure), [image.copy() for image in _images(exposure)]
         for name, member in self.members.items():
             if member.method.uses(exposure):
@@ -98,21 +98,21 @@ class Built:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A whole run, with all that was between."""
+    """A whole run, with all intermediate States."""
 
     built: Built
     states: tuple[dict[str, Any], ...]
-    """One more than there are exposures."""
+    """One more than there are frames."""
     digests: tuple[bytes, ...]
-    """Of the states, as they were when they were new."""
+    """Digests of the states when they were made."""
     steps: tuple[Step, ...]
 
 
-def walked(built: Built, exposures: Iterable[Numbered], state: Mapping[str, Any] | None = None) -> Walk:
-    """Through all exposures, from the start or from a state."""
+def walked(built: Built, frames: Iterable[Numbered], state: Mapping[str, Any] | None = None) -> Walk:
+    """Steps through all frames, from the start or from a state."""
     states, steps = [dict(built.start() if state is None else state)], list[Step]()
     digests = [_digest(built, states[0], "the start")]
-    for numbered in exposures:
+    for numbered in frames:
         after, step = built.step(states[-1], numbered)
         states.append(after)
         steps.append(step)
@@ -122,7 +122,7 @@ def walked(built: Built, exposures: Iterable[Numbered], state: Mapping[str, Any]
 
 @contextmanager
 def failing_as(method: Method, what: str, place: str = "") -> Iterator[None]:
-    """Any exception as a failure of the method."""
+    """Turns any exception into a failure of the method."""
     try:
         yield
     except Exception as fault:
@@ -130,6 +130,7 @@ def failing_as(method: Method, what: str, place: str = "") -> Iterator[None]:
 
 
 def fail(method: Method, what: str, place: str = "") -> NoReturn:
+    """Raises AssertionError with a sentence about the method."""
     raise AssertionError(_sentence(method, what, place))
 
 

@@ -1,4 +1,4 @@
-"""Values of any kind compared bit by bit, measured in depth."""
+"""Digests of values of any kind, to compare them bit by bit, and their depth."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ TIMES = frozenset({"seconds"})
 
 
 def digest(value: Any, without: frozenset[str] = frozenset()) -> bytes:
-    """16 bytes that differ where anything inside differs, but for fields called as in `without`.
+    """Returns 16 bytes that differ where anything inside differs, except fields named in `without`.
 
-    TypeError for what cannot be pickled, RecursionError for what is nested endlessly.
+    Raises TypeError for what cannot be pickled, RecursionError for what is nested endlessly.
     """
     found = blake2b(digest_size=16)
     _feed(found, value, without)
@@ -27,19 +27,19 @@ def digest(value: Any, without: frozenset[str] = frozenset()) -> bytes:
 
 
 def depth(value: Any) -> int:
-    """How deep values are nested in others."""
+    """Returns how deep values are nested in others."""
     deepest, seen, waiting = 0, set[int](), [(value, 1)]
     while waiting:
         inner, level = waiting.pop()
         deepest = max(deepest, level)
         if id(inner) not in seen:
             seen.add(id(inner))
-            waiting += [(held, level + 1) for held in _held(inner)]
+            waiting += [(content, level + 1) for content in _contents(inner)]
     return deepest
 
 
-def _held(value: Any) -> Iterable[Any]:
-    """What is directly inside, as far as the kind of a value is known."""
+def _contents(value: Any) -> Iterable[Any]:
+    """Returns the direct contents of the known kinds of values."""
     if is_dataclass(value) and not isinstance(value, type):
         return [getattr(value, f.name) for f in fields(value)]
     if isinstance(value, Mapping):
@@ -74,7 +74,7 @@ def _feed(found: Any, value: Any, without: frozenset[str]) -> None:
         found.update(f"{len(value)};".encode())
         for item in value:
             _feed(found, item, without)
-    elif name := getattr(value, "__qualname__", None):  # a function or a class is what it is called
+    elif name := getattr(value, "__qualname__", None):  # functions and classes compare by name
         found.update(f"{value.__module__}.{name}".encode())
     else:
         other: Any = value
@@ -83,5 +83,5 @@ def _feed(found: Any, value: Any, without: frozenset[str]) -> None:
 
 
 def _listed(part: Any) -> Any:
-    """Iterators of a reduced value as lists."""
+    """Returns iterators of a reduced value as lists."""
     return list(part) if hasattr(part, "__next__") else part

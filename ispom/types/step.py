@@ -101,7 +101,7 @@ class Step:
     final_until_ns: int | None = None
     """Poses before this time will hardly be revised any more; None where that is not known yet."""
     restarted: bool = False
-    """A new segment begins at this frame: no observation tells where it is, or what its unit is, against earlier ones."""
+    """A new segment begins at this frame: no observation tells where it is, or its unit, against earlier ones."""
     joins: int | None = None
     """The number of an earlier segment whose world and unit the present one has, as its keyframes were found again; the
     first is 0, and each restart begins the next. None where nothing was found out."""

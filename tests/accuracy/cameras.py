@@ -24,12 +24,12 @@ from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.evaluation.metrics import errors
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_scenario
-from ispom.simulation.cache import default_folder
+from ispom.simulation.rendering.cache import default_folder
 from ispom.simulation.scenario.scenario import scenario_of_words
 from ispom.types import Image, Sequence, Status, StereoPair, VideoFrame
 

@@ -22,7 +22,7 @@ from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 
 from ispom.child import end_with_parent
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import BUILT_IN, possible_methods
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence, recognised, recordings_in

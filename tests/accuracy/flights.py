@@ -8,7 +8,7 @@ from typing import Literal
 
 from ispom.geometry import Pose
 from ispom.simulation.motions import Motion
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
 from ispom.types import Exposure, Frame, Rig, StereoPair, Trajectory, VideoFrame
 

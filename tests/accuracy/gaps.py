@@ -27,10 +27,10 @@ from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.city import build_city
 from ispom.simulation.motions import Motion, motion_of
-from ispom.simulation.renderer import Renderer
-from ispom.simulation.town import build_town
+from ispom.simulation.places.city import build_city
+from ispom.simulation.places.town import build_town
+from ispom.simulation.rendering.renderer import Renderer
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory
 

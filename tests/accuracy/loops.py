@@ -21,14 +21,14 @@ from rich.table import Table
 from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
-from ispom.evaluation.ate import rms
 from ispom.evaluation.consistency import PARTS, band, errors
+from ispom.evaluation.trajectory_error import rms
 from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
-from ispom.simulation.renderer import Renderer
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town
+from ispom.simulation.rendering.renderer import Renderer
 from ispom.types import Rig, Step, StereoPair, Trajectory, VideoFrame
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight

@@ -18,8 +18,7 @@ from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 
 from ispom.child import end_with_parent
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import aligned, ate_m, rms
+from ispom.evaluation.trajectory_error import aligned, associate, ate_m, rms
 from ispom.geometry import rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Trajectory

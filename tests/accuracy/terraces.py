@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.simulation.city import ROAD_HALF_M, line_street
-from ispom.simulation.materials import Material, Surfaces
-from ispom.simulation.scene import Colour, Scene
-from ispom.simulation.town import SIDE_M, Placed, streets
+from ispom.simulation.places.city import ROAD_HALF_M, line_street
+from ispom.simulation.places.town import SIDE_M, Placed, streets
+from ispom.simulation.rendering.materials import Material, Surfaces
+from ispom.simulation.rendering.scene import Colour, Scene
 
 ALIKE_M = 20.0
 """All that stands on so many metres of a street, houses and what is before them, stands on the next ones again."""

@@ -12,8 +12,8 @@ import pytest
 
 from ispom.geometry import Pose, Similarity
 from ispom.simulation.motions import motion_of
-from ispom.simulation.renderer import Renderer
-from ispom.simulation.town import SPEED_M_S, on_route
+from ispom.simulation.places.town import SPEED_M_S, on_route
+from ispom.simulation.rendering.renderer import Renderer
 from ispom.types import Camera, Trajectory
 from tests.accuracy import loops, studies
 from tests.accuracy.__main__ import main

@@ -30,7 +30,7 @@ from ispom_app.session.session import Session
 
 from ispom.ensemble import build
 from ispom.io.maps import map_bytes
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.methods import default_methods, in_order, with_asked
 from tests.app.helpers import wait_for
 

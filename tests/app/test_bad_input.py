@@ -19,7 +19,7 @@ from ispom_app.views.rerun import file_recording
 from ispom.ensemble import Ensemble, build
 from ispom.features.pair_look import EXCHANGED
 from ispom.io import whole
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import Config
 from ispom.types import Rig
 from tests import doubles

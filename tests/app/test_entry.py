@@ -8,7 +8,7 @@ import pytest
 from ispom_app import __main__ as entry
 from ispom_app.cli import main as cli
 
-from ispom.simulation.process import RenderPool
+from ispom.simulation.rendering.process import RenderPool
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_when_the_renderer_starts(
 ) -> None:
     started: list[object] = []
     monkeypatch.setattr(sys, "argv", ["ispom", *words])
-    monkeypatch.setattr("ispom.simulation.cache.anything_rendered", lambda: rendered)
+    monkeypatch.setattr("ispom.simulation.rendering.cache.anything_rendered", lambda: rendered)
 
     def start(self: RenderPool) -> None:
         started.append(self)

@@ -21,7 +21,7 @@ from ispom_app.features.headless import console
 from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.alone import METHODS

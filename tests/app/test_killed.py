@@ -15,7 +15,7 @@ from ispom_app.engine.run_folder.table import read_table
 from ispom_app.views.rerun.file_recording import FLUSH_EVERY
 from ispom_app.views.rerun.rrd import is_finished
 
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.io.whole import PART, part_of
 from tests.app import helpers
 from tests.app.recorded import exposures_in

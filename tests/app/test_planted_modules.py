@@ -15,7 +15,7 @@ from ispom_app.features.sweep import process as sweep
 
 from ispom.child import PYTHON, Child
 from ispom.estimators.program.pipe import Pipe, ProgramFault
-from ispom.simulation import process as rendering
+from ispom.simulation.rendering import process as rendering
 
 ROOT = Path(__file__).parents[2]
 PLANTED = ("json", "argparse", "yaml", "numpy", "cv2", "numba", "ispom", "ispom_app", "psutil", "contextlib")
@@ -47,7 +47,7 @@ def test_no_child_imports_from_the_working_directory(stranger: Path, command: li
 def test_the_supervisor_of_a_program_does_not(stranger: Path) -> None:
     pipe = Pipe([sys.executable, "-I", "-c", "pass"], 60.0)
     with pytest.raises(ProgramFault):
-        pipe.ask(b"{}\n")
+        pipe.request(b"{}\n")
     pipe.stop()
     assert not stranger.exists()
 

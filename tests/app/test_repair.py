@@ -14,7 +14,7 @@ from ispom_app.engine.run_folder.run_folder import MARKER
 from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.ensemble import Ensemble
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.io.whole import part_of
 from tests import doubles
 from tests.app import helpers

@@ -12,7 +12,7 @@ from ispom_app.engine.run_folder.run_folder import MARKER
 from ispom_app.views.rerun import file_recording
 from ispom_app.views.rerun.rrd import is_finished
 
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
 

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ispom.calibration.detection import Detection
+from ispom.calibration.detection.detection import Detection
 from ispom.calibration.result import Views
-from ispom.calibration.targets import Target
-from ispom.geometry import Pose
-from ispom.simulation.filming import seen_points
+from ispom.calibration.targets.target import Target
+from ispom.geometry import Array, Pose
 from ispom.types import Camera
 
 NOISE_PX = 0.2
+
+
+def seen_points(
+    camera: Camera, camera_from_board: Pose, xyz_in_board: Array, noise_px: float, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], Array]:
+    """Indices (N,) and pixels (N, 2) with Gaussian noise of the points that are in the image."""
+    uv = camera.project(camera_from_board.apply(xyz_in_board))
+    uv = uv + noise_px * rng.standard_normal(uv.shape)
+    inside = (uv >= 0).all(1) & (uv <= (camera.width - 1, camera.height - 1)).all(1)
+    ids = np.flatnonzero(inside)
+    return ids, uv[ids]
 
 
 def seen_by(

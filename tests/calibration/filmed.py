@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.calibration.result import Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Array, Pose
-from ispom.simulation.filming import Filming
+from ispom.simulation.filmed_board import Filming
 from tests.calibration.corners import NOISE_PX, seen_by, views_of
 
 FIRST_S = 0.2113

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ispom.calibration.targets import Target
 from ispom.calibration.targets.drawing import MARGIN_M, raster
-from ispom.simulation.board import Picture
+from ispom.calibration.targets.target import Target
+from ispom.simulation.filmed_board import Picture
 
 LONGER_SIDE_PX = 1800
 

@@ -10,14 +10,13 @@ import pytest
 
 from ispom.calibration.adjust.lens import vector_of
 from ispom.calibration.adjust.problem import Observations, Unknowns
-from ispom.calibration.adjust.solve import solve
-from ispom.calibration.adjust.start import with_views
+from ispom.calibration.adjust.solve import solve, with_views
 from ispom.calibration.calibrate import calibrate
 from ispom.calibration.result import Redo
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.simulation.filming import LEFT, VIDEO, board_poses, filming_rig
+from ispom.simulation.filmed_board import LEFT, VIDEO, board_poses, filming_rig
 from ispom.types import Camera
 from tests.calibration.corners import seen_by, views_of
 

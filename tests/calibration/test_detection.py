@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.calibration.detection import detect
-from ispom.calibration.detection.hint import common_hint, hint
-from ispom.calibration.detection.layout import layout_fault
-from ispom.calibration.targets import parse_target
+from ispom.calibration.detection.detect import common_hint, detect, hint, layout_fault
+from ispom.calibration.targets.layouts import parse_target
 from ispom.geometry import Pose
-from ispom.simulation.board import Exposing, board_image
-from ispom.simulation.filming import LEFT, board_poses
+from ispom.simulation.filmed_board import LEFT, Exposing, board_image, board_poses
 from tests.calibration.pictures import picture_of
 
 SPECS = {

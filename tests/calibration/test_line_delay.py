@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ispom.calibration.calibrate import calibrate
-from ispom.calibration.detection import Detection
+from ispom.calibration.detection.detection import Detection
 from ispom.calibration.result import Calibration, Views
-from ispom.calibration.targets import parse_target
-from ispom.simulation.filming import Filming, filming_rig
+from ispom.calibration.targets.layouts import parse_target
+from ispom.simulation.filmed_board import Filming, filming_rig
 
 TARGET = parse_target("chessboard:9x6:0.03")
 FILM = Filming.of(filming_rig(), TARGET.size_m, 12.0, 0)

@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from ispom.calibration.detection import detect
-from ispom.calibration.targets import parse_target
+from ispom.calibration.detection.detect import detect
 from ispom.calibration.targets.drawing import MARGIN_M, page_size_m, pdf, raster, svg
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 
 SPECS = {

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.paper.monocular.estimator import MonocularConfig
-from ispom.estimators.paper.stereo.estimator import StereoConfig
+from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Exposure, Sequence, StereoPair, TrackStatus, Trajectory, VideoFrame

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from ispom.estimators.paper.stereo.estimator import StereoConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.sequences import open_sequence
 from ispom.types import StereoPair
 from tests.alone import run

@@ -11,7 +11,7 @@ from ispom import registry
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimator import Method
-from ispom.estimators.paper.stereo.estimator import StereoConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.methods import REGISTRY, Config, default_methods, in_order, method, names, possible_methods, with_asked
 from ispom.types import Exposure, Sequence
 from tests.alone import ALL, METHODS, PAPER

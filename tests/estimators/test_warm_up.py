@@ -50,4 +50,4 @@ def test_a_real_run_compiles_nothing_more(flight: Sequence, rendered: Path) -> N
 
 def test_kernels_are_known() -> None:
     names = {f"{k.py_func.__module__.removeprefix('ispom.')}.{k.py_func.__name__}" for k in kernels()}
-    assert {"solvers.motion_only._normal", "solvers.window.kernels.reduce_points"} <= names
+    assert {"solvers.localisation._normal", "solvers.window.kernels.reduce_points"} <= names

@@ -11,10 +11,9 @@ from evo.core import metrics, sync
 from evo.core.trajectory import PosePath3D, PoseTrajectory3D
 from evo.tools import file_interface
 
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import Alignment
 from ispom.evaluation.comparison import Comparison, compare, measures
-from ispom.evaluation.rpe import rpe
+from ispom.evaluation.relative_error import rpe
+from ispom.evaluation.trajectory_error import Alignment, associate
 from ispom.io.trajectories import read_trajectory
 from ispom.types import Trajectory
 

@@ -22,7 +22,7 @@ def test_the_corrected_lens_sees_what_the_correction_says() -> None:
     stretch = 1 + f + k * (RAYS[:, :2] ** 2).sum(1, keepdims=True)
     wanted = RIG.camera("video").project(np.column_stack([RAYS[:, :2] * stretch, RAYS[:, 2]]))
     np.testing.assert_allclose(found.rig.camera("video").project(RAYS), wanted, atol=0.1)
-    assert found.any_applied and found.rig.left == RIG.left
+    assert any(f.applied for f in found.findings) and found.rig.left == RIG.left
 
 
 @pytest.mark.parametrize("term", [name for name in TERMS if name not in ("q1", "q2", "lag")])
@@ -57,7 +57,7 @@ def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
 def test_what_chance_explains_changes_nothing_and_is_told() -> None:
     said = {"lens": np.array([0.001, 0.0]), "lens_covariance": np.eye(2)}
     found = corrected(RIG, said)
-    assert found.rig.video == RIG.video and not found.any_applied
+    assert found.rig.video == RIG.video and not any(f.applied for f in found.findings)
     assert [finding.what for finding in found.findings] == ["video focal length", "video radial distortion"]
 
 

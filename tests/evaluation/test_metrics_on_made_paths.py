@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import aligned, ate_m
-from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
-from ispom.evaluation.kitti import kitti_errors
-from ispom.evaluation.step_scale import step_scale
+from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.evaluation.relative_error import kitti_errors
+from ispom.evaluation.scale import step_scale
+from ispom.evaluation.trajectory_error import aligned, associate, ate_m
 from ispom.geometry import Pose, so3_exp
 from ispom.types import Trajectory
 

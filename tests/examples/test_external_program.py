@@ -125,5 +125,5 @@ def test_a_program_that_ends_is_a_sentence(recording: Path, tmp_path: Path) -> N
     program = shlex.join([Path(sys.executable).as_posix(), "-S", with_fault.as_posix()])
     words = ("--external", f"faulty={program}", "--methods", "faulty", "--out", tmp_path / "run", "--no-recording")
     said = told("run", recording, *words)
-    assert "ended with exit code 1 (ZeroDivisionError: division by zero), at exposure 1 of those" in said
+    assert "ended with exit code 1 (ZeroDivisionError: division by zero), at frame 1 of those" in said
     assert (tmp_path / "run" / "INCOMPLETE").exists() and os.path.getsize(tmp_path / "run" / "steps.csv")

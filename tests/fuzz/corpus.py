@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 from ispom_app.cli.main import main
 
-from ispom.io.euroc import euroc_text
 from ispom.io.kitti import poses_text
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import euroc_text, tum_text
 from ispom.types import Trajectory
 from tests import doubles
 from tests.app.helpers import build

@@ -10,14 +10,13 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.colmap_cameras import colmap_cameras_text, read_colmap_cameras
-from ispom.io.calibrations.euroc_sensor import euroc_sensor_text, read_euroc_sensor
+from ispom.io.calibrations.camera_info import ros_text
 from ispom.io.calibrations.files import camera_text
-from ispom.io.calibrations.kalibr import kalibr_text, read_kalibr
+from ispom.io.calibrations.kalibr import euroc_sensor_text, kalibr_text, read_euroc_sensor, read_kalibr
 from ispom.io.calibrations.opencv import opencv_text, read_opencv
 from ispom.io.calibrations.placed import Placed
-from ispom.io.calibrations.ros import read_ros, ros_text
-from ispom.io.camera import read_camera
+from ispom.io.calibrations.recognised import one_camera
+from ispom.io.colmap import colmap_cameras_text, read_colmap_cameras
 from ispom.io.rig import read_rig, rig_text
 from ispom.types import Camera, Rig
 
@@ -66,11 +65,11 @@ def test_round_trip_of_opencv_ros_colmap_and_ours(tmp_path: Path, camera: Camera
     path.write_text(opencv_text(placed[:1]))
     assert close(camera, read_opencv(path)[0].camera)
     path.write_text(ros_text(placed[0]))
-    assert close(camera, read_ros(path))
+    assert close(camera, read_opencv(path)[0].camera)
     path.write_text(colmap_cameras_text(placed))
     assert all(close(each.camera, found) for each, found in zip(placed, read_colmap_cameras(path), strict=True))
     path.write_text(camera_text(camera))
-    assert close(camera, read_camera(path))
+    assert close(camera, one_camera(path)[0])
     path.write_text(rig_text(Rig(video=camera, rig_from_video=POSE)))
     assert close(camera, read_rig(path).camera("video"))
 
@@ -135,7 +134,7 @@ def test_a_lens_that_a_format_does_not_have_is_refused() -> None:
         (read_kalibr, "cam0: {camera_model: omni}\n", "no pinhole camera"),
         (read_euroc_sensor, "resolution: [752, 480]\nintrinsics: [1, 2, 3]\n", "intrinsics needs 4"),
         (read_opencv, "%YAML:1.0\n---\na: 1\n", "holds no camera_matrix"),
-        (read_ros, "camera_matrix: {data: [1]}\ndistortion_model: other\n", "distortion_model is other"),
+        (read_opencv, "camera_matrix: {data: [1]}\ndistortion_model: other\n", "distortion_model is other"),
         (read_colmap_cameras, "1 PINHOLE 640 480 500\n", "PINHOLE has 4 parameters"),
         (read_colmap_cameras, "# nothing\n", "holds no camera"),
     ],

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.euroc import euroc_text, read_euroc
+from ispom.io.trajectories import euroc_text, read_euroc
 from ispom.types import Trajectory
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "trajectories"

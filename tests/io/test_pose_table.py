@@ -9,10 +9,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.euroc import euroc_text, read_euroc
-from ispom.io.tables import trajectory_csv
-from ispom.io.trajectories import read_trajectory
-from ispom.io.tum import read_tum, tum_text
+from ispom.io.trajectories import euroc_text, read_euroc, read_trajectory, read_tum, trajectory_csv, tum_text
 from ispom.types import Trajectory
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -12,7 +12,7 @@ from ispom_app.cli.main import main
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.files import rig_files
-from ispom.io.calibrations.recognised import any_camera, any_rig
+from ispom.io.calibrations.recognised import one_camera, one_rig
 from ispom.io.rig import rig_text
 from ispom.types import EXACT_PAIR, Camera, LensSigma, Rig
 
@@ -45,7 +45,7 @@ def test_a_rig_is_converted_there_and_back(tmp_path: Path, form: str) -> None:
     path = there if form == "euroc" else there.with_suffix(".yaml")
     assert main(["calibrate", "convert", str(own), "--out", str(path), "--format", form]) == 0
     assert main(["calibrate", "convert", str(path), "--out", str(back)]) == 0
-    assert alike(RIG, any_rig((back,)))
+    assert alike(RIG, one_rig((back,))[0])
 
 
 def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> No
         told = replace(rig, rig_from_laser=laser, video_sigma=LensSigma(1e-3, 2e-3), pair_sigma=EXACT_PAIR)
         own.write_text(rig_text(told))
         assert main(["calibrate", "convert", str(own), "--out", str(back)]) == 0
-        found = any_rig((back,))
+        found = one_rig((back,))[0]
         assert (found.video_sigma, found.pair_sigma) == (told.video_sigma, told.pair_sigma)
         assert found.rig_from_laser is not None
         seen = [r.rig_from_left.inverse() @ (r.rig_from_laser or Pose()) for r in (told, found)]
@@ -71,15 +71,15 @@ def test_a_camera_of_any_format_is_read(tmp_path: Path, form: str) -> None:
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-        assert any_camera(path).fx == pytest.approx(VIDEO.fx, abs=1e-9)
-        assert any_camera(path).distortion == pytest.approx(VIDEO.distortion, abs=1e-9)
+        assert one_camera(path)[0].fx == pytest.approx(VIDEO.fx, abs=1e-9)
+        assert one_camera(path)[0].distortion == pytest.approx(VIDEO.distortion, abs=1e-9)
 
 
 def test_several_cameras_without_poses_are_refused(tmp_path: Path) -> None:
     for name, text in rig_files(RIG, "ros").items():
         (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match="3 cameras without their poses"):
-        any_rig((tmp_path,))
+        one_rig((tmp_path,))[0]
 
 
 def test_what_is_no_calibration_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,4 +97,4 @@ def test_files_of_other_programs_make_a_rig(tmp_path: Path) -> None:
     files = [str(folder / f"euroc_cam{n}_sensor.yaml") for n in (0, 1)]
     out = tmp_path / "rig.yaml"
     assert main(["calibrate", "convert", *files, "--out", str(out)]) == 0
-    assert any_rig((out,)).has_stereo
+    assert one_rig((out,))[0].has_stereo

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 from ispom.io.timed_points import read_timed_points, timed_points_csv
 from ispom.types import TimedPoints
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.tum import read_tum, tum_text
+from ispom.io.trajectories import read_tum, tum_text
 from ispom.types import Trajectory
 
 GOOD = "0.1 0 0 0 0 0 0 1\n"

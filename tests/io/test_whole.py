@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 OWN_WRITERS = {
     "ispom/io/whole.py",
     "ispom/compiled_code.py",  # these two write to the user's own cache
-    "ispom/simulation/cache.py",
+    "ispom/simulation/rendering/cache.py",
     "app/__main__.py",  # standard streams
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
     "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made

@@ -7,12 +7,12 @@ import pytest
 
 from ispom.reconstruction.depth import DenseStereo
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.city import build_city
-from ispom.simulation.path import Path
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.city import build_city
+from ispom.simulation.rendering.renderer import Renderer, exposed
 
 RIG = simulated_rig(0.5)
-POSE = Path.seeded(0).pose_at(9_000_000_000)
+POSE = Flight.seeded(0).pose_at(9_000_000_000)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.open3d import open3d
+from ispom.io.meshes import open3d
 from ispom.reconstruction.fusion import Fusion, FusionSettings
 from ispom.reconstruction.model import Surface, simplified
 from ispom.types import Camera

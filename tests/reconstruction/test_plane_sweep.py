@@ -10,9 +10,9 @@ import pytest
 from ispom.geometry import Pose
 from ispom.reconstruction.plane_sweep import PlaneSweep, undistorted
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.city import build_city
-from ispom.simulation.path import Path
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.city import build_city
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.types import Image
 
 RIG = simulated_rig(0.5)
@@ -23,7 +23,7 @@ BEGIN_NS, STEP_NS = 9_000_000_000, 100_000_000
 @pytest.fixture(scope="module")
 def seen() -> tuple[list[Image], list[Pose], np.ndarray]:
     """Images, their poses, and the depth of the one in the middle."""
-    renderer, path = Renderer(build_city(0)), Path.seeded(0)
+    renderer, path = Renderer(build_city(0)), Flight.seeded(0)
     poses = [path.pose_at(BEGIN_NS + k * STEP_NS) @ RIG.rig_from_video for k in (-2, -1, 0, 1, 2)]
     images = [exposed(renderer.image(CAMERA, pose, 2), n, 1.6) for n, pose in enumerate(poses)]
     return images, poses, renderer.depth(CAMERA, poses[2])
@@ -47,7 +47,7 @@ def test_without_motion_nothing_is_known(seen: tuple[list[Image], list[Pose], np
 
 def test_an_undistorted_image_is_that_of_the_ideal_camera() -> None:
     real = RIG.camera("video")
-    renderer, pose = Renderer(build_city(0)), Path.seeded(0).pose_at(BEGIN_NS) @ RIG.rig_from_video
+    renderer, pose = Renderer(build_city(0)), Flight.seeded(0).pose_at(BEGIN_NS) @ RIG.rig_from_video
     bent, straight = (exposed(renderer.image(c, pose, 2), 0, 0.0) for c in (real, CAMERA))
     found, camera = undistorted(bent, real)
     assert camera == CAMERA

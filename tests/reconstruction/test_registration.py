@@ -6,11 +6,11 @@ import numpy as np
 
 from ispom.geometry import Pose
 from ispom.reconstruction.registration import registered, world_from_own
-from ispom.simulation.path import Path
+from ispom.simulation.motions import Flight
 from ispom.types import TimedPoints, Trajectory
 
 RNG = np.random.default_rng(0)
-MOTION = Path.seeded(1)
+MOTION = Flight.seeded(1)
 RIG_FROM_LASER = Pose.from_rotvec(np.array([0.1, -0.2, 0.3]), np.array([0.05, -0.1, 0.2]))
 PATH = Trajectory.of([(t, MOTION.pose_at(t)) for t in range(0, 2_000_000_001, 20_000_000)])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ispom.io.oxts import EARTH_RADIUS_M
+from ispom.io.kitti import EARTH_RADIUS_M
 from ispom.types import Image
 from tests.sequences.kitti_folder import make_drive
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.geometry import Pose
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.types import Camera, Image, Rig, StereoPair, VideoFrame
 from ispom.types import Sequence as Recorded
 from tests.sequences.folders import HEIGHT, WIDTH, images

@@ -16,7 +16,7 @@ from ispom_app.engine.run_folder.run_folder import MARKER, RUN, is_incomplete
 from ispom_app.engine.run_folder.table import read_table
 
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 
 PLAN = """title: Two methods
 sources: [SOURCE]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.io.open3d import open3d
-from ispom.simulation.caster import NOTHING, RayCaster, by_open3d
+from ispom.io.meshes import open3d
+from ispom.simulation.rendering.scene import NOTHING, RayCaster, by_open3d
 
 RNG = np.random.default_rng(3)
 TRIANGLES = (RNG.normal(0, 10, (400, 1, 3)) + RNG.normal(0, 2, (400, 3, 3))).astype(np.float32)

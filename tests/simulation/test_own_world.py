@@ -10,11 +10,11 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.meshes import mesh_name, mesh_place
-from ispom.simulation.path import Path as Flight
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.meshes import mesh_name, mesh_place
 from ispom.simulation.scenario.scenario import scenario_of_words
 from ispom.types import Trajectory
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.simulation.caster import NOTHING
 from ispom.simulation.motions import motion_of
+from ispom.simulation.rendering.scene import NOTHING
 from ispom.simulation.source import Source
 
 CLEAR_M = 0.45

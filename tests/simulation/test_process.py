@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from ispom.errors import InputError
-from ispom.simulation.process import RenderPool, RenderProcess
+from ispom.simulation.rendering.process import RenderPool, RenderProcess
 from ispom.simulation.source import Source
 
 
@@ -62,7 +62,7 @@ def test_one_that_dies_at_any_moment_each_time_is_told_in_one_sentence(
         f"import os, sys; sys.stdin.readline(); sys.stdout.write('{answer}'); sys.stdout.flush()\n"
         "sys.stderr.write('libX.so.1: cannot open shared object file\\n'); sys.stderr.flush(); os.kill(os.getpid(), 9)"
     )
-    monkeypatch.setattr("ispom.simulation.process._COMMAND", [sys.executable, "-c", script])
+    monkeypatch.setattr("ispom.simulation.rendering.process._COMMAND", [sys.executable, "-c", script])
     with pytest.raises(InputError, match=r"renders .* was ended by SIGKILL \(libX\.so\.1: .*\), twice: ") as caught:
         RenderProcess().render(0, False, 0.1, 0, "video", 1)
     assert "\n" not in str(caught.value)
@@ -74,7 +74,7 @@ def test_one_that_dies_at_any_moment_each_time_is_told_in_one_sentence(
 def test_one_that_does_not_get_ready_is_told_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, command: list[str], how: str
 ) -> None:
-    monkeypatch.setattr("ispom.simulation.process._COMMAND", command)
+    monkeypatch.setattr("ispom.simulation.rendering.process._COMMAND", command)
     pool = RenderPool()
     pool.start()
     with pytest.raises(InputError, match=how):
@@ -84,7 +84,7 @@ def test_one_that_does_not_get_ready_is_told_in_one_sentence(
 def test_it_ends_with_whoever_started_it_in_the_middle_of_an_image() -> None:
     """SIGKILL gives nobody the time to end it."""
     script = (
-        "import os; from ispom.simulation.process import RenderProcess\n"
+        "import os; from ispom.simulation.rendering.process import RenderProcess\n"
         "process = RenderProcess(); process.render(0, False, 0.1, 0, 'video', 1); child = process.start()\n"
         "child.requests.write(b'[0, true, 4.0, 0, \"stereo\", 1]\\n'); child.requests.flush()\n"  # a minute's work
         "print(child.pid, flush=True); os.kill(os.getpid(), 9)\n"

@@ -8,12 +8,12 @@ import pytest
 
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.city import build_city
-from ispom.simulation.path import Path
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.city import build_city
+from ispom.simulation.rendering.renderer import Renderer, exposed
 
 RIG = simulated_rig(0.5)
-PATH = Path.seeded(0)
+PATH = Flight.seeded(0)
 T_NS = 9_000_000_000
 
 
@@ -84,7 +84,7 @@ def test_corners_everywhere_on_the_ground_too() -> None:
 def test_depth_is_mixed_and_the_path_stays_in_free_space() -> None:
     coarse = simulated_rig(0.05)
     for seed in (0, 1, 2):
-        scene, path = Renderer(build_city(seed)), Path.seeded(seed)
+        scene, path = Renderer(build_city(seed)), Flight.seeded(seed)
         for time_ns in range(0, 20_000_000_001, 1_000_000_000):
             for name in ("video", "left", "right"):
                 z = scene.depth(coarse.camera(name), path.pose_at(time_ns) @ coarse.rig_from(name))  # type: ignore[arg-type]

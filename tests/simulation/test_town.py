@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ispom.simulation.motions import motion_of
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town, on_route
 from ispom.simulation.source import Source
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
 
 
 def test_the_route_is_as_long_as_it_says_and_comes_back() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.path import Path
+from ispom.simulation.motions import Flight as FlightPath
 from ispom.solvers.spline.curve import Spline
 from ispom.solvers.spline.problem import (
     LEFT,
@@ -27,7 +27,7 @@ RIG = simulated_rig()
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    path: Path
+    path: FlightPath
     start_s: float
     times_s: Array
     """(E,) as stamped: the video's clock may be off."""
@@ -57,7 +57,7 @@ def made_flight(duration_s: float = 1.0, points: int = 120, clock_offset_s: floa
     depth = rng.uniform(3, 40, points)
     xyz = np.column_stack([rng.uniform(-0.6, 0.6, points) * depth, rng.uniform(-0.45, 0.45, points) * depth, depth])
     is_video = np.concatenate([np.zeros(len(stereo), bool), np.ones(len(video), bool)])[order]
-    return Flight(Path.seeded(seed), 2.0, times[order], is_video, xyz, clock_offset_s)
+    return Flight(FlightPath.seeded(seed), 2.0, times[order], is_video, xyz, clock_offset_s)
 
 
 def problem_of(

@@ -86,7 +86,7 @@ def prior_residual(prior: Prior, rotations: Array, translations: Array, extra: A
 
 
 def located(xyz: Array, seen: Array, guess: Pose, scale: float, baseline: float = 0.0) -> tuple[Pose, float]:
-    """A camera's pose of least Cauchy cost, from points (N, 3) seen at (N, 2) or (N, 3), as motion_only.fit_pose."""
+    """A camera's pose of least Cauchy cost, from points (N, 3) seen at (N, 2) or (N, 3), as localisation.fit_pose."""
 
     def at(x: Array) -> Pose:
         return Pose(so3_exp(x[3:]) @ guess.rotation, so3_exp(x[3:]) @ guess.translation + x[:3])

@@ -7,7 +7,7 @@ import pytest
 
 from ispom.geometry import Pose
 from ispom.solvers.epipolar import Rays
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 
 SCALE = 0.5 / 300
 FIRST = Pose.from_rotvec(np.array([0.03, 0.2, -0.02]), np.array([2.0, 0.1, -0.3]))

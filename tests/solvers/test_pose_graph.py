@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,6 +85,37 @@ def test_a_loop_takes_the_drift_away_and_spreads_it(scaled: bool) -> None:
     (middle_before, end_before), (middle, end) = np.median(before, axis=0), np.median(after, axis=0)
     assert end_before > 0.005 * 300 and end < 0.001 * 300
     assert middle < 0.8 * middle_before
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_one_false_loop_bends_nothing(scaled: bool) -> None:
+    """Beside four right ones: the route is as it would be without it."""
+    drift, truth = np.diag([4e-4] * 3 + [4e-6] * 3 + [4e-6 * scaled + 1e-12]), block()
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        nodes, edges = chain(truth, drift, rng, scaled)
+        ends = [(0, COUNT - 1), (1, COUNT - 2), (2, COUNT - 3), (20, 60)]
+        right = [(i, j, noisy(truth[i].inverse() @ truth[j], rng, TIGHT, scaled)) for i, j in ends]
+        house = Similarity(1.0, Pose.from_rotvec(np.array([0.0, 0.1, 0.0]), np.array([12.0, 0.0, 3.0])))
+        false = 10, 45, truth[10].inverse() @ truth[45] @ house
+        loops = [Edge(i, j, way, TIGHT, True) for i, j, way in (*right, false)]
+        wanted = spread(nodes, (*edges, *loops[:-1]), scaled)
+        found = spread(nodes, (*edges, *loops), scaled)
+        assert (found.weights[:-1] == 1).all() and found.weights[-1] == 0
+        apart = [error(a, b) for a, b in zip(found.nodes, wanted.nodes, strict=True)]
+        assert max(apart) < 1e-3
+        held = (*edges, *(replace(loop, may_be_false=False) for loop in loops))
+        assert error(spread(nodes, held, scaled).nodes[45], truth[45]) > 1.0, "by all of them alike it would be bent"
+
+
+def test_a_single_loop_counts_however_far_odometry_drifted() -> None:
+    """Nothing contradicts it but odometry, which drifts by more than it claims."""
+    truth, drift = block(), np.diag([1e-2] * 3 + [1e-4] * 3 + [1e-12])
+    nodes, edges = chain(truth, drift, np.random.default_rng(0), False)
+    sure = tuple(replace(edge, covariance=1e-2 * drift) for edge in edges)
+    loop = Edge(0, COUNT - 1, truth[0].inverse() @ truth[-1], TIGHT, True)
+    found = spread(nodes, (*sure, loop), False)
+    assert found.weights[-1] == 1 and error(found.nodes[-1], truth[-1]) < 0.1 < 1.0 < error(nodes[-1], truth[-1])
 
 
 def test_the_covariance_is_that_of_the_errors() -> None:

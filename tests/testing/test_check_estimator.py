@@ -185,18 +185,18 @@ TRACKED = Tracks.of(np.array([1, 1]), np.array([[3.0, 4.0], [5.0, 6.0]]))
 BROKEN = {
     "prints on standard output": Printing,
     "has a State that is no frozen dataclass (tuple), at the start": Thawed,
-    "writes into the images that it is given, at exposure 0": Scribbling,
+    "writes into the images that it is given, at frame 0": Scribbling,
     "cannot finish after (IndexError: list index out of range), at the start": Impatient,
-    "gives something else when it is stepped twice from one State: another Step, at exposure 0": Counting,
+    "gives something else when it is stepped twice from one State: another Step, at frame 0": Counting,
     "gives something else in another run: another State": keeping(lambda *_: object.__hash__(object()) + id(_)),
-    "cannot step (ZeroDivisionError: nothing there), at exposure 0 all black": Afraid,
+    "cannot step (ZeroDivisionError: nothing there), at frame 0 all black": Afraid,
     "cannot step (ValueError: another pace)": Settled,
     "State that was kept from before": keeping(growing_list),
     "has a State nested": keeping(lambda w, state, _: (state.counted,)),
     "has a State that grows by": keeping(lambda w, s, e: (*(s.counted or ()), e.image.copy())),  # type: ignore
-    "tracks in images that show nothing, at exposure 0 without texture": saying(status=Status.TRACKING),
+    "tracks in images without texture, at frame 0 without texture": saying(status=Status.TRACKING),
     "never tracks": saying(status=Status.LOST),
-    "gives a Step of the time 7 ns, at exposure 0": saying(time_ns=7),
+    "gives a Step of the time 7 ns, at frame 0": saying(time_ns=7),
     "gives no wall time": saying(seconds={}),
     "covariance that is not (6, 6)": saying(covariance=-np.eye(6)),
     "residuals that are no list": saying(residuals_px=np.array([-1.0])),
@@ -214,8 +214,8 @@ BROKEN = {
     ),
     "makes a check 'colour' that is not in Method.checks": saying(decisions=(replace(CHECK, key="colour"),)),
     "which is a trigger, but of no question": saying(decisions=(replace(CHECK, kind="trigger"),)),
-    "revises poses of later exposures": revising(99 * 10**9),
-    "revises a pose at a time of no exposure": revising(5),
+    "revises poses of later frames": revising(99 * 10**9),
+    "revises a pose at a time of no frame": revising(5),
     "which was declared final": revising(0, final_until_ns=lambda step, _: step.time_ns // 2),
     "takes back what it declared final": saying(final_until_ns=lambda step, _: -step.time_ns),
     "gives poses of the frame rig after some of the frame video": saying(
@@ -242,7 +242,7 @@ def test_what_is_broken_is_named(sentence: str) -> None:
         ("does not explain its setting size", method(config=Unexplained)),
         ("has no Range for its setting size", method(config=Unlimited)),
         ("has a name that is not", method(name="My Walker")),
-        ("does not say in Method.source", method(source=" ")),
+        ("gives no reference in Method.source", method(source=" ")),
     ],
 )
 def test_what_a_method_says_about_itself(sentence: str, broken: Method) -> None:

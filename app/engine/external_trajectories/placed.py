@@ -15,9 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import Alignment, alignment, placed
-from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError, error_against_truth
+from ispom.evaluation.trajectory_error import (
+    MIN_POSES,
+    Alignment,
+    TrajectoryError,
+    alignment,
+    associate,
+    error_against_truth,
+    placed,
+)
 from ispom.geometry import Array, Pose
 from ispom.io.files import expanded
 from ispom.io.trajectories import TrajectoryFile, read_trajectory

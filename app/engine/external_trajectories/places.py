@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ispom.evaluation.ate import Alignment, placed
+from ispom.evaluation.trajectory_error import Alignment, placed
 from ispom.geometry import Similarity
 from ispom.methods import method as registered
 from ispom.types import Trajectory

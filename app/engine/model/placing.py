@@ -8,7 +8,7 @@ from copy import copy
 
 import numpy as np
 
-from ispom.evaluation.placement import first_segment_placement
+from ispom.evaluation.scale import first_segment_placement
 from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Trajectory
 

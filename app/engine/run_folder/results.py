@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ispom.evaluation import metrics
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.methods import method as registered
 from ispom.types import Frame, Rig, Trajectory
 

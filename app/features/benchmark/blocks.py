@@ -90,7 +90,7 @@ def rendering() -> Block:
     """Video frames as the app gets them: by the processes that render ahead, on all cores."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from ispom.simulation.process import RenderPool
+    from ispom.simulation.rendering.process import RenderPool
 
     pool, frames, cores = RenderPool(), 24, min(2, os.cpu_count() or 1)
 

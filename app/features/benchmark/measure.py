@@ -19,9 +19,7 @@ from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError
 from ispom.evaluation import metrics
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import aligned
-from ispom.evaluation.trajectory_error import MIN_POSES
+from ispom.evaluation.trajectory_error import MIN_POSES, aligned, associate
 from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Status, Trajectory

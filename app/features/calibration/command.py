@@ -7,9 +7,10 @@ import sys
 from rich.console import Console
 
 from ispom.calibration.calibrate import calibrate as solve
-from ispom.calibration.motion.verdict import clock_of, verdict_of
+from ispom.calibration.motion.combine import clock_of, verdict_of
 from ispom.calibration.result import Calibration, Redo, Views
-from ispom.calibration.targets import Target, parse_target
+from ispom.calibration.targets.layouts import parse_target
+from ispom.calibration.targets.target import Target
 from ispom.errors import InputError, printable
 from ispom.stop import check_stop
 from ispom.types import Image

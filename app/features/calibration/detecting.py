@@ -14,11 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.calibration.calibrate import require_found
-from ispom.calibration.detection import Detection, detect
-from ispom.calibration.detection.hint import common_hint
-from ispom.calibration.detection.layout import layout_fault
+from ispom.calibration.detection.detect import common_hint, detect, layout_fault
+from ispom.calibration.detection.detection import Detection
 from ispom.calibration.result import Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.errors import InputError, UnreadableImage
 from ispom.stop import check_stop
 from ispom.types import Image

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.calibration.motion.combine import Combined, Part, combined
-from ispom.calibration.motion.course import Course
+from ispom.calibration.motion.course import STILL_RAD, Course, Start, start_of
 from ispom.calibration.motion.hand_eye import HandEye, hand_eye
-from ispom.calibration.motion.start import STILL_RAD, Start, start_of
 from ispom.calibration.result import Redo
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError

@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 
-from ispom.calibration.diagnostics.parameters import Parameter
+from ispom.calibration.diagnostics import Parameter
 from ispom.calibration.result import Redo, Verdict
-from ispom.calibration.tracked.opened import SURE, found_in, rounded, told
+from ispom.calibration.tracked.opened import RELIABLE_SIGMA, estimate_lens, is_informative, rounded
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError, printable
 from ispom.sequences import open_sequence
@@ -39,10 +39,10 @@ def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
     if camera is None:
         raise InputError(f"{options.images[0]} has no video camera: give images of one camera")
     guess = sequence.guess or guessed((camera.width, camera.height), None)
-    found = found_in(sequence, guess, MOST_IMAGES, options.max_views)
+    found = estimate_lens(sequence, guess, MOST_IMAGES, options.max_views)
     if found is None:
         raise Redo(f"the images have too little motion or texture: {ADVICE}")
-    if not told(guess, found):
+    if not is_informative(guess, found):
         raise Redo(f"the motion does not tell the focal length (+- {100 * found.sigma[0]:.0f} %): {ADVICE}")
     verdict, listed = _verdict(found), parameters_of(found)
     if options.json is not None:
@@ -68,7 +68,7 @@ def parameters_of(found: TrackedLens) -> tuple[Parameter, ...]:
 
 def _verdict(found: TrackedLens) -> Verdict:
     said = (f"video: its focal length is uncertain by {100 * found.sigma[0]:.1f} %",)
-    if found.sigma[0] > SURE:
+    if found.sigma[0] > RELIABLE_SIGMA:
         return Verdict("redo", said, (ADVICE,))
     return Verdict("usable", said, (ADVICE,)) if found.sigma[0] > GOOD else Verdict("good", (), ())
 

@@ -11,7 +11,7 @@ from threading import Lock, Thread
 
 from ispom.calibration.calibrate import calibrate
 from ispom.calibration.result import Calibration, Redo, Views
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.types import Image, Rig
 

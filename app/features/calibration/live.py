@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 
 from ispom.calibration.adjust.problem import Observations
-from ispom.calibration.adjust.start import start_of
-from ispom.calibration.detection import Detection, detect
-from ispom.calibration.diagnostics.coverage import MANY_VIEWS, Coverage, coverage
-from ispom.calibration.targets import Target
+from ispom.calibration.adjust.solve import start_of
+from ispom.calibration.detection.detect import detect
+from ispom.calibration.detection.detection import Detection
+from ispom.calibration.diagnostics import MANY_VIEWS, Coverage, coverage
+from ispom.calibration.targets.target import Target
 from ispom.errors import InputError
 from ispom.sequences.decoder_output import silenced
 from ispom.types import Image

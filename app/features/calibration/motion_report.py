@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from ispom.calibration.motion.verdict import clock_of, parameters_of
+from ispom.calibration.motion.combine import clock_of, parameters_of
 from ispom.calibration.result import Verdict
 from ispom.errors import printable
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ispom.calibration.adjust.lens import model_of
-from ispom.calibration.diagnostics.maps import ImageMap
+from ispom.calibration.diagnostics import ImageMap
 from ispom.calibration.result import Calibration, CameraResult, Views
-from ispom.calibration.targets import Target
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Pose
 
 from ...engine.outputs import json_text

@@ -10,13 +10,12 @@ import numpy as np
 
 from ispom.calibration.adjust.lens import model_of, parameter_names, vector_of
 from ispom.calibration.result import Calibration
-from ispom.calibration.targets import Target
 from ispom.calibration.targets.drawing import MARGIN_M, raster
+from ispom.calibration.targets.target import Target
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.settings import check
-from ispom.simulation.board import Picture
-from ispom.simulation.calibrating import FilmedBoard, How
+from ispom.simulation.filmed_board import FilmedBoard, How, Picture
 from ispom.types import Frame, Rig
 
 from .images import CAMERAS, Source

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from ispom.calibration.targets import parse_target
 from ispom.calibration.targets.drawing import page_size_m, pdf, svg
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError, printable
 from ispom.io.files import expanded
 

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from ispom.calibration.diagnostics.parameters import Parameter
+from ispom.calibration.diagnostics import Parameter
 from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay
 from ispom.errors import printable
 

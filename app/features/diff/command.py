@@ -13,7 +13,7 @@ from typing import Any
 
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.types import Frame, Trajectory
 
 from ...engine.differences.compare import (

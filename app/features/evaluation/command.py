@@ -5,9 +5,8 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from ispom.errors import InputError
-from ispom.evaluation.association import associate
 from ispom.evaluation.comparison import Comparison, compare
-from ispom.evaluation.trajectory_error import MIN_POSES
+from ispom.evaluation.trajectory_error import MIN_POSES, associate
 from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
 

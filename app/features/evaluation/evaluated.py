@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.evaluation.ate import Alignment
 from ispom.evaluation.comparison import Comparison, measures
+from ispom.evaluation.trajectory_error import Alignment
 from ispom.io.trajectories import TrajectoryFile
 
 from ...engine.run_folder.run_file import read_run_file

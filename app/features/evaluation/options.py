@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from ispom.evaluation.ate import Alignment
+from ispom.evaluation.trajectory_error import Alignment
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from ispom.evaluation.ate import alignment, placed
-from ispom.evaluation.step_scale import StepScale, step_scale
+from ispom.evaluation.scale import StepScale, step_scale
+from ispom.evaluation.trajectory_error import alignment, placed
 from ispom.geometry import Array, Similarity
 from ispom.methods import method as registered
 from ispom.types import Trajectory

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import alignment
-from ispom.evaluation.step_scale import step_scale
-from ispom.evaluation.trajectory_error import MIN_POSES
+from ispom.evaluation.scale import step_scale
+from ispom.evaluation.trajectory_error import MIN_POSES, alignment, associate
 from ispom.io.files import exists
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import method as registered
 from ispom.types import Trajectory
 

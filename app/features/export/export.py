@@ -7,14 +7,12 @@ import sys
 
 from ispom.errors import InputError, printable
 from ispom.io.colmap import colmap_model
-from ispom.io.euroc import euroc_text
 from ispom.io.files import exists
 from ispom.io.kitti import poses_text
 from ispom.io.maps import read_maps
-from ispom.io.ply import ply_bytes
+from ispom.io.meshes import ply_bytes
 from ispom.io.rig import read_rig
-from ispom.io.tables import landmarks_csv, trajectory_csv
-from ispom.io.tum import read_tum, seconds_text, tum_text
+from ispom.io.trajectories import euroc_text, landmarks_csv, read_tum, seconds_text, trajectory_csv, tum_text
 from ispom.io.whole import require_no_links, write_whole
 from ispom.methods import method as registered
 from ispom.methods import names

@@ -8,7 +8,7 @@ from typing import Any
 
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.io.whole import replace_whole
 from ispom.sequences.address import without_secrets
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ispom.errors import InputError
-from ispom.evaluation.association import associate
+from ispom.evaluation.trajectory_error import associate
 from ispom.types import Sequence, Trajectory
 
 from ...engine.events import Finished, Opened

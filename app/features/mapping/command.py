@@ -17,9 +17,7 @@ from rich.table import Table
 
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
-from ispom.io.meshes import glb_bytes
-from ispom.io.open3d import open3d
-from ispom.io.ply import surface_ply
+from ispom.io.meshes import glb_bytes, open3d, surface_ply
 from ispom.io.timed_points import timed_points_csv
 from ispom.io.whole import create_file, part_of, require_no_links, write_whole
 from ispom.reconstruction.model import Mesh, simplified

@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.files import exists
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import method as registered
 from ispom.types import Sequence, Status, Trajectory
 

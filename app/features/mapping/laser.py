@@ -15,15 +15,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.evaluation.association import associate
+from ispom.evaluation.trajectory_error import associate
 from ispom.geometry import Array, Pose
 from ispom.io.files import expanded
 from ispom.io.timed_points import read_timed_points
 from ispom.reconstruction.model import Surface
 from ispom.reconstruction.registration import Registered, registered, world_from_own
 from ispom.sequences.formats.simulated import rendered_source
-from ispom.simulation.laser import Profiler
 from ispom.simulation.motions import motion_of
+from ispom.simulation.truth import Profiler
 from ispom.solvers.trajectory.continuous import Between
 from ispom.types import TimedPoints, Trajectory
 

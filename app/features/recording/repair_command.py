@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ispom.errors import InputError, printable
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum, tum_text
+from ispom.io.trajectories import read_tum, tum_text
 from ispom.stop import check_stop
 from ispom.types import Rig, Trajectory
 

@@ -7,9 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import placed
-from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError, alignment_of, trajectory_error
+from ispom.evaluation.trajectory_error import (
+    MIN_POSES,
+    TrajectoryError,
+    alignment_of,
+    associate,
+    placed,
+    trajectory_error,
+)
 from ispom.geometry import rotation_angle_rad
 from ispom.methods import method as registered
 from ispom.types import Trajectory

@@ -16,7 +16,7 @@ from ispom.io.files import exists, opened
 from ispom.io.files import names as names_in
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import names
 from ispom.types import Rig, Trajectory
 

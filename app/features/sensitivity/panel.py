@@ -56,7 +56,7 @@ class EffectPanel:
         if (text := _text(state)) != self._text.content:
             self._text.content = text
         effect = state[CalibrationEffect].effect
-        disabled = effect is None or not effect.wrong.said
+        disabled = effect is None or not effect.wrong.nonzero
         if self._rerun.disabled != disabled:
             self._rerun.disabled = disabled
 

@@ -15,7 +15,7 @@ from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.io.whole import write_whole
 from ispom.methods import with_asked
 from ispom.settings import check
@@ -42,10 +42,10 @@ def perturb(options: Perturb, builder: Builder = build) -> int:
     """Prints the predictions, and with --rerun what became of them. InputError where the run lacks what it takes."""
     wrong = options.wrong
     check(wrong, "")
-    if options.rerun and not wrong.said:
+    if options.rerun and not wrong.nonzero:
         raise InputError("--rerun needs an error of the calibration: give one, such as --baseline-percent 1")
     predictor = Predictor.of(ran_in(options.run))
-    if not wrong.said:
+    if not wrong.nonzero:
         _print(_each(predictor))
         return 0
     predictions = predictor.predict(wrong)

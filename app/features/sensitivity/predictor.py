@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ispom.errors import InputError
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.setup import LOSS
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.evaluation.sensitivity.carried import carried
 from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
-from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.evaluation.sensitivity.perturbation import Perturbation, predict_integrated
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
 from ispom.evaluation.trajectory_error import MIN_POSES, alignment_of, error_against_truth
 from ispom.methods import method as registered
@@ -57,7 +56,7 @@ class Predictor:
 
     ran: Ran
     sensitivities: Mapping[str, Sensitivity]
-    """Of the methods that see with their own cameras; others are carried by those."""
+    """Of the methods that see with their own cameras; others are predict_integrated by those."""
 
     @staticmethod
     def of(ran: Ran) -> Predictor:
@@ -85,8 +84,8 @@ class Predictor:
                 learns = wrong.video_focal_percent and corrects_its_lens(self.ran.config.of(method))
                 found[method] = replace(made, left_out=LEARNT if learns else "")
             elif (pairs := found.get(registered(method).asks.get("stereo", ""))) is not None:
-                path = carried(run, pairs.trajectory, self.ran.rig, wrong)
-                pulls = any(name.startswith(OF_VIDEO) for name in wrong.said)
+                path = predict_integrated(run, pairs.trajectory, self.ran.rig, wrong)
+                pulls = any(name.startswith(OF_VIDEO) for name in wrong.nonzero)
                 made = self._prediction(method, path, pairs.nonlinearity)
                 found[method] = replace(made, left_out=PULLED if pulls else "")
         return tuple(found.values())

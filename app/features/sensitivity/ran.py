@@ -10,7 +10,7 @@ from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.maps import SceneMap, read_maps
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import Config, with_asked
 from ispom.types import Rig, Trajectory
 

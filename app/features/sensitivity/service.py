@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ispom.errors import InputError
-from ispom.evaluation.ate import placed
 from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.evaluation.trajectory_error import placed
 from ispom.geometry import Similarity
 from ispom.io.trajectories import TrajectoryFile
 from ispom.settings import check
@@ -52,7 +52,7 @@ class CalibrationEffect(FeatureState):
             return {"effect": None}
         predicted = {each.method: each.shift_m for each in effect.predictions}
         found = {each.prediction.method: each.shift_m for each in effect.outcomes}
-        return {"effect": {"wrong": effect.wrong.said, "predicted": predicted, "rerun": found}}
+        return {"effect": {"wrong": effect.wrong.nonzero, "predicted": predicted, "rerun": found}}
 
 
 PREDICTED = "predicted-"
@@ -87,7 +87,7 @@ class EffectService(Service):
     def rerun(self) -> None:
         """The run from its first frame on with the wrong calibration, as a branch, its prediction drawn with it."""
         effect = self.state[CalibrationEffect].effect
-        if effect is None or not effect.wrong.said:
+        if effect is None or not effect.wrong.nonzero:
             raise InputError("nothing is wrong with the calibration yet: move a slider first")
         run = self._asked()
         run.require_source()

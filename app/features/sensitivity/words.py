@@ -33,7 +33,7 @@ UNIT_STEPS = {name: 0.1 if name.endswith("deg") else 0.01 if name.endswith("_m")
 
 def said(wrong: Perturbation) -> str:
     """What is wrong, one phrase for each."""
-    return ", ".join(NAMES[name].format(value) for name, value in wrong.said.items()) or "nothing changed"
+    return ", ".join(NAMES[name].format(value) for name, value in wrong.nonzero.items()) or "nothing changed"
 
 
 def unit_of(predictions: Iterable[Prediction], outcomes: Iterable[Compared] = ()) -> Unit:

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 import yaml
 
 from ispom.errors import InputError
-from ispom.estimators.program import ProgramConfig
+from ispom.estimators.program.estimator import ProgramConfig
 from ispom.methods import Config, method, with_asked
 from ispom.settings import Setting, check, from_plain, settings
 

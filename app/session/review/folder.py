@@ -9,11 +9,11 @@ from typing import NoReturn
 
 import numpy as np
 
-from ispom.calibration.tracked.opened import refined
+from ispom.calibration.tracked.opened import self_calibrated
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists
 from ispom.io.rig import read_rig
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.methods import Config, method, with_asked
 from ispom.types import Frame, Rig, Sequence, Trajectory
 
@@ -70,7 +70,7 @@ def _recording(folder: Path) -> tuple[Path | None, str]:
 def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener) -> tuple[Sequence, str]:
     """That of the source, or else one without images, and why."""
     try:
-        sequence = refined(opener(source_of(run), source_options(run)))
+        sequence = self_calibrated(opener(source_of(run), source_options(run)))
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its frames have other times"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ispom.calibration.tracked.opened import refined
+from ispom.calibration.tracked.opened import self_calibrated
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
@@ -74,7 +74,7 @@ class SourceOpener:
         sequence = self.opener(source) if options is None else self.opener(source, options)
         if sequence.guess is not None:
             progress(f"{without_secrets(source)} has no calibration: finding focal length and distortion in its images")
-            sequence = refined(sequence)
+            sequence = self_calibrated(sequence)
         possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self.variant)
         if not possible:
             raise InputError(

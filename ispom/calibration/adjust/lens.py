@@ -13,7 +13,7 @@ from ispom.types import Camera
 
 Model = Literal["pinhole", "radtan", "rational", "fisheye"]
 MODELS: tuple[Model, ...] = ("pinhole", "radtan", "fisheye", "rational")
-"""From the simplest on: without distortion; k1 k2 p1 p2; Kannala and Brandt's k1 to k4; k1 k2 p1 p2 k3 k4 k5 k6."""
+"""In order of complexity: no distortion; k1 k2 p1 p2; Kannala and Brandt's k1 to k4; k1 k2 p1 p2 k3 k4 k5 k6."""
 _DISTORTION: dict[Model, tuple[str, ...]] = {
     "pinhole": (),
     "radtan": ("k1", "k2", "p1", "p2"),
@@ -24,19 +24,19 @@ FOCAL_AND_CENTRE = ("fx", "fy", "cx", "cy")
 
 
 def parameter_names(model: Model) -> tuple[str, ...]:
-    """Of the vector of a camera of this model, in its order."""
+    """Returns the names of the elements of a camera's vector."""
     return (*FOCAL_AND_CENTRE, *_DISTORTION[model])
 
 
 def model_of(camera: Camera) -> Model:
-    """The least model that has the camera's coefficients."""
+    """Returns the least model that has the camera's coefficients."""
     if camera.lens == "fisheye":
         return "fisheye"
     return {0: "pinhole", 4: "radtan"}.get(len(camera.distortion), "rational")  # type: ignore[return-value]
 
 
 def as_model(camera: Camera, model: Model) -> Camera:
-    """The same camera with as many coefficients as the model has; more than those are dropped.
+    """Returns the camera with the coefficients of the model; further ones are dropped.
 
     Between a fisheye lens and the others only focal lengths and centre are kept.
     """
@@ -52,14 +52,16 @@ def vector_of(camera: Camera) -> Array:
 
 
 def with_vector(camera: Camera, vector: Array) -> Camera:
-    """The camera of this vector, as `vector_of` has it."""
+    """Returns the camera of this vector, as `vector_of` has it."""
     values = [float(v) for v in vector]
     return replace(camera, fx=values[0], fy=values[1], cx=values[2], cy=values[3], distortion=tuple(values[4:]))
 
 
 def projected(camera: Camera, xyz_in_camera: Array) -> tuple[Array, Array, Array]:
-    """Of points (N, 3) before the camera: pixels (N, 2), and their change by the point (N, 2, 3) and by the camera's
-    vector (N, 2, P)."""
+    """Projects points (N, 3) in front of the camera.
+
+    Returns pixels (N, 2), and their derivatives by the point (N, 2, 3) and by the camera's vector (N, 2, P).
+    """
     n, count = len(xyz_in_camera), 4 + len(camera.distortion)
     if not n:
         return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, count))

@@ -13,28 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import projected, vector_of, with_vector
-from ispom.calibration.detection import Detection
-from ispom.calibration.targets import Target
+from ispom.calibration.detection.detection import Detection
+from ispom.calibration.targets.target import Target
 from ispom.geometry import Array, Pose, skew, so3_exp
 from ispom.types import Camera
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """All points seen, ordered by view and camera."""
+    """All observations, ordered by view and camera."""
 
     camera: NDArray[np.int64]
-    """(M,) which camera saw it,"""
+    """(M,) index of the camera,"""
     view: NDArray[np.int64]
-    """(M,) in which view,"""
+    """(M,) index of the view,"""
     point: NDArray[np.int64]
-    """(M,) which point of the target,"""
+    """(M,) index of the target's point,"""
     xyz_in_board: Array
-    """(M, 3) and where that is [m]."""
+    """(M, 3) and its position [m]."""
     uv: Array
     """(M, 2) [px]."""
     sigma_px: Array
-    """(M,) the same for all of a detector: its spreads tell vague corners, and are too rough to weigh the rest."""
+    """(M,) the same for all of a detector: single values reveal vague corners, and are too rough as weights."""
 
     def __len__(self) -> int:
         return len(self.camera)
@@ -43,7 +43,7 @@ class Observations:
         return Observations(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
     def of_views(self, views: NDArray[np.int64]) -> Observations:
-        """Those of some views (increasing), which are numbered from 0 on."""
+        """Selects some views (increasing), and numbers them from 0."""
         part = self.select(np.isin(self.view, views))
         return replace(part, view=np.searchsorted(views, part.view))
 
@@ -52,7 +52,7 @@ class Observations:
 
     @staticmethod
     def of(target: Target, detections: Sequence[Sequence[Detection]]) -> Observations:
-        """Of detections [camera][view]; those without points count for nothing."""
+        """Collects detections [camera][view]; those without points are ignored."""
         middle = np.median(np.concatenate([d.sigma_px for of_camera in detections for d in of_camera]))
         parts = [
             (
@@ -71,7 +71,7 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What is adjusted."""
+    """The parameters of the adjustment."""
 
     cameras: tuple[Camera, ...]
     camera_from_rig: tuple[Pose, ...]
@@ -86,11 +86,11 @@ class Estimate:
         return Estimate(cameras, camera_from_rig, np.stack(rotations), np.stack(positions))
 
     def rig_from_board(self, view: int) -> Pose:
-        """Of one view."""
+        """Returns the pose of the board in a view."""
         return Pose(self.rotations[view], self.positions[view])
 
     def residuals_px(self, seen: Observations) -> Array:
-        """(M, 2) predicted minus seen; NaN behind a camera."""
+        """Returns predicted minus observed pixels (M, 2); NaN behind a camera."""
         out = np.full((len(seen), 2), np.nan)
         for c, camera in enumerate(self.cameras):
             mine = seen.camera == c
@@ -98,7 +98,7 @@ class Estimate:
         return out
 
     def in_camera(self, seen: Observations, c: int, mine: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """(N, 3) of camera c's points in the rig, and in the camera."""
+        """Returns camera c's points (N, 3) in the rig, and in the camera."""
         view = seen.view[mine]
         in_rig = (self.rotations[view] @ seen.xyz_in_board[mine][..., None])[..., 0] + self.positions[view]
         return in_rig, self.camera_from_rig[c].apply(in_rig)
@@ -106,23 +106,25 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Which of the parameters are adjusted, and where they stand among those that all views share."""
+    """Which parameters are adjusted, and their indices among those that all views share."""
 
     interior: tuple[NDArray[np.int64], ...]
-    """Of each camera, indices of its vector that are free."""
+    """Indices of the free elements of each camera's vector."""
     pose: tuple[bool, ...]
-    """Whether the camera's pose on the rig is free."""
+    """The camera's pose on the rig is free."""
 
     @staticmethod
     def all_of(estimate: Estimate, interior: bool = True, apart: int | None = None) -> Unknowns:
-        """Everything but the first camera's pose, or without the interiors; `apart` shares no view with the others, so
-        that these say nothing about its pose."""
+        """Frees everything but the first camera's pose, or not the interiors.
+
+        The camera `apart` shares no view with the others, so that these do not determine its pose.
+        """
         free = tuple(np.arange(len(vector_of(camera)) if interior else 0) for camera in estimate.cameras)
         return Unknowns(free, tuple(c > 0 and c != apart for c in range(len(estimate.cameras))))
 
     @property
-    def places(self) -> tuple[tuple[slice, slice], ...]:
-        """Of each camera: its interior, and its pose."""
+    def slices(self) -> tuple[tuple[slice, slice], ...]:
+        """Slices of each camera's interior and pose."""
         out, at = [], 0
         for free, moves in zip(self.interior, self.pose, strict=True):
             middle = at + len(free)
@@ -133,7 +135,7 @@ class Unknowns:
 
     @property
     def count(self) -> int:
-        return self.places[-1][1].stop
+        return self.slices[-1][1].stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,7 @@ class NormalEquations:
     """(V, 6)."""
 
     def reduced(self, damping: float) -> tuple[Array, Array, Array]:
-        """The shared parameters' (G, G) and (G,) with the views eliminated (Schur), and the views' inverses."""
+        """Returns the shared parameters' (G, G) and (G,) with the views eliminated (Schur), and the views' inverses."""
         views = self.views * (1 + damping * np.eye(6)) + 1e-12 * np.eye(6)
         inverse = np.linalg.inv(views)
         gain = self.mixed @ inverse
@@ -170,7 +172,7 @@ class NormalEquations:
 
 
 def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns, weights: Array) -> NormalEquations:
-    """At an estimate, with weights (M,) of squared residuals in px."""
+    """Computes the equations at an estimate, with weights (M,) of squared residuals in px."""
     count, views = unknowns.count, len(estimate.rotations)
     out = NormalEquations(
         np.zeros((count, count)),
@@ -195,7 +197,7 @@ def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns,
         by_view = np.concatenate([in_rig_frame, -in_rig_frame @ skew(in_rig)], axis=2).reshape(-1, 6)
         shared = np.concatenate(blocks, axis=2).reshape(len(by_view), -1)
         flat = residual.ravel()
-        interior, pose = unknowns.places[c]
+        interior, pose = unknowns.slices[c]
         here = slice(interior.start, pose.stop)
         out.shared[here, here] += shared.T @ shared
         out.shared_gradient[here] += shared.T @ flat
@@ -210,9 +212,9 @@ def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns,
 
 
 def moved(estimate: Estimate, unknowns: Unknowns, shared: Array, views: Array) -> Estimate:
-    """The estimate after a step: interiors by addition, poses by left twists."""
+    """Returns the estimate after a step: interiors by addition, poses by left twists."""
     cameras, poses = [], []
-    for c, (interior, pose) in enumerate(unknowns.places):
+    for c, (interior, pose) in enumerate(unknowns.slices):
         vector = vector_of(estimate.cameras[c])
         vector[unknowns.interior[c]] += shared[interior]
         cameras.append(with_vector(estimate.cameras[c], vector))

@@ -1,7 +1,7 @@
-"""Boards of coded tags: OpenCV decodes what it can, and the others follow from where the board must have them.
+"""Boards of coded tags, and the squares between them (ChArUco): OpenCV decodes tags, and predicts where others are.
 
-A tag that the decoder missed (small, slanted, at the border) is looked for where its neighbours say, and counts where
-its picture there agrees with its code.
+A tag that the decoder missed (small, slanted, at the border) is searched where its neighbours predict it, and used
+where the image there agrees with its code.
 """
 
 from __future__ import annotations
@@ -9,17 +9,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ispom.calibration.detection.corners import refined
-from ispom.calibration.detection.outline import outlined
-from ispom.calibration.targets import Tag, Target
+from ispom.calibration.detection.detection import Detection, outlined, refined, spreads_px
 from ispom.calibration.targets.layouts import dictionary_of, marker_cells
+from ispom.calibration.targets.target import Tag, Target
 from ispom.geometry import Array
 from ispom.types import Image
 
 AGREES = 0.6
-"""Least correlation of a tag's picture with its code."""
+"""Least correlation of a tag's image with its code."""
 NEIGHBOURS = 4
-"""Tags that say where another one is."""
+"""Number of tags that predict another one."""
 SUPPORT = 3.5
 """Neighbours are at most this far away, in tags."""
 WINDOW = 0.16
@@ -81,7 +80,7 @@ def found_tags(target: Target, grey: Image, seeds: dict[int, Array]) -> dict[int
 
 
 def _consistent(tags: dict[int, Tag], seeds: dict[int, Array]) -> list[int]:
-    """Numbers of those whose corners fit one plane seen by a camera whose lens bends lines by a tag's side at most."""
+    """Returns the numbers of the tags whose corners fit one plane, up to a lens distortion of one tag's side."""
     numbers = sorted(tags.keys() & seeds.keys())
     if len(numbers) < 2:
         return numbers
@@ -96,7 +95,7 @@ def _consistent(tags: dict[int, Tag], seeds: dict[int, Array]) -> list[int]:
 
 
 def _support(tags: dict[int, Tag], known: dict[int, Array], tag: Tag) -> list[int]:
-    """Numbers of the nearest known tags."""
+    """Returns the numbers of the nearest known tags."""
     side = float(abs(tag.corners_m[0] - tag.corners_m[2]).max())
     centre = tag.corners_m.mean(0)
     away = sorted((float(np.linalg.norm(tags[n].corners_m.mean(0) - centre)) / side, n) for n in known)
@@ -114,7 +113,7 @@ def _predicted(tags: dict[int, Tag], known: dict[int, Array], tag: Tag, support:
 
 
 def _verified(target: Target, grey: Image, cells: Array, corners: Array) -> Array | None:
-    """The refined corners where the picture between them is the tag's, else None."""
+    """Returns the refined corners where the image between them is the tag's, else None."""
     height, width = grey.shape
     side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
     if side < len(cells) or not _inside(corners, width, height):  # a pixel for a bit
@@ -141,3 +140,67 @@ def _agreement(grey: Image, cells: Array, corners: Array) -> float:
     if seen.std() < 2:
         return 0.0
     return float(np.corrcoef(seen, cells.ravel())[0, 1])
+
+
+CHARUCO_REACH = 1.6
+"""Largest distance, in squares, of the tags that predict a corner of squares."""
+CHARUCO_WINDOW = 0.2
+"""Half side of its window, of a square's side, where no marker is nearer,"""
+CHARUCO_GAP = 0.85
+"""or of the gap between the marker and its square."""
+
+
+def detect_markers(target: Target, grey: Image) -> Detection:
+    """Points of all tags that are there, or of the squares between them."""
+    seeds = decoded(target, grey)
+    own = {tag.number for tag in target.tags}
+    if not seeds:
+        return Detection(reason="no tag found")
+    foreign = sorted(set(seeds) - own)
+    if len(foreign) > len(own & seeds.keys()) // 2:
+        shown = ", ".join(map(str, foreign[:4]))
+        return Detection(reason=f"tags that the target does not have ({shown})")
+    tags = found_tags(target, grey, {n: c for n, c in seeds.items() if n in own})
+    if not tags:
+        return Detection(reason="no tag of the target where the board would have it")
+    return _of_squares(target, grey, tags) if target.kind == "charuco" else _of_tags(target, grey, tags)
+
+
+def _of_tags(target: Target, grey: Image, tags: dict[int, Array]) -> Detection:
+    points = {tag.number: tag.points for tag in target.tags}
+    ids = np.concatenate([points[n] for n in tags])
+    uv = np.concatenate(list(tags.values()))
+    return Detection.of(ids, uv, spreads_px(grey, uv, WINDOW * _side_px(tags)))
+
+
+def _of_squares(target: Target, grey: Image, tags: dict[int, Array]) -> Detection:
+    """Predicts each corner by the plane through the tags around it, refines it, and keeps it where it stays in
+    place."""
+    layout = {tag.number: tag.corners_m for tag in target.tags}
+    px_per_m = _side_px(tags) / target.tag_side_m
+    gap_m = (target.pitch_m - target.tag_side_m) / 2
+    radius_px = px_per_m * min(CHARUCO_WINDOW * target.pitch_m, CHARUCO_GAP * gap_m)
+    ids, start = [], []
+    for i, point in enumerate(target.xyz_in_board[:, :2]):
+        near = [n for n in tags if np.linalg.norm(layout[n].mean(0) - point) < CHARUCO_REACH * target.pitch_m]
+        if len(near) < 2:
+            continue
+        board, image = np.concatenate([layout[n] for n in near]), np.concatenate([tags[n] for n in near])
+        homography, _ = cv2.findHomography(board, image)
+        if homography is not None:
+            ids.append(i)
+            start.append(cv2.perspectiveTransform(point.reshape(1, 1, 2), homography)[0, 0])
+    if not ids:
+        return Detection(reason="no corner between two tags")
+    expected = np.array(start)
+    uv = refined(grey, expected, radius_px)
+    limit = np.array(grey.shape[::-1]) - 1 - INSIDE_PX
+    good = (uv >= INSIDE_PX).all(1) & (uv <= limit).all(1)
+    good &= np.linalg.norm(uv - expected, axis=1) < radius_px
+    return Detection.of(np.array(ids), uv, spreads_px(grey, uv, radius_px)).only(good, "not at a corner")
+
+
+def _side_px(tags: dict[int, Array]) -> float:
+    """Returns a small tag's side."""
+    sides = [np.linalg.norm(c - np.roll(c, 1, axis=0), axis=1).min() for c in tags.values()]
+    return float(np.percentile(sides, 25))

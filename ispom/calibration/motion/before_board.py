@@ -1,7 +1,7 @@
-"""The video camera's place on the rig from views of one target that the cameras took at times of their own.
+"""The video camera's pose on the rig from views of one target that the cameras took at times of their own.
 
-The board is the world of both. Each stereo pose is compared with the video's between its neighbours at that time, as
-one least-squares problem: its noise follows from that of the corners and of the interiors, correlations included.
+The board is the world of both. Each stereo pose is compared with the video's interpolated pose at that time, as one
+least-squares problem: its noise follows from that of the corners and of the interiors, correlations included.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OUTLIER = 5.0
 LEAST_POSES = 6
 CONVERGED = 1e-8
 SIZE = 7
-"""Of the unknowns: left twist of video_from_left (rho [m], phi [rad]), and the clock offset [s]."""
+"""Number of unknowns: left twist of video_from_left (rho [m], phi [rad]), and the clock offset [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class Placed:
     used: NDArray[np.int64]
     """(U,) which of the stereo poses were used."""
     residuals: Array
-    """(U, 6) twists [m, rad] by which the video camera misses the stereo poses, as the left camera sees it."""
+    """(U, 6) residual twists [m, rad] of the stereo poses, in the left camera."""
     unit_sigma: float
-    """How much larger they are than the corners' noise says."""
+    """Ratio of the residuals to the corners' noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Views:
 
 
 def views_of(found: Solution, chosen: NDArray[np.int64], times_s: Array) -> Views:
-    """Of the chosen views (V,) of a solution, taken at increasing times (V,)."""
+    """Takes the chosen views (V,) of a solution, at increasing times (V,)."""
     own, by_shared = found.view_uncertainties()
     inverse = np.swapaxes(found.estimate.rotations[chosen], 1, 2)
     positions = -(inverse @ found.estimate.positions[chosen][..., None])[..., 0]
@@ -66,7 +66,8 @@ def views_of(found: Solution, chosen: NDArray[np.int64], times_s: Array) -> View
 
 
 def placed(left: Views, video: Views, shared: Array, start: Pose, offset_s: float) -> Placed | None:
-    """From first values of video_from_left and the offset; `shared` (G, G) is the covariance of what views share.
+    """Refines initial values of video_from_left and the offset; `shared` (G, G) is the covariance of what views
+    share.
 
     None where fewer than LEAST_POSES stereo poses have video poses around them.
     """
@@ -164,7 +165,7 @@ def _blocks_applied(spread: Array, covariances: Array) -> Array:
 
 
 def _residuals(left: Course, seen: Between, index: NDArray[np.int64], pose: Pose) -> Array:
-    """(U, 6) right twists from the stereo poses to where the video camera says that they are."""
+    """Returns right twists (U, 6) from the stereo poses to those that the video camera predicts."""
     rotations = seen.rotations[index] @ pose.rotation
     positions = seen.rotations[index] @ pose.translation + seen.positions[index]
     inverse = np.swapaxes(left.rotations, 1, 2)

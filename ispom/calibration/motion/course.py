@@ -1,4 +1,8 @@
-"""How one camera moved: its poses over time, and between them."""
+"""The poses of one camera over time, interpolated; and the rotation and clock offset of two cameras by their poses.
+
+Cameras on a rig rotate together: between two times, their rotation vectors differ by the rotation between the cameras
+only (Park & Martin 1994). The initial offset is the one at which a single rotation explains them best.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from ispom.types import Trajectory
 NEIGHBOURS = 4
 """Poses that one between them is made of: a cubic through the two before it and the two after."""
 GAP = 2.5
-"""Over a longer interval, in medians of all, nothing is interpolated,"""
+"""Over a longer interval, in median intervals, nothing is interpolated,"""
 LONGEST_S = 0.25
 """nor over one longer than this: hands and vehicles shake at several hertz."""
 
@@ -38,7 +42,7 @@ class Course:
         return Course(trajectory.times_ns * 1e-9, trajectory.rotations, trajectory.translations)
 
     def select(self, index: NDArray) -> Course:
-        """The poses of a slice, boolean mask or index array."""
+        """Returns the poses of a slice, boolean mask or index array."""
         return Course(self.times_s[index], self.rotations[index], self.positions[index])
 
     def at(self, times_s: Array, one_sided: bool = False) -> Between:
@@ -59,10 +63,18 @@ class Course:
         moves = np.einsum("ek,eki->ei", slopes, self.positions[index] - self.positions[index[:, :1]])
         inverse = np.swapaxes(rotations, 1, 2)
         rates = np.concatenate([(inverse @ moves[..., None])[..., 0], np.einsum("ek,eki->ei", slopes, turns)], axis=1)
-        return Between(rotations, positions, rates, index, weights, slopes, self._known(times_s, index))
+        return Between(
+            rotations=rotations,
+            positions=positions,
+            rates=rates,
+            index=index,
+            weights=weights,
+            slopes=slopes,
+            known=self._known(times_s, index),
+        )
 
     def _first(self, times_s: Array, shift: int) -> NDArray[np.int64]:
-        """(E,) of the four about each time, or so many poses later."""
+        """Returns the indices of the four poses around each time (E, 4)."""
         second = np.searchsorted(self.times_s, times_s, side="right") - 1
         return np.clip(second - 1 + shift, 0, max(len(self) - NEIGHBOURS, 0))
 
@@ -83,11 +95,11 @@ class Between:
     rates: Array
     """(E, 6) velocity and angular velocity [rad/s] in the camera's own frame."""
     index: NDArray[np.int64]
-    """(E, 4) of which poses, and"""
+    """(E, 4) indices of the poses used,"""
     weights: Array
-    """(E, 4) how much each counts,"""
+    """(E, 4) their weights,"""
     slopes: Array
-    """(E, 4) [1/s] and in the rates."""
+    """(E, 4) [1/s] and their weights in the rates."""
     known: NDArray[np.bool_]
     """(E,) whether there are poses near enough."""
 
@@ -107,3 +119,63 @@ def _lagrange(nodes: Array, at: Array) -> tuple[Array, Array]:
                     term = term * (at - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
             slopes[:, k] += term
     return weights, slopes
+
+
+STEP_S = 0.01
+"""Step of the offsets that are tried."""
+LEAST_PAIRS = 6
+"""Least number of intervals between two poses of both cameras."""
+LEAST_SHARE = 0.5
+"""Least share of the largest number of intervals that an offset must be tested on."""
+UNEXPLAINED = 0.5
+"""Where this share of the rotations' mean square is not explained, the cameras did not rotate together,"""
+STILL_RAD = np.radians(0.1)
+"""unless they hardly rotated at all: root mean square from one pose to the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Initial values from the poses of a stereo pair's left camera and of a video camera."""
+
+    offset_s: float
+    """The video's time stamps are to be increased by it."""
+    left_from_video: Array
+    """(3, 3) rotation."""
+    unexplained: float
+    """Share of the rotations' mean square that is not explained."""
+    turned_rad: float
+    """Root mean square of the rotations from one stereo pose to the next."""
+
+    @property
+    def together(self) -> bool:
+        """The two may be cameras on one rig, filming at the same time."""
+        return self.unexplained < UNEXPLAINED or self.turned_rad < STILL_RAD
+
+
+def start_of(left: Course, video: Course, most_s: float, middle_s: float = 0.0) -> Start | None:
+    """Tries offsets within `most_s` of `middle_s`; None where the two share too little time at all of them."""
+    offsets = middle_s + STEP_S * np.arange(-np.floor(most_s / STEP_S), np.floor(most_s / STEP_S) + 1)
+    tried = [_tried(left, video, float(offset)) for offset in offsets]
+    most = max((count for count, *_ in tried), default=0)
+    good = [k for k, (count, *_) in enumerate(tried) if count >= max(LEAST_PAIRS, LEAST_SHARE * most)]
+    if not good:
+        return None
+    best = min(good, key=lambda k: (tried[k][1], abs(offsets[k] - middle_s)))
+    _, share, rotation, turned = tried[best]
+    return Start(float(offsets[best]), rotation, share, turned)
+
+
+def _tried(left: Course, video: Course, offset_s: float) -> tuple[int, float, Array, float]:
+    """Returns the number of intervals, the unexplained share, the best rotation, and the size of the rotations."""
+    seen = video.at(left.times_s - offset_s)
+    good = seen.known[:-1] & seen.known[1:]
+    count = int(good.sum())
+    if count < LEAST_PAIRS:
+        return count, np.inf, np.eye(3), 0.0
+    a = so3_log(np.swapaxes(left.rotations[:-1], 1, 2)[good] @ left.rotations[1:][good])
+    b = so3_log(np.swapaxes(seen.rotations[:-1], 1, 2)[good] @ seen.rotations[1:][good])
+    u, _, vt = np.linalg.svd(a.T @ b)
+    rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    squares = float((a**2).sum())
+    away = float(((a - b @ rotation.T) ** 2).sum())
+    return count, away / max(squares, 1e-18), rotation, float(np.sqrt(squares / count))

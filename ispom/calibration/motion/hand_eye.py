@@ -1,8 +1,9 @@
-"""The video camera's place on the rig and its clock from how video and stereo pair moved, each by its own images.
+"""The video camera's pose on the rig and its clock from the motions of video and stereo pair, each by its own
+images.
 
-Hand-eye calibration (Park & Martin 1994), with an unknown offset of the clocks and an unknown, slowly drifting unit of
-the video's trajectory. What is compared are the motions from one stereo pose to the next, A X = X B: neither world
-counts, and drift of either camera only as far as it happens in between.
+Hand-eye calibration (Park & Martin 1994), with an unknown clock offset and an unknown, slowly drifting scale of the
+video's trajectory. The motions from one stereo pose to the next are compared, A X = X B: neither world matters, and
+drift of either camera only within these motions.
 """
 
 from __future__ import annotations
@@ -13,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
-from ispom.calibration.motion.course import Course
-from ispom.calibration.motion.start import Start
+from ispom.calibration.motion.course import Course, Start
 from ispom.geometry import Array, Pose, skew, so3_log
 
 SIZE = 7
-"""Of what is sought: left twist of video_from_left (rho [m], phi [rad]), and the clock offset [s]."""
+"""Number of unknowns: left twist of video_from_left (rho [m], phi [rad]), and the clock offset [s]."""
 SCALE_S = 2.0
-"""From one value of the video's unit to the next [s]; it goes over linearly between them."""
+"""Interval of the values of the video's scale [s]; linear between them."""
 WIDE = np.array([10.0] * 3 + [3.0] * 3 + [10.0])
-"""Standard deviations [m, rad, s] before any data: where the motion says nothing the answer is as vague as this."""
+"""Prior standard deviations [m, rad, s]: without information in the motion the result is as vague as this."""
 RATIOS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
-"""Of the variance that a step adds for good to that of a single pose: which are tried."""
+"""Ratios that are tried of the variance of a random-walk step to that of a single pose."""
 PLAUSIBLE = 2.7
-"""By so much twice the log-likelihood may be less than the largest: errors that seem not to add up would make a steady
-motion tell too much (one-sided, 95 %)."""
+"""Twice the log-likelihood may be less than its maximum by this: independent errors would overrate a steady motion
+(one-sided, 95 %)."""
 ROUNDS, ITERATIONS = 5, 12
 OUTLIER = 4.5
 """A motion farther off than this, in sigmas of all, is rejected."""
@@ -37,7 +37,7 @@ CONVERGED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """What the motions say."""
+    """The result of the motions."""
 
     video_from_left: Pose
     offset_s: float
@@ -49,17 +49,20 @@ class HandEye:
     used: NDArray[np.int64]
     """(U,) which motions were used: i is that from stereo pose i to the next."""
     residuals: Array
-    """(U, 6) twists [m, rad] that are left of them, in the left camera."""
+    """(U, 6) residual twists [m, rad], in the left camera."""
     turned_rad: Array
-    """(3,) root mean square of the turns from one stereo pose to the next, about the axes along which they are least,
-    middle and largest, and"""
+    """(3,) root mean square of the rotations from one stereo pose to the next, about the axes of the least, middle
+    and largest ones, and"""
     axes: Array
     """(3, 3) these axes as rows, in the left camera."""
 
 
 def hand_eye(left: Course, video: Course, joined: NDArray[np.bool_], start: Start) -> HandEye | None:
-    """Of world_from_left [m] and world_from_video [own unit]; `joined` (N - 1,) is false where either trajectory began
-    anew between two stereo poses. None where fewer than LEAST_MOTIONS motions can be compared."""
+    """Calibrates by world_from_left [m] and world_from_video [own unit].
+
+    `joined` (N - 1,) is False where either trajectory restarted between two stereo poses. None where fewer than
+    LEAST_MOTIONS motions can be compared.
+    """
     pose, offset_s = Pose(start.left_from_video.T), start.offset_s
     scales: Array | None = None
     keep = joined.copy()
@@ -88,10 +91,10 @@ def hand_eye(left: Course, video: Course, joined: NDArray[np.bool_], start: Star
 
 @dataclass(frozen=True)
 class _Noise:
-    """Of motions between poses: each pose has an error of its own, and each step adds one for good."""
+    """Noise of motions between poses: each pose has an error of its own, and each step adds a lasting one."""
 
     sigma: float
-    """Of a pose."""
+    """Standard deviation of a pose."""
     ratio: float
     """Variance of what a step adds, over that of a pose."""
 
@@ -144,11 +147,11 @@ class _Problem:
         return np.concatenate(rows), np.concatenate(sides)
 
     def noises(self) -> tuple[_Noise, _Noise]:
-        """Positions and rotations: of what the residuals say is likely, that whose errors add up most."""
+        """Returns the noise of positions and of rotations: of the plausible ones, that whose errors accumulate most."""
         return self._noise(slice(0, 3)), self._noise(slice(3, 6))
 
     def _noise(self, part: slice) -> _Noise:
-        """By restricted likelihood: what the unknowns take from the residuals is accounted for."""
+        """Estimates the noise by restricted likelihood, which accounts for the unknowns."""
         count = len(self.index)
         columns = self.jacobian[:, part].reshape(3 * count, -1)
         columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -170,7 +173,7 @@ class _Problem:
         return [each for cost, each in tried if cost <= least + PLAUSIBLE][-1]
 
     def fitting(self) -> NDArray[np.bool_]:
-        """(U,) which do not stand out, neither by their shift nor by their turn."""
+        """Returns which motions (U,) are inliers, in translation and in rotation."""
         good = np.ones(len(self.index), bool)
         for part in (slice(0, 3), slice(3, 6)):
             size = np.linalg.norm(self.residuals[:, part], axis=1)
@@ -182,9 +185,15 @@ class _Problem:
         turns = so3_log(np.swapaxes(left.rotations[self.index], 1, 2) @ left.rotations[self.index + 1])
         moments, axes = np.linalg.eigh(turns.T @ turns / len(turns))
         return HandEye(
-            pose, offset_s, covariance[:SIZE, :SIZE], float(np.median(self.scales)), self.index, self.residuals,
-            np.sqrt(np.maximum(moments, 0)), axes.T,
-        )  # fmt: skip
+            video_from_left=pose,
+            offset_s=offset_s,
+            covariance=covariance[:SIZE, :SIZE],
+            scale=float(np.median(self.scales)),
+            used=self.index,
+            residuals=self.residuals,
+            turned_rad=np.sqrt(np.maximum(moments, 0)),
+            axes=axes.T,
+        )
 
 
 def _applied(root: Array, values: Array) -> Array:
@@ -194,30 +203,31 @@ def _applied(root: Array, values: Array) -> Array:
 def _problem(
     left: Course, video: Course, keep: NDArray[np.bool_], pose: Pose, offset_s: float, given: Array | None
 ) -> _Problem:
-    """Residual of a motion: log(A^-1 X B X^-1), with X = left_from_video; in the left camera at its end."""
+    """Computes the residuals of motions: log(A^-1 X B X^-1), with X = left_from_video; in the left camera at its
+    end."""
     seen = video.at(left.times_s - offset_s)
     index = np.flatnonzero(keep & seen.known[:-1] & seen.known[1:])
     here, there = index, index + 1
     inverse = np.swapaxes(seen.rotations, 1, 2)
-    turn = inverse[here] @ seen.rotations[there]
-    way = (inverse[here] @ (seen.positions[there] - seen.positions[here])[..., None])[..., 0]
+    video_rotation = inverse[here] @ seen.rotations[there]
+    displacement = (inverse[here] @ (seen.positions[there] - seen.positions[here])[..., None])[..., 0]
     own = np.swapaxes(left.rotations[here], 1, 2)
-    left_turn = own @ left.rotations[there]
-    left_way = (own @ (left.positions[there] - left.positions[here])[..., None])[..., 0]
+    left_rotation = own @ left.rotations[there]
+    left_displacement = (own @ (left.positions[there] - left.positions[here])[..., None])[..., 0]
     basis = _basis(left.times_s[here], left.times_s)
     x = pose.inverse()
-    scales = given if given is not None else _one_scale(left_way, way, basis.shape[1])
-    way = (basis @ scales)[:, None] * way
+    scales = given if given is not None else _one_scale(left_displacement, displacement, basis.shape[1])
+    displacement = (basis @ scales)[:, None] * displacement
     # X B X^-1
-    rotation = x.rotation @ turn @ x.rotation.T
-    shift = way @ x.rotation.T + x.translation - (rotation @ x.translation)
-    back = np.swapaxes(left_turn, 1, 2)
-    residual_turn = so3_log(back @ rotation)
-    residual_shift = (back @ (shift - left_way)[..., None])[..., 0]
+    rotation = x.rotation @ video_rotation @ x.rotation.T
+    shift = displacement @ x.rotation.T + x.translation - (rotation @ x.translation)
+    back = np.swapaxes(left_rotation, 1, 2)
+    residual_rotation = so3_log(back @ rotation)
+    residual_shift = (back @ (shift - left_displacement)[..., None])[..., 0]
     jacobian = np.zeros((len(index), 6, SIZE + basis.shape[1]))
-    # A small left twist of video_from_left turns X by its inverse on the right: X exp(-d) B exp(d) X^-1.
+    # A small left twist of video_from_left multiplies X by its inverse on the right: X exp(-d) B exp(d) X^-1.
     x_adjoint = x.adjoint
-    after = _adjoints(turn, way)  # of B^-1
+    after = _adjoints(video_rotation, displacement)  # of B^-1
     jacobian[:, :, :6] = x_adjoint @ (np.eye(6) - after)
     # A later offset takes the video at an earlier stamp, at both ends of the motion.
     rates = seen.rates.copy()
@@ -226,24 +236,24 @@ def _problem(
     at_end[:, :3] *= (basis @ scales)[:, None]
     jacobian[:, :, 6] = -(at_end - (after @ rates[here][..., None])[..., 0]) @ x_adjoint.T
     along = np.zeros((len(index), 6))
-    along[:, :3] = (np.swapaxes(turn, 1, 2) @ way[..., None])[..., 0]
+    along[:, :3] = (np.swapaxes(video_rotation, 1, 2) @ displacement[..., None])[..., 0]
     share = basis * scales / np.maximum(basis @ scales, 1e-12)[:, None]
     jacobian[:, :, SIZE:] = (along @ x_adjoint.T)[..., None] * share[:, None, :]
-    return _Problem(index, np.concatenate([residual_shift, residual_turn], axis=1), jacobian, scales)
+    return _Problem(index, np.concatenate([residual_shift, residual_rotation], axis=1), jacobian, scales)
 
 
-def _one_scale(left_way: Array, way: Array, count: int) -> Array:
-    """(K,) the ratio of all lengths."""
-    own = float(np.linalg.norm(way, axis=1).sum())
-    return np.full(count, float(np.linalg.norm(left_way, axis=1).sum()) / own if own > 0 else 1.0)
+def _one_scale(left_displacement: Array, displacement: Array, count: int) -> Array:
+    """Returns the ratio of all lengths, K times."""
+    own = float(np.linalg.norm(displacement, axis=1).sum())
+    return np.full(count, float(np.linalg.norm(left_displacement, axis=1).sum()) / own if own > 0 else 1.0)
 
 
-def _adjoints(turn: Array, way: Array) -> Array:
+def _adjoints(video_rotation: Array, displacement: Array) -> Array:
     """(U, 6, 6) of the inverses of motions."""
-    inverse = np.swapaxes(turn, 1, 2)
-    out = np.zeros((len(turn), 6, 6))
+    inverse = np.swapaxes(video_rotation, 1, 2)
+    out = np.zeros((len(video_rotation), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = inverse
-    out[:, :3, 3:] = skew(-(inverse @ way[..., None])[..., 0]) @ inverse
+    out[:, :3, 3:] = skew(-(inverse @ displacement[..., None])[..., 0]) @ inverse
     return out
 
 

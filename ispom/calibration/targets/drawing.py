@@ -1,4 +1,4 @@
-"""Targets on paper: SVG and PDF of true size, and pictures of them for the simulation."""
+"""Targets on paper: SVG and PDF of true size, and images of them for the simulation."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def page_size_m(target: Target) -> tuple[float, float]:
 
 
 def caption(target: Target) -> str:
-    """What is printed below the pattern, so that nobody has to guess later."""
+    """Returns the text below the pattern, which identifies it."""
     width, height = (1000 * side for side in target.size_m)
     return f"{target.spec}   pattern {width:.1f} x {height:.1f} mm   print at 100 %, then measure it"
 
 
 def svg(target: Target) -> str:
-    """A page in millimetres; black on white."""
+    """Returns a page in millimetres; black on white."""
     width, height = (1000 * side for side in page_size_m(target))
     shapes = []
     for shape in target.black:
@@ -71,7 +71,8 @@ def pdf(target: Target) -> bytes:
 
 
 def raster(target: Target, pixels_per_m: float, margin_m: float = MARGIN_M) -> Image:
-    """(H, W) grey, anti-aliased. Pixel (i, j) is centred at ((j + 0.5) / pixels_per_m - margin_m, ...) on the board."""
+    """Draws (H, W) grey, anti-aliased; pixel (i, j) is centred at ((j + 0.5) / pixels_per_m - margin_m, ...) on the
+    board."""
     width, height = (round((side + 2 * margin_m) * pixels_per_m) for side in target.size_m)
     page = np.zeros((height, width), np.float32)
     for shape in target.black:

@@ -1,7 +1,7 @@
-"""Key frames, points and the one lens that saw them (focal length, principal point, k1, k2): cost and normal equations.
+"""Keyframes, points and their one lens (focal length, principal point, k1, k2): cost and normal equations.
 
-Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which tell rotations from the focal
-length, are as good as any other. Cauchy loss; the points are eliminated by their Schur complement.
+Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which separate rotations from the
+focal length, are as good as any other. Cauchy loss; the points are eliminated by their Schur complement.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, skew
+from ispom.numerics.robust import cauchy_weights
 
 LENS, POSE = 5, 6
 """Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
 Scale = float | Array
-"""Of the loss [px]: of all observations, or (K,) of each."""
+"""Width of the loss [px]: of all observations, or (K,) of each."""
 BEHIND = 1e6
 """Squared error in scales of a point behind its camera."""
 MIN_DEPTH = 1e-9
@@ -25,12 +26,12 @@ HELD = 1e15
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Of the lens, before any image."""
+    """Prior of the lens."""
 
     mean: Array
     """(5,)."""
     sigma: Array
-    """(5,) 0 holds a value."""
+    """(5,) 0 fixes a value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Observed:
     """Observations."""
 
     view: NDArray[np.int64]
@@ -58,22 +59,22 @@ class Seen:
     uv: Array
     """(K, 2) [px]."""
 
-    def select(self, keep: NDArray) -> Seen:
-        """Those of a boolean mask or index array."""
-        return Seen(self.view[keep], self.point[keep], self.uv[keep])
+    def select(self, keep: NDArray) -> Observed:
+        """Selects observations by a boolean mask or index array."""
+        return Observed(self.view[keep], self.point[keep], self.uv[keep])
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """What is not adjusted."""
+class Fixed:
+    """The parameters that are not adjusted."""
 
     views: NDArray[np.bool_]
     """(V,) poses that stay."""
     points: bool = False
-    """Whether all points stay."""
+    """All points are fixed."""
 
 
-def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
+def cost(scene: Scene, seen: Observed, prior: Prior, scale_px: Scale) -> float:
     """Half the robust sum of squares, with the prior's part."""
     squares = np.minimum((errors_px(scene, seen) / scale_px) ** 2, BEHIND)
     free = prior.sigma > 0
@@ -81,16 +82,16 @@ def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
     return 0.5 * float(np.log1p(squares).sum()) + 0.5 * float(away @ away)
 
 
-def errors_px(scene: Scene, seen: Seen) -> Array:
-    """(K,) distances of predicted from seen places; large behind a camera."""
+def errors_px(scene: Scene, seen: Observed) -> Array:
+    """Returns distances (K,) of predicted from observed positions; large behind a camera."""
     q = in_camera(scene, seen)
     ahead = q[:, 2] > MIN_DEPTH
     uv = projected(scene.lens, np.where(ahead[:, None], q, [0, 0, 1.0]))
     return np.where(ahead, np.linalg.norm(uv - seen.uv, axis=1), 1e9)
 
 
-def in_camera(scene: Scene, seen: Seen) -> Array:
-    """(K, 3) points in their cameras, up to their own scale."""
+def in_camera(scene: Scene, seen: Observed) -> Array:
+    """Returns points (K, 3) in their cameras, up to scale."""
     x = scene.points[seen.point]
     turned = (scene.rotations[seen.view] @ x[:, :3, None])[..., 0]
     return turned + x[:, 3:] * scene.translations[seen.view]
@@ -104,7 +105,7 @@ def projected(lens: Array, q: Array) -> Array:
 
 
 def undistorted(lens: Array, uv: Array, rounds: int = 20) -> Array:
-    """(K, 2) on the plane z = 1 of pixels (K, 2), by fixed-point iteration."""
+    """Returns positions (K, 2) on the plane z = 1 of pixels (K, 2), by fixed-point iteration."""
     bent = (uv - lens[1:3]) / np.exp(lens[0])
     x = bent
     for _ in range(rounds):
@@ -115,18 +116,18 @@ def undistorted(lens: Array, uv: Array, rounds: int = 20) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Jacobian:
-    """Of the residuals in units of the loss's scale, each row with the root of its weight."""
+    """Derivatives of the residuals in loss widths, each row multiplied with the root of its weight."""
 
     by_lens: Array
-    """(K, 2, 5)."""
+    """(K, 2, 5) by the lens."""
     by_pose: Array
-    """(K, 2, 6) of the observation's view, as left twists."""
+    """(K, 2, 6) by the observation's view, as left twists."""
     by_point: Array
-    """(K, 2, 3) of its point, along the tangents."""
+    """(K, 2, 3) by its point, along the tangents."""
     root: Array
-    """(K, 1) by which a residual [px] is multiplied; 0 behind a camera."""
+    """(K, 1) factor of a residual [px]; 0 behind a camera."""
 
-    def gradient(self, residual: Array, seen: Seen, views: int, points: int) -> tuple[Array, Array]:
+    def gradient(self, residual: Array, seen: Observed, views: int, points: int) -> tuple[Array, Array]:
         """(P,) and (M, 3) that weighted residuals (K, 2) have by lens and poses, and by the points."""
         by_lens = self.by_lens.reshape(-1, LENS).T @ residual.ravel()
         by_pose = _summed((self.by_pose * residual[..., None]).sum(1), seen.view, views)
@@ -143,24 +144,24 @@ class Normal:
     gradient: Array
     """(P,)."""
     mixed: Array
-    """(M, 3, P) with the points,"""
+    """(M, 3, P) blocks with the points,"""
     inverse: Array
-    """(M, 3, 3) of their own blocks,"""
+    """(M, 3, 3) their own blocks,"""
     by_point: Array
     """(M, 3) their gradients,"""
     tangents: Array
-    """(M, 4, 3) and along what their steps go."""
+    """(M, 4, 3) and the directions of their steps."""
     fixed: NDArray[np.int64]
-    """Which of lens and poses are held."""
+    """Which of lens and poses are fixed."""
     jacobian: Jacobian
     scores: Array
-    """(M, P) each point's part of the gradient of lens and poses; empty where nobody asks."""
+    """(M, P) each point's part of the gradient of lens and poses; empty unless requested."""
 
 
 def normal_equations(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float, scored: bool = False
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Scale, damping: float, scored: bool = False
 ) -> Normal:
-    """At a scene, in units of the loss's scale."""
+    """Computes the equations at a scene, in loss widths."""
     views, count = len(scene.rotations), len(scene.points)
     size = LENS + POSE * views
     q = in_camera(scene, seen)
@@ -168,7 +169,7 @@ def normal_equations(
     q = np.where(ahead[:, None], q, [0, 0, 1.0])
     residual, by_q, by_lens = _linearised(scene.lens, q, seen.uv)
     square = (residual * residual).sum(1) / scale_px**2
-    root = (np.sqrt(np.where(ahead, 1 / (1 + square), 0.0)) / scale_px)[:, None]
+    root = (np.sqrt(np.where(ahead, cauchy_weights(square, 1.0), 0.0)) / scale_px)[:, None]
     residual, by_q, by_lens = root * residual, root[..., None] * by_q, root[..., None] * by_lens
     tangents = _tangents(scene.points)
     x = scene.points[seen.point]
@@ -202,12 +203,22 @@ def normal_equations(
     index = np.flatnonzero(free)
     matrix[index, index] += prior.sigma[free] ** -2
     gradient[index] += (scene.lens - prior.mean)[free] / prior.sigma[free] ** 2
-    fixed = np.concatenate([np.flatnonzero(~free), LENS + np.flatnonzero(np.repeat(held.views, POSE))])
-    matrix[fixed, fixed] += HELD
-    gradient[fixed] = 0.0
+    fixed_index = np.concatenate([np.flatnonzero(~free), LENS + np.flatnonzero(np.repeat(fixed.views, POSE))])
+    matrix[fixed_index, fixed_index] += HELD
+    gradient[fixed_index] = 0.0
     block = own * (1 + damping * np.eye(3)) + 1e-12 * np.eye(3)
-    inverse = np.zeros_like(block) if held.points else np.linalg.inv(block)
-    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, fixed, jacobian, scores)
+    inverse = np.zeros_like(block) if fixed.points else np.linalg.inv(block)
+    return Normal(
+        matrix=matrix,
+        gradient=gradient,
+        mixed=mixed,
+        inverse=inverse,
+        by_point=point_gradient,
+        tangents=tangents,
+        fixed=fixed_index,
+        jacobian=jacobian,
+        scores=scores,
+    )
 
 
 def reduced(normal: Normal) -> tuple[Array, Array]:
@@ -235,7 +246,8 @@ def _linearised(lens: Array, q: Array, uv: Array) -> tuple[Array, Array, Array]:
 
 
 def _tangents(points: Array) -> Array:
-    """(M, 4, 3) orthonormal to unit vectors (M, 4): the Householder reflection that takes them to the last axis."""
+    """Returns bases (M, 4, 3) orthonormal to unit vectors (M, 4): the Householder reflection that maps them to the
+    last axis."""
     sign = np.where(points[:, 3] < 0, -1.0, 1.0)
     normal = points.copy()
     normal[:, 3] += sign

@@ -1,4 +1,4 @@
-"""A sequence without a calibration, with the camera that its own images tell."""
+"""Self-calibration of a sequence without a calibration, by its own images."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
 
 MOST_IMAGES, MOST_VIEWS = 600, 45
 BETTER = 0.8
-"""Of the guess's standard deviation: a focal length that is no surer was not found."""
-SURE = 0.03
-"""Standard deviation of a focal length that is good for more than a first look."""
+"""Share of the prior standard deviation: a focal length that is not better determined was not found."""
+RELIABLE_SIGMA = 0.03
+"""Relative standard deviation of a focal length that suffices for more than a first look."""
 _BETTER = "Better: film a target and run `ispom calibrate video`, or give --camera."
 
 
-def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
-    """The same, with the camera found in its first images, and in the notes how sure it is; as it is with a
-    calibration. Where the images say nothing, the guess stays, and the notes say that, too."""
+def self_calibrated(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
+    """Returns the sequence with the camera estimated from its first images, and its uncertainty in the notes.
+
+    Unchanged with a calibration. Where the images do not determine the camera, the guess stays, with a note.
+    """
     guess = sequence.guess
     if guess is None:
         return sequence
-    found = found_in(sequence, guess, most_images, most_views)
+    found = estimate_lens(sequence, guess, most_images, most_views)
     note = words(guess, found)
-    if found is not None and told(guess, found):
+    if found is not None and is_informative(guess, found):
         origin = f"from the motion in {found.views} of its images"
-        surer = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
-        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=surer)
+        estimate = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
+        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=estimate)
     return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
 
 
-def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
-    """What the tracks through the first images of the video say."""
+def estimate_lens(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
+    """Estimates the lens by the tracks through the first images of the video."""
     camera = sequence.rig.camera("video")
     width = round(camera.width * guess.aspect)
     square = replace(guess, aspect=1.0).camera((width, camera.height))
@@ -53,26 +55,26 @@ def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int
     return replace(found, camera=as_filmed, covariance=found.covariance * np.outer(scale, scale))
 
 
-def told(guess: Guess, found: TrackedLens) -> bool:
-    """Whether the images say more about the focal length than the guess."""
+def is_informative(guess: Guess, found: TrackedLens) -> bool:
+    """Returns whether the images determine the focal length better than the guess."""
     return bool(found.sigma[0] < BETTER * guess.sigma)
 
 
 def rounded(camera: Camera) -> Camera:
-    """To fewer digits than are known, so that no machine's arithmetic makes another camera."""
+    """Rounds to fewer digits than are significant, so that every machine's arithmetic makes the same camera."""
     values = {name: round(getattr(camera, name), 2) for name in ("fx", "fy", "cx", "cy")}
     return replace(camera, **values, distortion=tuple(round(k, 5) for k in camera.distortion))
 
 
 def words(guess: Guess, found: TrackedLens | None) -> str:
-    """For people: what is assumed, how sure it is, and how to do better."""
+    """Returns a note for people: the assumption, its uncertainty, and how to do better."""
     if found is None:
         return (
             f"{guess.note} The first images have too little motion or texture to refine it: shape and scale drift "
             f"suffer. {_BETTER}"
         )
     percent = 100 * found.sigma[0]
-    if not told(guess, found):
+    if not is_informative(guess, found):
         return (
             f"{guess.note} The motion in the first images does not tell it (a camera must turn as well as move): shape "
             f"and scale drift suffer. {_BETTER}"
@@ -83,20 +85,20 @@ def words(guess: Guess, found: TrackedLens | None) -> str:
         f"The camera has no calibration: from the motion in {found.views} of its images, focal length "
         f"{found.camera.fy:.0f} px +- {percent:.1f} %{pixels}, distortion k1 {k1:+.3f} +- {sigma:.3f}"
     )
-    if found.sigma[0] <= SURE:
+    if found.sigma[0] <= RELIABLE_SIGMA:
         return f"{head}. {_BETTER}"
     return f"{head}: for a first look only; a camera that turns more tells more. {_BETTER}"
 
 
 def _resized(image: Image, width: int) -> Image:
-    """With square pixels."""
+    """Returns the camera with square pixels."""
     if image.shape[1] == width:
         return image
     return np.asarray(cv2.resize(image, (width, image.shape[0]), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def _images(sequence: Sequence, most: int) -> Iterator[Image]:
-    """The video's first images; those that cannot be read are skipped here and told by the run."""
+    """Yields the video's first images; those that cannot be read are skipped here and reported by the run."""
     for i in np.flatnonzero(np.array(sequence.kinds) == "video")[:most].tolist():
         try:
             exposure = sequence[i]

@@ -1,4 +1,4 @@
-"""A first reconstruction from tracks, for a lens that is a guess: two views, then one key frame after the other."""
+"""A first reconstruction from tracks, for a lens that is a guess: two views, then one keyframe after the other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ispom.calibration.tracked.adjust import adjusted
 from ispom.calibration.tracked.bundle import (
-    Held,
+    Fixed,
+    Observed,
     Prior,
     Scale,
     Scene,
-    Seen,
     errors_px,
     in_camera,
     undistorted,
@@ -24,19 +24,19 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.two_view import hypotheses
 
 FIRST_SHARE = 0.1
-"""Of the image's width, at the median: so far points have moved between the two views that begin."""
+"""Median motion of points between the two initial views, as a share of the image's width."""
 MOST_FIRST = 12
 LEAST_SHARED = 50
 ROUGH_PX, FINE_PX = 4.0, 1.0
 """Scale of the loss (at 750 px of width) at the beginning, and at the end."""
 EPIPOLAR_PX = 3.0
 EVERY = 4
-"""Key frames that are added before all is adjusted again."""
+"""Keyframes that are added before all is adjusted again."""
 STEPS_FIRST, STEPS_ONE, STEPS_ALL = 15, 6, 5
 
 
 def first_views(tracks: Tracks) -> int:
-    """Key frames, from the first on, that begin: up to the one that sees a wide enough motion, or few shared points."""
+    """Returns the initial keyframes: up to the one with a wide enough motion, or few shared points."""
     for j in range(2, min(MOST_FIRST, len(tracks.views))):
         a, b = _shared(tracks, 0, j)
         if len(a) < LEAST_SHARED:
@@ -47,7 +47,7 @@ def first_views(tracks: Tracks) -> int:
 
 
 def begun(tracks: Tracks, lens: Array, prior: Prior, scale_px: float, count: int) -> tuple[Scene, float] | None:
-    """The first `count` key frames, by the best of the motions that their first and last one allow; and its cost.
+    """The first `count` keyframes, by the best of the motions that their first and last one allow; and its cost.
 
     The other poses are the motion's share. None where too few points are shared.
     """
@@ -56,22 +56,22 @@ def begun(tracks: Tracks, lens: Array, prior: Prior, scale_px: float, count: int
         return None
     x1, x2 = undistorted(lens, tracks.uv[a]), undistorted(lens, tracks.uv[b])
     part = tracks.in_views(0, count)
-    seen = Seen(part.view, part.point, part.uv)
+    seen = Observed(part.view, part.point, part.uv)
     best: tuple[Scene, float] | None = None
     for motion in hypotheses(x1, x2, EPIPOLAR_PX / np.exp(lens[0])).second_from_first:
         poses = [Pose.exp(v / (count - 1) * motion.log()) for v in range(count)]
         scene = _scene(lens, poses, len(tracks.views), tracks.points)
         scene = with_points(scene, seen, np.unique(seen.point))
-        held = Held(np.arange(len(tracks.views)) % len(tracks.views) == 0)
-        found = adjusted_part(scene, seen, prior, held, ROUGH_PX * scale_px, STEPS_FIRST)
-        found = adjusted_part(found[0], seen, prior, held, FINE_PX * scale_px, STEPS_FIRST)
+        fixed = Fixed(np.arange(len(tracks.views)) % len(tracks.views) == 0)
+        found = adjusted_part(scene, seen, prior, fixed, ROUGH_PX * scale_px, STEPS_FIRST)
+        found = adjusted_part(found[0], seen, prior, fixed, FINE_PX * scale_px, STEPS_FIRST)
         if best is None or found[1] < best[1]:
             best = found
     return best
 
 
 def grown(scene: Scene, tracks: Tracks, prior: Prior, scale_px: float, count: int) -> Scene:
-    """All key frames, from the first `count` on."""
+    """Adds all keyframes, from the first `count` on."""
     views = len(tracks.views)
     for v in range(count, views):
         before, now = tracks.in_views(0, v), tracks.in_views(v, v + 1)
@@ -80,19 +80,19 @@ def grown(scene: Scene, tracks: Tracks, prior: Prior, scale_px: float, count: in
         part = tracks.in_views(0, v + 1)
         counts = np.bincount(part.point, minlength=tracks.points)
         fresh = now.point[counts[now.point] == 2]
-        all_seen = Seen(part.view, part.point, part.uv)
+        all_seen = Observed(part.view, part.point, part.uv)
         scene = with_points(scene, all_seen, fresh)
         if (v - count) % EVERY == EVERY - 1 or v == views - 1:
-            held = Held(np.arange(views) == 0)
-            scene = adjusted_part(scene, all_seen, prior, held, FINE_PX * scale_px, STEPS_ALL)[0]
+            fixed = Fixed(np.arange(views) == 0)
+            scene = adjusted_part(scene, all_seen, prior, fixed, FINE_PX * scale_px, STEPS_ALL)[0]
     return scene
 
 
 def _located(scene: Scene, v: int, points: NDArray[np.int64], uv: Array, scale_px: float) -> Scene:
-    """With view v where it sees these points, from where the view before is."""
+    """Adds view v by the points that it observes, starting from the pose of the view before."""
     alone = Scene(scene.lens, scene.rotations[v - 1 : v], scene.translations[v - 1 : v], scene.points[points])
-    seen = Seen(np.zeros(len(points), np.int64), np.arange(len(points)), uv)
-    still, free = Prior(scene.lens, np.zeros(len(scene.lens))), Held(np.zeros(1, bool), points=True)
+    seen = Observed(np.zeros(len(points), np.int64), np.arange(len(points)), uv)
+    still, free = Prior(scene.lens, np.zeros(len(scene.lens))), Fixed(np.zeros(1, bool), points=True)
     for scale in (4 * ROUGH_PX, ROUGH_PX, FINE_PX):
         alone = adjusted(alone, seen, still, free, scale * scale_px, STEPS_ONE)[0]
     rotations, translations = scene.rotations.copy(), scene.translations.copy()
@@ -102,33 +102,31 @@ def _located(scene: Scene, v: int, points: NDArray[np.int64], uv: Array, scale_p
 
 def adjusted_part(
     scene: Scene,
-    seen: Seen,
+    seen: Observed,
     prior: Prior,
-    held: Held,
+    fixed: Fixed,
     scale_px: Scale,
     iterations: int,
     tolerance: float = 1e-4,
-    by: Callable[[Scene, Seen, Prior, Held, Scale, int, float], tuple[Scene, float]] = adjusted,
+    by: Callable[[Scene, Observed, Prior, Fixed, Scale, int, float], tuple[Scene, float]] = adjusted,
 ) -> tuple[Scene, float]:
-    """As `adjusted`, or `settled`, of those views and points only that are seen twice or more."""
+    """Adjusts the views, and the points observed at least twice."""
     often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
     seen = seen.select(often)
     scale_px = scale_px[often] if isinstance(scale_px, np.ndarray) else scale_px
     points, owner = np.unique(seen.point, return_inverse=True)
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
-    found, cost = by(
-        part, Seen(seen.view, owner, seen.uv), prior, Held(held.views[:views], held.points), scale_px, iterations,
-        tolerance,
-    )  # fmt: skip
+    own, own_fixed = Observed(seen.view, owner, seen.uv), Fixed(fixed.views[:views], fixed.points)
+    found, cost = by(part, own, prior, own_fixed, scale_px, iterations, tolerance)
     rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
     rotations[:views], translations[:views], places[points] = found.rotations, found.translations, found.points
     return Scene(found.lens, rotations, translations, places), cost
 
 
-def with_points(scene: Scene, seen: Seen, points: NDArray[np.int64]) -> Scene:
-    """With these points where their first and last rays meet (linear, homogeneous; Hartley & Zisserman 12.2), before
-    both cameras; at infinity along the first ray where they do not."""
+def with_points(scene: Scene, seen: Observed, points: NDArray[np.int64]) -> Scene:
+    """Adds these points where their first and last rays meet (linear, homogeneous; Hartley & Zisserman 12.2), in
+    front of both cameras; at infinity along the first ray where they do not."""
     first = np.searchsorted(seen.point, points)
     last = np.searchsorted(seen.point, points, side="right") - 1
     rows, rays = [], []
@@ -150,8 +148,8 @@ def with_points(scene: Scene, seen: Seen, points: NDArray[np.int64]) -> Scene:
     return replace(scene, points=places)
 
 
-def outliers(scene: Scene, seen: Seen, limit: float) -> NDArray[np.bool_]:
-    """(K,) what is off by more than `limit` times the median error, if that is more than a pixel."""
+def outliers(scene: Scene, seen: Observed, limit: float) -> NDArray[np.bool_]:
+    """Returns which observations (K,) exceed `limit` times the median error, if that is more than a pixel."""
     errors = errors_px(scene, seen)
     return errors > max(limit * float(np.median(errors)), 1.0)
 

@@ -1,9 +1,9 @@
 """A camera's interior from the tracks of corners in its images: focal length, principal point and radial distortion.
 
-The unknown focal length is tried from several first values, as the cost may have several minima; the one of least cost
-over the first key frames is carried on to all of them. What the motion does not determine stays as uncertain as the
-first guess (Hartley & Zisserman 2004, chapter 19: a camera that only moves along its axis, or never turns, says nothing
-about its focal length).
+The unknown focal length is tried from several initial values, as the cost may have several minima; the one of least
+cost over the first keyframes is extended to all of them. What the motion does not determine stays as uncertain as the
+guess (Hartley & Zisserman 2004, chapter 19: a camera that only moves along its axis, or never rotates, gives no
+information on its focal length).
 """
 
 from __future__ import annotations
@@ -12,19 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.calibration.tracked.adjust import settled
+from ispom.calibration.tracked.adjust import realigned, settled
 from ispom.calibration.tracked.bundle import (
     LENS,
     POSE,
-    Held,
+    Fixed,
+    Observed,
     Prior,
     Scene,
-    Seen,
     errors_px,
     normal_equations,
     reduced,
 )
-from ispom.calibration.tracked.realign import realigned
 from ispom.calibration.tracked.reconstruct import (
     adjusted_part,
     begun,
@@ -34,6 +33,7 @@ from ispom.calibration.tracked.reconstruct import (
 )
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
+from ispom.numerics.robust import cauchy_weights
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -41,43 +41,43 @@ STARTS = (0.0, -1.0, 1.0)
 CENTRE_SHARE = 0.015
 """Standard deviation of the principal point about the image's middle, of the image's width."""
 RADIAL_SIGMA = (0.25, 0.12)
-"""The same of k1 and k2: of lenses for 60 to 100 degrees."""
+"""Prior standard deviations of k1 and k2: those of lenses for 60 to 100 degrees."""
 REFERENCE_PX = 750.0
-"""Width of images of which the scales of the loss are told."""
+"""Width of images for which the loss widths are defined."""
 LEAST_VIEWS = 5
 LEAST_SEEN = 3
-"""Key frames in which a point is seen, to count."""
+"""Least number of keyframes of a point."""
 ROUNDS, STEPS = (4, 4, 8), 12
 """Adjustments as followed, and as found again by a first and by a better scene."""
 LEAST_PX = 0.1
-"""What is assumed of a track's errors before they are seen."""
+"""Prior of a track's errors."""
 CLASS = 3.0
-"""From one class of tracks to the next, their errors grow by this factor."""
+"""Ratio of the errors of two successive classes of tracks."""
 MOST_PX = 20.0
 """Larger errors count as so large."""
 SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
-"""What is a small change of the lens."""
+"""A small change of the lens."""
 MOST_SHARE = 0.9
-"""Of one change of the lens, the next one, where it is not still."""
+"""Ratio of successive changes of the lens above which it has not converged."""
 HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
 UNTOLD = 1e-9
-"""Of what the images tell of a point, added where they do not tell its distance at all."""
+"""Damping of a point whose distance is not determined, as a share of its information."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedLens:
-    """What the tracks say."""
+    """The result of the tracks."""
 
     camera: Camera
-    """Of the images as they are."""
+    """The camera of the original images."""
     covariance: Array
     """(5, 5) of the logarithm of the focal length, cx, cy [px], k1, k2."""
     prior_sigma: Array
     """(5,) of the same, before any image."""
     rms_px: float
-    """Of the observations used, in the images as they are."""
+    """Number of observations used, in the original images."""
     views: int
     points: int
 
@@ -88,8 +88,10 @@ class TrackedLens:
 
 
 def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> TrackedLens | None:
-    """From a guess (without distortion) whose focal length is uncertain by this share; None where the tracks are too
-    few, or make no scene."""
+    """Starts from a guess (without distortion) whose focal length has this relative uncertainty.
+
+    None where the tracks are too few, or give no scene.
+    """
     tracks = tracks.joined()
     if len(tracks.views) < LEAST_VIEWS or not tracks.points:
         return None
@@ -108,38 +110,43 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
     if not good:
         return None
     scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
-    held = Held(np.arange(len(tracks.views)) == 0)
+    fixed = Fixed(np.arange(len(tracks.views)) == 0)
     followed, left = tracks, np.zeros(LENS)
     for rounds in ROUNDS:
-        scene, left = _weighed(scene, _seen(tracks), prior, held, scale_px, rounds)
+        scene, left = _weighed(scene, _seen(tracks), prior, fixed, scale_px, rounds)
         if rounds != ROUNDS[-1]:
             tracks = realigned(followed, scene)
     seen = _seen(tracks)
-    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, held, scale_px, tracks, guess)
+    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, fixed, scale_px, tracks, guess)
     left = left * _units(tracks.factor)
     return replace(found, covariance=found.covariance + np.outer(left, left))
 
 
-def _seen(tracks: Tracks) -> Seen:
-    return Seen(tracks.view, tracks.point, tracks.uv)
+def _seen(tracks: Tracks) -> Observed:
+    return Observed(tracks.view, tracks.point, tracks.uv)
 
 
-def _weighed(scene: Scene, seen: Seen, prior: Prior, held: Held, unit_px: float, rounds: int) -> tuple[Scene, Array]:
-    """Adjusted, and the tracks' scales by turns, until the lens is still; and (5,) how far it still has to go."""
+def _weighed(
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, unit_px: float, rounds: int
+) -> tuple[Scene, Array]:
+    """Adjusts lens and loss widths of tracks in turn, until the lens converges; returns the remaining change (5,),
+    too."""
     last = step = np.zeros(LENS)
     for _ in range(rounds):
         before = scene.lens
         weights = scales(scene, seen, unit_px)
-        scene = adjusted_part(scene, seen, prior, held, weights, STEPS, TOLERANCE, settled)[0]
+        scene = adjusted_part(scene, seen, prior, fixed, weights, STEPS, TOLERANCE, settled)[0]
         last, step = step, scene.lens - before
         if (np.abs(step) < SMALL).all():
             return scene, np.zeros(LENS)
-    return scene, left_to_go(last, step)
+    return scene, remaining_change(last, step)
 
 
-def left_to_go(last: Array, step: Array) -> Array:
-    """(5,) what follows two steps, if each is to the one before as the second is to the first: a geometric series.
-    Steps that do not shrink tell that there is far to go, not how far."""
+def remaining_change(last: Array, step: Array) -> Array:
+    """Extrapolates (5,) after two steps by a geometric series.
+
+    Steps that do not shrink show that the lens has not converged, not by how much.
+    """
     share = np.clip(step / np.where(last == 0, np.inf, last), -MOST_SHARE, MOST_SHARE)
     return step * share / (1 - share)
 
@@ -149,12 +156,12 @@ def _units(factor: float) -> Array:
     return np.array([1, 1 / factor, 1 / factor, 1, 1])
 
 
-def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
-    """(K,) scale of the loss for each observation: that of its track.
+def scales(scene: Scene, seen: Observed, unit_px: float) -> Array:
+    """Returns the loss width (K,) of each observation: that of its track.
 
-    A printed corner is exact to a twentieth of a pixel; one on an edge, in a glass, or on a hand that moves is pixels
-    off in every image: each track is as wide as its own errors are. In classes, so that chance does not weigh tracks of
-    one kind by how well they happen to fit.
+    A printed corner is exact to a twentieth of a pixel; one on an edge, in a glass, or on a moving hand is off by
+    pixels in every image: each track has the width of its own errors. In classes, so that tracks of one kind are not
+    weighted by how well they happen to fit.
     """
     errors = np.minimum(errors_px(scene, seen), MOST_PX * unit_px)
     free = np.maximum(2 * np.bincount(seen.point, minlength=len(scene.points)) - 3, 1)
@@ -166,7 +173,7 @@ def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
 
 
 def _result(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, tracks: Tracks, guess: Camera
+    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: float, tracks: Tracks, guess: Camera
 ) -> TrackedLens:
     often = np.bincount(seen.point, minlength=tracks.points) >= LEAST_SEEN
     seen = seen.select(often[seen.point])
@@ -178,15 +185,24 @@ def _result(
     camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
     units = _units(factor)
     scale = scales(scene, seen, scale_px)
-    covariance = spread(scene, seen, prior, held, scale) * np.outer(units, units)
+    covariance = sandwich_covariance(scene, seen, prior, fixed, scale) * np.outer(units, units)
     covariance *= halves_differ(scene, seen, prior, scale) ** 2
     rms = float(np.sqrt((errors**2).mean())) / factor
-    return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
+    return TrackedLens(
+        camera=camera,
+        covariance=covariance,
+        prior_sigma=prior.sigma * units,
+        rms_px=rms,
+        views=len(scene.rotations),
+        points=len(points),
+    )
 
 
-def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> float:
-    """By how much the lenses of the first and of the second half of the key frames differ, in standard errors; 1 or
-    more. Errors that many tracks share (a shutter that rolls, a lens of another kind) show in it alone."""
+def halves_differ(scene: Scene, seen: Observed, prior: Prior, scale_px: Array) -> float:
+    """Returns the difference of the lenses of both halves of the keyframes, in standard errors; at least 1.
+
+    Errors that many tracks share (a rolling shutter, another kind of lens) show only in it.
+    """
     middle = len(scene.rotations) // 2
     lenses, covariances = [], []
     for first, end in ((0, middle), (middle, len(scene.rotations))):
@@ -197,31 +213,31 @@ def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> fl
             return 1.0
         points, owner = np.unique(seen.point[inside], return_inverse=True)
         half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
-        part, held = Seen(seen.view[inside] - first, owner, seen.uv[inside]), Held(np.arange(end - first) == 0)
-        half = settled(half, part, prior, held, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
+        part, fixed = Observed(seen.view[inside] - first, owner, seen.uv[inside]), Fixed(np.arange(end - first) == 0)
+        half = settled(half, part, prior, fixed, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
         lenses.append(half.lens)
-        covariances.append(spread(half, part, prior, held, scale_px[inside]))
+        covariances.append(sandwich_covariance(half, part, prior, fixed, scale_px[inside]))
     apart = lenses[1] - lenses[0]
     chi2 = float(apart @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ apart)
     return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
-def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Array) -> Array:
-    """(5, 5) covariance of the lens at the least cost, by how far the points disagree.
+def sandwich_covariance(scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Array) -> Array:
+    """Returns the covariance (5, 5) of the lens at the least cost, by the scatter of the points.
 
-    Errors of one track go together from image to image, those of different tracks do not: the points are the
-    clusters of a sandwich estimate (Huber 1967), and the prior is one more. What points and poses take up of the errors
-    is made good by the degrees of freedom.
+    Errors of one track are correlated from image to image, those of different tracks are not: the points are the
+    clusters of a sandwich covariance (Huber 1967), and the prior is one more. The degrees of freedom correct for the
+    errors that points and poses absorb.
     """
-    normal = normal_equations(scene, seen, prior, held, scale_px, UNTOLD, scored=True)
+    normal = normal_equations(scene, seen, prior, fixed, scale_px, UNTOLD, scored=True)
     matrix, _ = reduced(normal)
     matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
     inverse = np.linalg.inv(matrix)[:LENS]
     by_point = (normal.inverse @ normal.by_point[..., None])[..., 0]
     scores = normal.scores - (by_point[:, None] @ normal.mixed)[:, 0]
-    square = (errors_px(scene, seen) / scale_px) ** 2
-    curved = 0.5 * ((1 - square) / (1 + square) ** 2 + 1 / (1 + square))
-    bent = float(curved.mean() / (1 / (1 + square)).mean())
+    weights = cauchy_weights((errors_px(scene, seen) / scale_px) ** 2, 1.0)
+    # Across an error the loss curves by the weight, along it by w (2 w - 1): the mean of both is w^2.
+    bent = float((weights**2).mean() / weights.mean())
     pulled = scores @ inverse.T
     free = prior.sigma > 0
     of_prior = inverse[:, :LENS][:, free] / prior.sigma[free]

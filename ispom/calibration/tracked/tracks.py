@@ -1,4 +1,4 @@
-"""Corners followed through the images of one camera, and where they were in some of these: the key frames."""
+"""Corners followed through the images of one camera, and where they were in some of these: the keyframes."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ SIDE_PX = 1280
 """Images whose longer side is longer are halved until it is not."""
 CORNERS = 500
 DISTANCE_SHARE = 0.01
-"""From one corner to the next, of the image's longer side."""
+"""Distance of corners, as a share of the image's longer side."""
 MOVED_SHARE = 0.03
-"""Of the image's longer side, at the median of all tracks: from so much motion on an image becomes a key frame,"""
+"""Median motion of all tracks, as a share of the image's longer side, that makes an image a keyframe,"""
 LEFT_SHARE = 0.6
-"""or where fewer of the last one's tracks are left."""
+"""or where a smaller share of the last one's tracks is left."""
 CORNER_PX, CORNER_STEPS = 4, 30
 SAME_PX = 3.0
-"""So near are places of one corner that were found in two ways."""
+"""Largest difference of the positions of one corner by two methods."""
 STILL_PX = 0.25
-"""A corner that stays within this while half of the others move by MOVED_SHARE is none of the scene, but a letter or a
-logo on the image, or dirt on the lens. What is far ahead on a straight way moves as little in a few pixels only."""
+"""A corner that moves less than this while half of the others move by MOVED_SHARE is not part of the scene, but a
+letter or a logo on the image, or dirt on the lens. What is far ahead on a straight path moves as little in a few
+pixels only."""
 LEAST_VIEWS = 3
-"""In which a corner must be seen to count."""
+"""Least number of keyframes of a corner."""
 LEAST_JOINED = 8
-"""Points by which a key frame is joined to those before it: with fewer its place is not known."""
+"""Points by which a keyframe is joined to those before it: with fewer its pose is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,23 +45,24 @@ class Tracks:
     factor: float
     """which are the camera's, reduced by this."""
     views: NDArray[np.int64]
-    """(V,) which images the key frames are."""
+    """(V,) which images the keyframes are."""
     view: NDArray[np.int64]
-    """(K,) of 0 to V - 1."""
+    """(K,) index of the view, 0 to V - 1."""
     point: NDArray[np.int64]
-    """(K,) of 0 to M - 1."""
+    """(K,) index of the point, 0 to M - 1."""
     uv: Array
     """(K, 2) [px] in the reduced images."""
     images: tuple[Image, ...] = ()
-    """(H, W) each, of the key frames, reduced; none where the tracks come from elsewhere."""
+    """(H, W) each, of the keyframes, reduced; none where the tracks come from elsewhere."""
 
     def in_views(self, first: int, end: int) -> Tracks:
-        """The observations in these views only; views and points keep their numbers."""
+        """Returns the observations in these views only; views and points keep their numbers."""
         mine = (self.view >= first) & (self.view < end)
         return replace(self, view=self.view[mine], point=self.point[mine], uv=self.uv[mine])
 
     def joined(self) -> Tracks:
-        """The key frames up to the first one that is not joined to those before it, as after a jump or a bare wall."""
+        """Returns the keyframes up to the first one that is not joined to those before it, as after a jump or a bare
+        wall."""
         first = np.full(self.points, len(self.views))
         np.minimum.at(first, self.point, self.view)
         shared = np.bincount(self.view[self.view > first[self.point]], minlength=len(self.views))
@@ -76,7 +78,7 @@ class Tracks:
 
 
 def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
-    """Follows corners from image to image (H, W) or (H, W, 3) until there are so many key frames, or no more images."""
+    """Tracks corners from image to image (H, W) or (H, W, 3) until there are enough keyframes, or no more images."""
     klt = Klt()
     last: Image | None = None
     key: Image | None = None
@@ -119,7 +121,7 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
 
 
 def _corners(grey: Image, taken: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(M, 2) new ones."""
+    """Detects new corners (M, 2)."""
     found = detect_spread(grey, CORNERS, taken, DISTANCE_SHARE * max(grey.shape))
     exact = at_subpixel(grey, found, CORNER_PX, CORNER_STEPS)
     return exact[np.linalg.norm(exact - found, axis=1) < SAME_PX]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ispom.features.descriptors import each_once, match_near, near, on_lines
 from ispom.features.interfaces import Allowed, Features, Matcher
 from ispom.geometry import Array, Pose, skew
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.localisation import PoseFit, refine_pose, resect
 
 MIN_SHARE = 0.25
 """Share of the matches that must agree with a pose: fewer agree by chance."""
@@ -73,7 +73,7 @@ class Verification:
     """Of those matched by their descriptors alone."""
     fewest: int
     """Of those found where the pose puts them."""
-    solvers: tuple[Callable[[Array, Array, float], Resection | None], ...] = (resect,)
+    solvers: tuple[Callable[[Array, Array, float], PoseFit | None], ...] = (resect,)
     """Each may end in a pose that only points close together agree with; the right one lets more be found."""
     measure_chance: bool = True
     """Let a smaller share confirm a pose, see `confirmed`."""
@@ -141,7 +141,7 @@ def on_epipolar_lines(motion: Pose, x: Array, y: Array, distance: float) -> Allo
     return on_lines(lines, y, distance)
 
 
-def _agreeing(candidate: Candidate, xyz: Array, found: Resection) -> NDArray[np.bool_]:
+def _agreeing(candidate: Candidate, xyz: Array, found: PoseFit) -> NDArray[np.bool_]:
     then, now = candidate.keyframe_from_world.apply(xyz), found.camera_from_world.apply(xyz)
     return plausible(found.inliers, then[:, 2], now[:, 2])
 

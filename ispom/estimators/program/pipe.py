@@ -1,4 +1,4 @@
-"""A running program at the other end of a pipe: answers of bounded size, within bounded time."""
+"""A pipe to a running program: answers have bounded size and come within bounded time."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from ispom.child import PYTHON, Child
 LINE_BYTES = 16 << 20
 """The longest answer."""
 ENDING_S = 5.0
-"""A program that has closed its output, or was told to end, is waited for so long."""
+"""Time that a program gets to end, once it has closed its output or has been stopped."""
 QUOTED = 60
-"""Characters of an answer that is none."""
+"""Characters of an invalid answer that a message quotes."""
 _CHUNK_BYTES, _CHUNKS = 1 << 16, 64
 
 
 class ProgramFault(Exception):
-    """What a program did wrong: the rest of a sentence that begins with its name."""
+    """A fault of a program; the text continues a sentence that begins with its name."""
 
 
 class Pipe:
-    """Used by one thread. After a ProgramFault nothing but `stop` is of use."""
+    """Used by one thread. After a ProgramFault only `stop` may be called."""
 
     def __init__(self, command: Sequence[str], timeout_s: float) -> None:
-        """Starts the program; each answer is waited for up to so long."""
+        """Starts the program; each answer must come within `timeout_s`."""
         supervisor = Path(__file__).with_name("supervise.py")
         self._child = Child([*PYTHON, "-E", "-S", str(supervisor), *command])
         self._timeout_s = timeout_s
@@ -40,8 +40,8 @@ class Pipe:
         self._buffer = bytearray()
         Thread(target=_forward, args=(self._child.answers, self._read), name="program-answers", daemon=True).start()
 
-    def ask(self, request: bytes) -> dict[str, Any]:
-        """The answer, a JSON object; ProgramFault where none comes, or something else."""
+    def request(self, request: bytes) -> dict[str, Any]:
+        """Returns the answer, a JSON object. Raises ProgramFault for no answer or another one."""
         self._deadline = time.monotonic() + self._timeout_s
         with suppress(OSError):  # it has ended: reading says how
             self._child.requests.write(request)
@@ -55,23 +55,23 @@ class Pipe:
             ) from None
         if not isinstance(answer, dict):
             raise ProgramFault(f"answers {_quoted(line)}, which is not a JSON object")
-        if isinstance(said := answer.get("error"), str):
-            raise ProgramFault(f"says {said[:200]!r}")
+        if isinstance(error := answer.get("error"), str):
+            raise ProgramFault(f"says {error[:200]!r}")
         return answer
 
-    def follow(self, size: int) -> bytes:
-        """So many bytes after an answer, within its time."""
+    def read_bytes(self, size: int) -> bytes:
+        """Returns `size` bytes that follow an answer, within its time."""
         while len(self._buffer) < size:
             self._buffer += self._more()
         return self._taken(size)
 
     def last_line(self) -> str:
-        """Of its standard error, once it has ended."""
+        """Returns the last line of its standard error, once it has ended."""
         lines = self._child.last_words().splitlines()
         return lines[-1].strip() if lines else ""
 
     def stop(self) -> None:
-        """Ends the program and all that it started; once is enough."""
+        """Ends the program and all that it started; further calls do nothing."""
         if self._stopped:
             return
         self._stopped = True
@@ -85,10 +85,10 @@ class Pipe:
             self._child.stop()
 
     def _line(self) -> bytes:
-        looked = 0
-        while (end := self._buffer.find(b"\n", looked)) < 0:
-            looked = len(self._buffer)
-            if looked > LINE_BYTES:
+        searched = 0
+        while (end := self._buffer.find(b"\n", searched)) < 0:
+            searched = len(self._buffer)
+            if searched > LINE_BYTES:
                 raise ProgramFault(f"answers with a line of more than {LINE_BYTES >> 20} MB")
             self._buffer += self._more()
         return self._taken(end + 1)
@@ -113,7 +113,7 @@ class Pipe:
 
 
 def _forward(answers: BinaryIO, read: Queue[bytes]) -> None:
-    """All that the program writes, in pieces; nothing once it has closed its output."""
+    """Puts all that the program writes into the queue, in pieces; an empty one when it has closed its output."""
     with answers, suppress(OSError, ValueError):
         while some := answers.read1(_CHUNK_BYTES):  # type: ignore[attr-defined]
             read.put(some)

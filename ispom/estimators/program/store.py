@@ -1,4 +1,4 @@
-"""Exposures kept for replay, in a temporary file without a name that vanishes with the program, however that ends."""
+"""Frames stored for replay, in an unnamed temporary file that vanishes with this process, however that ends."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any, BinaryIO
 MB = 1_000_000
 
 
-class Kept:
-    """An exposure that States refer to: its content is kept as long as one of them is. Pickled as its digest."""
+class StoredFrame:
+    """A frame that States refer to: its content is stored as long as one of them exists. Pickled as its digest."""
 
     __slots__ = ("__weakref__", "digest", "offset", "size")
 
@@ -20,76 +20,75 @@ class Kept:
         self.digest = digest
         self.offset = offset
         self.size = size
-        """[bytes]; 0 where the content was not kept."""
+        """[bytes]; 0 where the content was not stored."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (kept, (self.digest,))
+        return (stored_frame, (self.digest,))
 
 
-class ExposureStore:
-    """Contents by digest, each once. Safe from several threads."""
+class FrameStore:
+    """Stores contents by digest, each once. Safe from several threads."""
 
     def __init__(self) -> None:
         self._file: BinaryIO | None = None
         self._end = 0
         self._free: defaultdict[int, list[int]] = defaultdict(list)
-        """By size, the places that are free again."""
-        self._kept: weakref.WeakValueDictionary[bytes, Kept] = weakref.WeakValueDictionary()
+        """By size, the offsets that are free again."""
+        self._stored: weakref.WeakValueDictionary[bytes, StoredFrame] = weakref.WeakValueDictionary()
         self._lock = Lock()
 
     @property
     def used_bytes(self) -> int:
-        """Of the file, without what is free again."""
-        return self._end - sum(size * len(places) for size, places in list(self._free.items()))
+        """Size of the file, without what is free again."""
+        return self._end - sum(size * len(offsets) for size, offsets in list(self._free.items()))
 
-    def keep(self, digest: bytes, content: bytes, budget_mb: int) -> Kept:
-        """Refers to the content, which is kept unless all then took more than the budget, or the disk is full."""
+    def keep(self, digest: bytes, content: bytes, budget_mb: int) -> StoredFrame:
+        """Stores the content, unless that exceeds the budget or the disk is full; returns a reference in any case."""
         with self._lock:
-            if (found := self._kept.get(digest)) is not None:
+            if (found := self._stored.get(digest)) is not None:
                 return found
             size = len(content)
             if self.used_bytes + size > budget_mb * MB:
-                return Kept(digest)
-            places = self._free[size]
-            place = places.pop() if places else self._end
+                return StoredFrame(digest)
+            offsets = self._free[size]
+            offset = offsets.pop() if offsets else self._end
             try:
-                self._write(place, content)
+                self._write(offset, content)
             except OSError:
-                if place < self._end:
-                    places.append(place)
-                return Kept(digest)
-            self._end = max(self._end, place + size)
-            new = self._kept[digest] = Kept(digest, place, size)
-            weakref.finalize(new, places.append, place).atexit = False
+                if offset < self._end:
+                    offsets.append(offset)
+                return StoredFrame(digest)
+            self._end = max(self._end, offset + size)
+            new = self._stored[digest] = StoredFrame(digest, offset, size)
+            weakref.finalize(new, offsets.append, offset).atexit = False
             return new
 
-    def find(self, digest: bytes) -> Kept:
-        """The one of this digest; without content where that is gone."""
-        return self._kept.get(digest) or Kept(digest)
+    def find(self, digest: bytes) -> StoredFrame:
+        """Returns the reference with this digest; without content where that is gone."""
+        return self._stored.get(digest) or StoredFrame(digest)
 
     def read(self, digest: bytes) -> bytes | None:
-        """None where the content was not kept."""
-        found = self._kept.get(digest)
+        """Returns the content; None where it was not stored."""
+        found = self._stored.get(digest)
         if found is None or self._file is None:
             return None
         with self._lock:
             self._file.seek(found.offset)
             return self._file.read(found.size)
 
-    def _write(self, place: int, content: bytes) -> None:
+    def _write(self, offset: int, content: bytes) -> None:
         if self._file is None:
             self._file = TemporaryFile(prefix="ispom-replay-", buffering=0)  # type: ignore[assignment]  # noqa: SIM115
-        assert self._file is not None
-        self._file.seek(place)
+        self._file.seek(offset)
         written = 0
         while written < len(content):
             written += self._file.write(memoryview(content)[written:])
 
 
-STORE = ExposureStore()
-"""Of this process: estimators that are built anew replay what others have seen."""
+STORE = FrameStore()
+"""The store of this process: a new estimator replays what others have received."""
 
 
-def kept(digest: bytes) -> Kept:
-    """As `ExposureStore.find` in that of this process."""
+def stored_frame(digest: bytes) -> StoredFrame:
+    """Calls `FrameStore.find` of this process; a function of the module, as pickling requires."""
     return STORE.find(digest)

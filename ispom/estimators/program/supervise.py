@@ -1,6 +1,6 @@
-"""Runs a program for as long as its own standard input is open, however that ends, and passes the input on.
+"""Runs a program while its own standard input is open, however that ends, and passes the input on.
 
-Started by its path, with nothing but the standard library: `python supervise.py COMMAND...`. The program writes to
+Started by its path, with only the standard library: `python supervise.py COMMAND...`. The program writes to
 the standard output and error that this process was given.
 """
 
@@ -19,7 +19,7 @@ CHUNK_BYTES = 1 << 20
 
 
 def supervise(command: list[str]) -> int:
-    """The program's exit code; negative for the signal that ended it."""
+    """Runs the program; returns its exit code, negative for the signal that ended it."""
     signal.signal(signal.SIGINT, lambda *_: None)  # Ctrl+C in a terminal: the parent decides what ends
     try:
         program = subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0, start_new_session=True)
@@ -37,7 +37,7 @@ def supervise(command: list[str]) -> int:
 
 
 def _collect(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> None:
-    """Always reads, whether or not the program does: so the end is seen."""
+    """Reads whether or not the program does, so that the end of the input is noticed."""
     with contextlib.suppress(OSError):
         while some := os.read(0, CHUNK_BYTES):
             waiting.put(some)
@@ -54,7 +54,7 @@ def _pass_on(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> N
 
 
 def _end(program: subprocess.Popen[bytes]) -> None:
-    """At once, with all that it started."""
+    """Kills the program with all that it started."""
     with contextlib.suppress(OSError):
         if hasattr(os, "killpg"):
             os.killpg(program.pid, signal.SIGKILL)

@@ -1,1 +1,1 @@
-"""What an error of the calibration does to a trajectory: predicted from what a run saw, without running it again."""
+"""Sensitivity to calibration errors: predicts the trajectory from the observations of a run, without a new run."""

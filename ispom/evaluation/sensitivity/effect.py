@@ -1,8 +1,7 @@
-"""From calibration error to trajectory error: the trajectory that a run would have had, predicted from what it saw.
+"""From calibration error to trajectory error: predicts the trajectory that a run would have had.
 
-A method with a window settles each pose by what it saw until then, and corrects its cameras by it as well; what it
-learns later does not bring back what it has settled. So each key frame's motion is taken from the problem that the
-method knew when the key frame left its window.
+A method with a window fixes each pose, and its camera corrections, by the observations until then; later ones do not
+change it any more. So each keyframe's motion comes from the problem as it was when the keyframe left the window.
 """
 
 from __future__ import annotations
@@ -11,24 +10,24 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ispom.evaluation.ate import Alignment, aligned, ate_m
 from ispom.evaluation.sensitivity.linear import Steps, Values, solve, start
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
+from ispom.evaluation.trajectory_error import Alignment, aligned, ate_m
 from ispom.geometry import Array, Pose
 from ispom.types import Trajectory
 
 STEP = 1e-3
 """Of the difference quotients, in units of the perturbations (percent, px)."""
 SPARSER = 0.1
-"""Share of the key frames so far after which what they know is asked anew: it changes less and less."""
+"""Growth of the number of keyframes after which the problem is solved again: it changes less and less."""
 NEGLIGIBLE = 1e-9
 """Errors that change by less than this do not depend on a perturbation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Of one method's run: how its key frames move with each part of a Perturbation."""
+    """How the keyframes of one method's run move with each part of a Perturbation."""
 
     scene: Scene
     adjustment: Adjustment
@@ -38,15 +37,15 @@ class Sensitivity:
     names: tuple[str, ...]
     """(P,) the fields of a Perturbation that the method depends on."""
     by_error: Array
-    """(N, 2 or 3, P) how errors change with each, all else held."""
+    """(N, 2 or 3, P) partial derivatives of the errors by each."""
     poses: Array
-    """(K, 6, P) twists of the key frames in the world, per unit, as they were settled."""
+    """(K, 6, P) twists of the keyframes in the world, per unit, when they left the window."""
     whole: Steps
-    """By all that was seen in the end."""
+    """Solution with all observations."""
 
     @staticmethod
     def of(scene: Scene, adjustment: Adjustment) -> Sensitivity:
-        """Linearised where the run came to."""
+        """Linearises at the result of the run."""
         values = start(scene, adjustment)
         q = scene.in_camera(values.rotations, values.translations, values.xyz_in_world)
         errors = scene.errors(q, values.extra, Perturbation())
@@ -59,39 +58,48 @@ class Sensitivity:
                 columns.append(column)
         by_error = np.stack(columns, axis=2)
         whole = solve(scene, values, adjustment, errors, by_error)
-        poses = _settled(scene, adjustment, errors, by_error, whole)
-        return Sensitivity(scene, adjustment, values, errors, tuple(names), by_error, poses, whole)
+        poses = _fixed_motions(scene, adjustment, errors, by_error, whole)
+        return Sensitivity(
+            scene=scene,
+            adjustment=adjustment,
+            values=values,
+            errors=errors,
+            names=tuple(names),
+            by_error=by_error,
+            poses=poses,
+            whole=whole,
+        )
 
-    def amounts(self, wrong: Perturbation) -> Array:
-        """(P,) of the perturbation, by name."""
-        return np.array([getattr(wrong, name) for name in self.names])
+    def amounts(self, perturbation: Perturbation) -> Array:
+        """Returns the amounts (P,) of the perturbation, in the order of `names`."""
+        return np.array([getattr(perturbation, name) for name in self.names])
 
-    def twists(self, wrong: Perturbation) -> Array:
-        """(K, 6) of the key frames in the world."""
-        return self.poses @ self.amounts(wrong)
+    def twists(self, perturbation: Perturbation) -> Array:
+        """Returns twists (K, 6) of the keyframes in the world."""
+        return self.poses @ self.amounts(perturbation)
 
-    def predicted(self, run: Trajectory, wrong: Perturbation) -> Trajectory:
-        """The run's trajectory (of any frame) as it would have been with the wrong calibration."""
-        return moved(run, self.scene, self.twists(wrong))
+    def predicted(self, run: Trajectory, perturbation: Perturbation) -> Trajectory:
+        """Returns the run's trajectory (of any frame) as it would have been with the perturbed calibration."""
+        return moved(run, self.scene, self.twists(perturbation))
 
-    def nonlinearity(self, wrong: Perturbation) -> float:
-        """The next Gauss-Newton step over the first, root mean square over the places of the key frames."""
-        amounts = self.amounts(wrong)
+    def nonlinearity(self, perturbation: Perturbation) -> float:
+        """Returns the size of the next Gauss-Newton step relative to the first, RMS over the keyframes' positions."""
+        amounts = self.amounts(perturbation)
         first, whole = self.whole.poses @ amounts, self.whole
         values = self.values.moved(first, whole.points @ amounts, whole.extra @ amounts)
         scene = self.scene
         q = scene.in_camera(values.rotations, values.translations, values.xyz_in_world)
-        errors = scene.errors(q, values.extra, wrong)
-        # What the run left of its own errors is no reason to move; only what the perturbation adds is.
+        errors = scene.errors(q, values.extra, perturbation)
+        # The run is at its optimum: only the errors that the perturbation adds move it.
         second = solve(scene, values, self.adjustment, errors, (errors - self.errors)[..., None]).poses[..., 0]
-        places = self.values.places
-        one, other = (np.linalg.norm(s[:, :3] + np.cross(s[:, 3:], places), axis=1) for s in (first, second))
+        positions = self.values.positions
+        one, other = (np.linalg.norm(s[:, :3] + np.cross(s[:, 3:], positions), axis=1) for s in (first, second))
         size = float(np.sqrt((one**2).mean()))
         return float(np.sqrt((other**2).mean())) / size if size > 0 else 0.0
 
 
-def _settled(scene: Scene, adjustment: Adjustment, errors: Array, by_error: Array, whole: Steps) -> Array:
-    """(K, 6, P): the motion from each key frame to the next as of when the later one left the window."""
+def _fixed_motions(scene: Scene, adjustment: Adjustment, errors: Array, by_error: Array, whole: Steps) -> Array:
+    """Returns (K, 6, P): motions between keyframes as they were when the later one left the window."""
     count = len(scene.times_ns)
     ends = _ends(adjustment.window, count)
     found = {count: whole.poses}
@@ -106,7 +114,7 @@ def _settled(scene: Scene, adjustment: Adjustment, errors: Array, by_error: Arra
 
 
 def _ends(window: int, count: int) -> list[int]:
-    """How many key frames were known, increasing up to all: each at first, then in steps of a share of those before."""
+    """Returns increasing numbers of keyframes: each one at first, then growing by SPARSER, up to all."""
     out, end = [], min(max(window, 2), count)
     while end < count:
         out.append(end)
@@ -115,19 +123,21 @@ def _ends(window: int, count: int) -> list[int]:
 
 
 def moved(run: Trajectory, scene: Scene, twists: Array) -> Trajectory:
-    """A trajectory in the scene's world after twists (K, 6) of the world at its key frames, linear between those."""
+    """Moves a trajectory in the scene's world by twists (K, 6) at its keyframes, linear between those."""
     start_ns = scene.times_ns[0]
-    knots, asked = ((times - start_ns) * 1e-9 for times in (scene.times_ns, run.times_ns))
-    along = np.stack([np.interp(asked, knots, column) for column in twists.T], axis=1)
-    steps = [Pose.exp(twist) for twist in along]
-    turns, shifts = np.stack([s.rotation for s in steps]), np.stack([s.translation for s in steps])
+    knots_s, times_s = ((times - start_ns) * 1e-9 for times in (scene.times_ns, run.times_ns))
+    interpolated = np.stack([np.interp(times_s, knots_s, column) for column in twists.T], axis=1)
+    steps = [Pose.exp(twist) for twist in interpolated]
+    rotations, translations = np.stack([s.rotation for s in steps]), np.stack([s.translation for s in steps])
     return replace(
-        run, rotations=turns @ run.rotations, translations=np.einsum("nij,nj->ni", turns, run.translations) + shifts
+        run,
+        rotations=rotations @ run.rotations,
+        translations=np.einsum("nij,nj->ni", rotations, run.translations) + translations,
     )
 
 
 def shift_m(run: Trajectory, other: Trajectory, kind: Alignment) -> float:
-    """Root mean square distance of two trajectories at their common times, the other aligned to the run."""
+    """Returns the RMS distance of two trajectories at their common times, the other aligned to the run."""
     common = np.intersect1d(run.times_ns, other.times_ns)
     one, two = (t.select(np.searchsorted(t.times_ns, common)) for t in (run, other))
     return ate_m(aligned(two, one, kind), one)

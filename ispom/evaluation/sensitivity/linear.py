@@ -1,4 +1,4 @@
-"""How poses follow a small error of the calibration: one Gauss-Newton step of the adjustment of what was seen.
+"""How poses follow a small error of the calibration: one Gauss-Newton step of the bundle adjustment.
 
 Poses, points and the method's own corrections are at their optimum in the run. There, by the implicit function
 theorem, they move by -H^-1 J' W d(errors)/d(calibration), H = J' W J; points are eliminated (Triggs et al. 2000).
@@ -17,16 +17,16 @@ from ispom.evaluation.sensitivity.scene import Adjustment, Scene
 from ispom.geometry import Array, Pose, skew
 
 JOINED = 1e-4
-"""Information [1/scale^2 of the loss, over 1 m and 1 rad] that key frames which share no point move together;"""
-HELD = 1e8
-"""and that what the data leave open (where the world begins, and its unit) stays as it was."""
+"""Weak prior that keyframes without common points move together [1/scale^2 of the loss, over 1 m and 1 rad]."""
+FIXED = 1e8
+"""Prior that fixes the gauge: the origin of the world and, for one camera, the scale."""
 RIDGE = 1e-9
-"""Of a point's largest information: what is added where the point is seen without parallax."""
+"""Damping of a point observed without parallax, as a share of its largest information."""
 
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """What is adjusted."""
+    """The parameters of the adjustment."""
 
     rotations: Array
     """(K, 3, 3) camera_from_world."""
@@ -38,12 +38,12 @@ class Values:
     """(E,)."""
 
     @property
-    def places(self) -> Array:
+    def positions(self) -> Array:
         """(K, 3) of the cameras in the world."""
         return -np.einsum("kji,kj->ki", self.rotations, self.translations)
 
     def moved(self, poses: Array, points: Array, extra: Array) -> Values:
-        """After twists (K, 6) of the cameras in the world, shifts (M, 3) of the points, and changes (E,)."""
+        """Applies twists (K, 6) of the cameras in the world, steps (M, 3) of the points, and changes (E,)."""
         back = [Pose.exp(-twist) for twist in poses]
         rotations = self.rotations @ np.stack([pose.rotation for pose in back])
         away = np.stack([pose.translation for pose in back])
@@ -53,7 +53,7 @@ class Values:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Solutions for several right sides, side by side."""
+    """Solutions for P right-hand sides."""
 
     poses: Array
     """(K, 6, P)."""
@@ -64,15 +64,15 @@ class Steps:
 
 
 def start(scene: Scene, adjustment: Adjustment) -> Values:
-    """Where the run came to."""
+    """Returns the result of the run."""
     extra = np.zeros(len(adjustment.sigmas))
     return Values(scene.rotations, scene.translations, scene.xyz_in_world, extra)
 
 
 def solve(scene: Scene, values: Values, adjustment: Adjustment, errors: Array, sides: Array) -> Steps:
-    """The steps -H^-1 J' W side for right sides (N, 2 or 3, P), linearised at `values`, where the errors are `errors`.
+    """Returns -H^-1 J' W side for right-hand sides (N, 2 or 3, P), linearised at `values` with errors `errors`.
 
-    The first key frame is held and, with one camera, how far those of the first window went from it: the unit.
+    The first keyframe is fixed and, with one camera, the distance to the last one of the first window: the scale.
     """
     q = scene.in_camera(values.rotations, values.translations, values.xyz_in_world)
     per = (scene.rig.camera(scene.camera).fx / adjustment.loss_px) ** 2
@@ -106,24 +106,24 @@ def solve(scene: Scene, values: Values, adjustment: Adjustment, errors: Array, s
 
 
 def _prior(scene: Scene, values: Values, adjustment: Adjustment) -> sparse.csr_array:
-    """What holds what the data leave open, and the corrections near none."""
+    """Returns the prior on the gauge and on the corrections."""
     count = len(scene.times_ns)
     chain = sparse.eye_array(count - 1, count) - sparse.eye_array(count - 1, count, k=1)
     joined = JOINED * sparse.kron(chain.T @ chain, sparse.eye_array(6))
-    held = sparse.lil_array((6 * count, 6 * count))
-    held[:6, :6] = HELD * np.eye(6)
+    fixed = sparse.lil_array((6 * count, 6 * count))
+    fixed[:6, :6] = FIXED * np.eye(6)
     if not scene.is_pair:
-        places = values.places
+        positions = values.positions
         far = min(adjustment.window, count) - 1
-        away = places[far] - places[0]
+        away = positions[far] - positions[0]
         way = away / max(float((away**2).sum()), 1e-12)
-        row = np.concatenate([way, np.cross(places[far], way)])
-        held[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += HELD * np.outer(row, row)
-    return sparse.csr_array(sparse.block_diag([joined + held, _information(scene, values, adjustment)]))
+        row = np.concatenate([way, np.cross(positions[far], way)])
+        fixed[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += FIXED * np.outer(row, row)
+    return sparse.csr_array(sparse.block_diag([joined + fixed, _information(scene, values, adjustment)]))
 
 
 def _information(scene: Scene, values: Values, adjustment: Adjustment) -> Array:
-    """(E, E) of the corrections by what was known before any data, and by a pair's rows; 1 for those that are held."""
+    """Returns the information (E, E) of the corrections from their prior and a pair's rows; 1 where fixed."""
     sigmas, per = np.array(adjustment.sigmas), scene.rig.camera(scene.camera).fx / adjustment.loss_px
     rows = per**2 * scene.row_information(values.rotations, values.translations, values.xyz_in_world)
     free = sigmas > 0
@@ -131,7 +131,7 @@ def _information(scene: Scene, values: Values, adjustment: Adjustment) -> Array:
 
 
 def _blocks(values: Array, column: NDArray[np.int64], count: int) -> sparse.csr_array:
-    """A block (R, C) for each observation (N, R, C), in the block column that it is of."""
+    """Places the block (R, C) of each observation (N, R, C) in its block column."""
     n, rows, width = values.shape
     index = np.arange(n * rows).reshape(n, rows, 1), (width * column)[:, None, None] + np.arange(width)
     where = [np.broadcast_to(each, values.shape).ravel() for each in index]

@@ -1,4 +1,4 @@
-"""An error of the calibration as a value, and the sequence that is told to have it."""
+"""An error of the calibration as a value: the rig, the sequence and the integrated trajectory that have it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 
 from ispom.geometry import Pose
 from ispom.settings import Range
-from ispom.types import Camera, Rig, Sequence
+from ispom.solvers.trajectory.anchoring import anchored
+from ispom.solvers.trajectory.interpolation import interpolate
+from ispom.types import Camera, Rig, Sequence, Trajectory
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What the calibration says too much of each: the estimators are told it, the cameras stay as they are."""
+    """Errors that are added to the calibration given to the estimators; the cameras stay as they are."""
 
     video_focal_percent: Annotated[float, Range(-5, 5)] = 0.0
     """Focal length of the video camera."""
@@ -37,7 +39,7 @@ class Perturbation:
     turn_z_deg: Annotated[float, Range(-5, 5)] = 0.0
     """z forward (roll)."""
     shift_x_m: Annotated[float, Range(-0.2, 0.2)] = 0.0
-    """Place of the video camera on the rig, along the rig's axes: x to the right,"""
+    """Position of the video camera on the rig, along the rig's axes: x to the right,"""
     shift_y_m: Annotated[float, Range(-0.2, 0.2)] = 0.0
     """y down,"""
     shift_z_m: Annotated[float, Range(-0.2, 0.2)] = 0.0
@@ -46,12 +48,12 @@ class Perturbation:
     """Time stamps of the video: later by this than those of the pairs."""
 
     @property
-    def said(self) -> dict[str, float]:
-        """By name, what is not 0."""
+    def nonzero(self) -> dict[str, float]:
+        """All errors that are not 0, by name."""
         return {field.name: value for field in fields(self) if (value := getattr(self, field.name))}
 
     def of_camera(self, camera: Camera, name: str) -> Camera:
-        """The `video` camera, or the left or right one, as the perturbed calibration has it."""
+        """Perturbs the `video` camera, or the left or right one."""
         whose = "video" if name == "video" else "pair"
         factor = 1 + getattr(self, f"{whose}_focal_percent") / 100
         shift = [getattr(self, f"{whose}_centre_{axis}_px") for axis in "xy"]
@@ -60,14 +62,15 @@ class Perturbation:
         )
 
     def of_rig(self, rig: Rig) -> Rig:
-        """The rig as the perturbed calibration has it; the middle of the baseline stays. It does not say how sure it is
-        of what is wrong, so that the methods correct that as far as their settings let them."""
+        """Perturbs the rig; the middle of the baseline stays. Perturbed cameras lose their calibration uncertainty, so
+        that the methods correct them as far as their settings allow."""
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
-        wrong_pair, wrong_video = (any(n.startswith(of) for n in self.said) for of in (("pair", "baseline"), "video"))
+        pair_differs = any(name.startswith(("pair", "baseline")) for name in self.nonzero)
+        video_differs = any(name.startswith("video") for name in self.nonzero)
         found = replace(
             rig,
-            video_sigma=None if wrong_video else rig.video_sigma,
-            pair_sigma=None if wrong_pair else rig.pair_sigma,
+            video_sigma=None if video_differs else rig.video_sigma,
+            pair_sigma=None if pair_differs else rig.pair_sigma,
         )
         for name in ("left", "right"):
             if getattr(rig, name) is not None and rig.has_stereo:
@@ -79,12 +82,32 @@ class Perturbation:
             return found
         turn = Pose.from_rotvec(np.radians([self.turn_x_deg, self.turn_y_deg, self.turn_z_deg]), np.zeros(3))
         shift = Pose(translation=np.array([self.shift_x_m, self.shift_y_m, self.shift_z_m]))
-        # A video camera alone is the rig: it has no place on it.
+        # A video camera without a pair is the rig itself.
         placed = shift @ rig.rig_from_video @ turn if rig.has_stereo else rig.rig_from_video
         return replace(found, video=self.of_camera(rig.video, "video"), rig_from_video=placed)
 
     def of_sequence(self, sequence: Sequence) -> Sequence:
-        """The same images with the rig, and the clock of the video, as the perturbed calibration has them."""
-        told = replace(sequence, rig=self.of_rig(sequence.rig))
+        """Returns the same images with the perturbed rig and video clock."""
+        perturbed = replace(sequence, rig=self.of_rig(sequence.rig))
         both = sequence.rig.video is not None and sequence.rig.has_stereo
-        return told.with_video_later(self.clock_ms * 1e-3) if both and self.clock_ms else told
+        return perturbed.with_video_later(self.clock_ms * 1e-3) if both and self.clock_ms else perturbed
+
+
+def predict_integrated(run: Trajectory, pairs: Trajectory, rig: Rig, perturbation: Perturbation) -> Trajectory:
+    """Predicts world_from_rig at the video frames of an integrated run, at the run's own times.
+
+    `pairs` is world_from_rig at the stereo pairs with the perturbed calibration. The shape of the video's path does not
+    change. A wrong position on the rig and a wrong clock move that path relative to the rig's; it is anchored at the
+    pairs, so that only what varies between two pairs is left.
+    """
+    perturbed = perturbation.of_rig(rig)
+    delay_ns = round(perturbation.clock_ms * 1e6)
+    own = run.moved(right=rig.rig_from_video @ perturbed.rig_from_video.inverse())
+    own = replace(own, times_ns=own.times_ns + delay_ns)
+    inside = pairs.times_ns[(pairs.times_ns >= own.times_ns[0]) & (pairs.times_ns <= own.times_ns[-1])]
+    inside = np.setdiff1d(inside, own.times_ns)
+    at_pairs = interpolate(own, inside, "linear")
+    both = Trajectory.of([*own.items(), *at_pairs.items()], run.frame)
+    found = anchored(both, pairs)
+    found = found.select(np.isin(found.times_ns, own.times_ns))
+    return replace(found, times_ns=found.times_ns - delay_ns)

@@ -1,4 +1,4 @@
-"""What the key frames of a run saw: a problem of poses, points, and what the method itself corrects in its cameras."""
+"""The observations of a run's keyframes, as a bundle adjustment of poses, points and the method's self-calibration."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from ispom.types import Frame, Rig
 
 MIN_DEPTH = 1e-6
 GROSS = 1e3
-"""Error [scales] of a point that a change puts behind its camera."""
+"""Error [loss widths] of a point that a change moves behind its camera."""
 
 
 @dataclass(frozen=True)
 class Adjustment:
-    """How a method adjusts what its key frames saw."""
+    """How a method adjusts its keyframes."""
 
     sigmas: tuple[float, ...]
-    """What it corrects in its camera or pair, standard deviations before any data; 0 for what it does not.
+    """Prior standard deviations of the corrections of its camera or pair; 0 for those that it does not estimate.
 
     As Window.extra: of one camera (f, k), of a pair as right_camera.TERMS.
     """
     loss_px: float = 1.0
-    """Scale of the loss, in the units of which `sigmas` are."""
+    """Width of the loss."""
     window: int = 2
-    """Key frames that are adjusted together: what leaves them is settled, and what is learned later is late for it."""
+    """Number of keyframes adjusted together; those that leave are final."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Key frames, points, and where the one saw the other."""
+    """Keyframes, points and observations."""
 
     rig: Rig
     camera: Frame
@@ -50,19 +50,19 @@ class Scene:
     xyz_in_world: Array
     """(M, 3)."""
     view: NDArray[np.int64]
-    """(N,) the key frame of each observation."""
+    """(N,) index of each observation's keyframe."""
     point: NDArray[np.int64]
-    """(N,) its point."""
+    """(N,) index of its point."""
     uv: Array
     """(N, 2) [px]."""
     right_px: Array
-    """(N,) column in the right image, where the points are taken to be seen there; NaN for one camera."""
-    late: Array
-    """(N, 2) how fast each point moves in the right image [1/s]; 0 for one camera."""
+    """(N,) predicted column in the right image; NaN for one camera."""
+    right_rate: Array
+    """(N, 2) velocity of each point in the right image [1/s]; 0 for one camera."""
 
     @staticmethod
     def of(found: SceneMap, rig: Rig) -> Scene:
-        """All that is seen in two key frames at least (of a pair, in one) and before its camera."""
+        """Takes all points observed in at least two keyframes (of a pair, in one) and in front of their cameras."""
         keys, camera = found.key_frames, found.key_frames.frame
         order = np.argsort(found.landmarks.ids, kind="stable")
         ids, xyz = found.landmarks.ids[order], found.landmarks.xyz_in_world[order].astype(float)
@@ -79,22 +79,43 @@ class Scene:
         right = np.full(len(z), np.nan)
         if camera == "left" and rig.has_stereo:
             right = uv[:, 0] - rig.camera("left").fx * rig.baseline_m / z
-        late = np.zeros((len(z), 2))
+        right_rate = np.zeros((len(z), 2))
         if camera == "left" and rig.has_stereo:
             near = np.einsum("nij,nj->ni", rotations[view], xyz[used][point]) + translations[view]
-            late = drift(near, _rates(keys.times_ns, rotations, translations)[view], 0.0, rig.baseline_m)
-        return Scene(rig, camera, keys.times_ns, rotations, translations, xyz[used], view, point, uv, right, late)
+            right_rate = drift(near, _rates(keys.times_ns, rotations, translations)[view], 0.0, rig.baseline_m)
+        return Scene(
+            rig=rig,
+            camera=camera,
+            times_ns=keys.times_ns,
+            rotations=rotations,
+            translations=translations,
+            xyz_in_world=xyz[used],
+            view=view,
+            point=point,
+            uv=uv,
+            right_px=right,
+            right_rate=right_rate,
+        )
 
     def until(self, count: int) -> tuple[Scene, NDArray[np.bool_]]:
-        """The first `count` key frames with what they saw, and which observations (N,) that is."""
+        """Returns the first `count` keyframes with their observations, and which of all observations (N,) those are."""
         keep = self.view < count
-        if not self.is_pair:  # one view of one camera says nothing
+        if not self.is_pair:  # one view of one camera gives no depth
             keep &= np.bincount(self.point[keep], minlength=len(self.xyz_in_world))[self.point] >= 2
         used, point = np.unique(self.point[keep], return_inverse=True)
         part = Scene(
-            self.rig, self.camera, self.times_ns[:count], self.rotations[:count], self.translations[:count],
-            self.xyz_in_world[used], self.view[keep], point, self.uv[keep], self.right_px[keep], self.late[keep],
-        )  # fmt: skip
+            rig=self.rig,
+            camera=self.camera,
+            times_ns=self.times_ns[:count],
+            rotations=self.rotations[:count],
+            translations=self.translations[:count],
+            xyz_in_world=self.xyz_in_world[used],
+            view=self.view[keep],
+            point=point,
+            uv=self.uv[keep],
+            right_px=self.right_px[keep],
+            right_rate=self.right_rate[keep],
+        )
         return part, keep
 
     @property
@@ -102,15 +123,15 @@ class Scene:
         return self.camera == "left" and self.rig.has_stereo
 
     def in_camera(self, rotations: Array, translations: Array, xyz_in_world: Array) -> Array:
-        """(N, 3) of each observation its point in its camera."""
+        """Returns each observation's point in its camera (N, 3)."""
         return np.einsum("nij,nj->ni", rotations[self.view], xyz_in_world[self.point]) + translations[self.view]
 
-    def errors(self, in_camera: Array, extra: Array, wrong: Perturbation) -> Array:
-        """(N, 2), of a pair (N, 3): predicted minus seen x, y and right x, normalised, with a wrong calibration.
+    def errors(self, in_camera: Array, extra: Array, perturbation: Perturbation) -> Array:
+        """Returns predicted minus observed x, y (N, 2), of a pair x, y and right x (N, 3), normalised and perturbed.
 
         `extra` (E,) as in Adjustment; GROSS for a point that is not before its camera.
         """
-        rig = wrong.of_rig(self.rig)
+        rig = perturbation.of_rig(self.rig)
         seen = rig.camera(self.camera).normalise(self.uv)
         z = np.where(in_camera[:, 2] > MIN_DEPTH, in_camera[:, 2], np.nan)
         xy = in_camera[:, :2] / z[:, None]
@@ -121,11 +142,11 @@ class Scene:
         xy = xy * (1 + extra[:BOTH] @ np.stack([square, square**2]))[:, None]
         camera = rig.camera("left")
         seen_right = (self.right_px - camera.cx) / camera.fx
-        offset = by_column(*self._right(in_camera), self.late) @ extra[:COLUMNS]
+        offset = by_column(*self._right(in_camera), self.right_rate) @ extra[:COLUMNS]
         return np.nan_to_num(np.column_stack([xy - seen, x + offset - seen_right]), nan=GROSS)
 
     def by_point(self, in_camera: Array) -> Array:
-        """(N, 2 or 3, 3) how the errors change with the point in its camera; without corrections."""
+        """Returns the derivative (N, 2 or 3, 3) of the errors by the point in its camera, without corrections."""
         iz = 1 / in_camera[:, 2]
         columns = [in_camera[:, 0] * iz, in_camera[:, 1] * iz]
         if self.is_pair:
@@ -137,11 +158,11 @@ class Scene:
         return out
 
     def by_extra(self, in_camera: Array) -> Array:
-        """(N, 2 or 3, E) how the errors change with the corrections, at none."""
+        """Returns the derivative (N, 2 or 3, E) of the errors by the corrections, at zero."""
         xy = in_camera[:, :2] / in_camera[:, 2:]
         if not self.is_pair:
             return np.stack([xy, xy * (xy**2).sum(1, keepdims=True)], axis=2)
-        columns = by_column(*self._right(in_camera), self.late)
+        columns = by_column(*self._right(in_camera), self.right_rate)
         out, square = np.zeros((len(columns), 3, PAIR)), (xy**2).sum(1)
         out[:, 2, :COLUMNS] = columns
         for power in range(BOTH):
@@ -149,14 +170,14 @@ class Scene:
         return out
 
     def row_information(self, rotations: Array, translations: Array, xyz_in_world: Array) -> Array:
-        """(E, E) what rows of a pair say of its corrections, by observations of unit deviation; 0 for one camera."""
+        """Returns the information (E, E) of a pair's rows on its corrections, at unit noise; 0 for one camera."""
         if not self.is_pair:
             return np.zeros((LENS, LENS))
-        rows = by_row(*self._right(self.in_camera(rotations, translations, xyz_in_world)), self.late)
+        rows = by_row(*self._right(self.in_camera(rotations, translations, xyz_in_world)), self.right_rate)
         return rows.T @ rows
 
     def _right(self, in_camera: Array) -> tuple[Array, Array]:
-        """Places (N, 2) in the right image, normalised, and disparities (N,)."""
+        """Returns positions (N, 2) in the right image, normalised, and disparities (N,)."""
         disparity = self.rig.baseline_m / np.maximum(in_camera[:, 2], MIN_DEPTH)
         right = in_camera[:, :2] / np.maximum(in_camera[:, 2:], MIN_DEPTH)
         right[:, 0] -= disparity
@@ -164,7 +185,7 @@ class Scene:
 
 
 def _rates(times_ns: NDArray[np.int64], rotations: Array, translations: Array) -> Array:
-    """(K, 6) change of camera_from_world (rho [m/s], phi [rad/s]; left), from the key frame before to the one after."""
+    """Returns velocities (K, 6) of camera_from_world (rho [m/s], phi [rad/s]; left), by the neighbouring keyframes."""
     last = len(times_ns) - 1
     out = np.zeros((last + 1, 6))
     for k in range(last + 1):

@@ -1,5 +1,4 @@
-"""One camera of OpenCV's or ROS's kind: camera matrix and coefficients, how it is rectified, and which part of the
-sensor its images show. In files with OpenCV's names, and in ROS's messages with K, D, R and P."""
+"""The entries of a camera_info, in ROS's messages and in the YAML of ROS and OpenCV: K, D, R, P and the sizes."""
 
 from __future__ import annotations
 
@@ -9,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.calibrations.placed import camera_from
-from ispom.io.lens import coefficients, intrinsics_of, lens_of
+from ispom.io.calibrations.pair import rectified
+from ispom.io.calibrations.placed import FlowDumper, Placed, camera_from, rotation_of
+from ispom.io.camera import coefficients, intrinsics_of, lens_of
 from ispom.io.mapping import finite_numbers
-from ispom.io.rotations import rotation_of
 from ispom.types import Camera
 
 MATRICES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "camera_matrix_", "intrinsic_matrix", "mtx", "K", "M")
 """Names that a camera matrix has, in OpenCV's samples, tutorials and ROS; in a pair's file with 1 or 2 behind them."""
 _MESSAGE = ("k",)
-"""And in ROS 2's messages; with a number behind it, it would be a coefficient."""
+"""As in ROS 2's messages; with a number at its end, it would be a coefficient."""
 _DISTORTIONS = ("distortion_coefficients", "Distortion_Coefficients", "distortion_coeffs", "distCoeffs", "dist_coeffs")
 _DISTORTIONS = (*_DISTORTIONS, "distCoeff", "dist_coeff", "dist", "D", "d")
 _WIDTHS, _HEIGHTS = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
@@ -38,7 +38,7 @@ class CameraInfo:
     """A camera, and how its images are rectified."""
 
     raw: Camera
-    """Of the images as they are: a binned sensor's, or a part of it."""
+    """Size of the images as recorded: possibly binned, or a part of the sensor."""
     turn: Array
     """(3, 3) rectified_from_raw."""
     projection: Array | None
@@ -47,8 +47,8 @@ class CameraInfo:
 
     @property
     def pair_from_camera(self) -> Pose | None:
-        """Where it sits in the rectified left camera of its pair: P has the baseline, as -fx times it. None where it
-        is not rectified."""
+        """Pose in the rectified left camera of its pair: P has the baseline, as -fx times it. None where it is not
+        rectified."""
         p = self.projection
         if p is None:
             return None
@@ -56,15 +56,17 @@ class CameraInfo:
 
 
 def matrix_key(content: Mapping[Any, Any], n: str = "") -> str | None:
-    """The name that camera n's matrix has in a file; None where it has none."""
+    """Returns the name that camera n's matrix has in a file; None where it has none."""
     return _key(content, MATRICES if n else (*MATRICES, *_MESSAGE), n)
 
 
 def camera_info(
     path: Path, content: Mapping[Any, Any], n: str = "", where: str = "", size: ImageSize | None = None
 ) -> CameraInfo:
-    """Camera n of a file's entries, or of a message that is called `where` ("/left/camera_info: "). `size` gives
-    that of the images, which counts where there is none. InputError names the entry that is missing or wrong."""
+    """Reads camera n of a file's entries, or of a message with the name `where` ("/left/camera_info: ").
+
+    `size` is that of the images, used where there is none. Raises InputError that names the missing or invalid entry.
+    """
     lens = lens_of(path, content, where, n)
     key, other = matrix_key(content, n), _key(content, _DISTORTIONS, n)
     if key is None:
@@ -87,7 +89,8 @@ def camera_info(
 
 
 def values(path: Path, where: str, entry: Any, count: int) -> Array:
-    """The `count` numbers of a matrix: OpenCV's and ROS's with rows, cols and data, or lists of numbers or rows."""
+    """Returns the `count` numbers of a matrix: OpenCV's and ROS's with rows, cols and data, or lists of numbers or
+    rows."""
     return np.array(finite_numbers(path, where, _flat(entry), count))
 
 
@@ -121,8 +124,8 @@ def _size(
 
 
 def _as_imaged(path: Path, where: str, content: Mapping[Any, Any], info: CameraInfo) -> CameraInfo:
-    """Of the part of the sensor that is read out, binned, as ROS's image_geometry has it: its K and P are those of the
-    whole sensor."""
+    """Returns the camera of the part of the sensor that is read out, binned, as in ROS's image_geometry: its K and P
+    are those of the whole sensor."""
     region = content.get("roi")
     region = region if isinstance(region, dict) else {}
     entries = [content.get("binning_x", 0), content.get("binning_y", 0)]
@@ -158,3 +161,50 @@ def _as_imaged(path: Path, where: str, content: Mapping[Any, Any], info: CameraI
         [camera.fx, camera.fy, camera.cx, camera.cy], list(camera.distortion), camera.lens,
     )  # fmt: skip
     return CameraInfo(checked, info.turn, p, (*info.notes, note))
+
+
+def ros_texts(cameras: list[Placed]) -> dict[str, str]:
+    """Writes a YAML for each camera, by name.
+
+    Left and right are rectified as a pair, so that P has their baseline. The others have the identity as rectification,
+    and the projection of the camera itself. Raises InputError where the pair cannot be rectified.
+    """
+    found = {each.name: ros_text(each) for each in cameras}
+    by_name = {each.name: each for each in cameras}
+    if {"left", "right"} <= set(by_name):
+        left, right = by_name["left"], by_name["right"]
+        try:
+            turns = rectified(left.camera, right.camera, right.pose.inverse() @ left.pose)
+        except ValueError as fault:
+            raise InputError(f"ROS has no pair of these cameras ({fault}): choose --format kalibr or opencv") from None
+        found |= {"left": _text(left, turns[0], turns[2]), "right": _text(right, turns[1], turns[3])}
+    return found
+
+
+def ros_text(each: Placed) -> str:
+    """Calibration of the camera itself, not of a pair."""
+    return _text(each, np.eye(3), np.hstack([each.camera.matrix, np.zeros((3, 1))]))
+
+
+def _text(each: Placed, rectification: Array, projection: Array) -> str:
+    camera = each.camera
+    model, count = "plumb_bob", 5
+    if camera.lens == "fisheye":
+        model, count = "equidistant", 4
+    elif len(camera.distortion) > 5:
+        model, count = "rational_polynomial", 8
+    content: dict[str, Any] = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": each.name,
+        "camera_matrix": _matrix(camera.matrix),
+        "distortion_model": model,
+        "distortion_coefficients": _matrix(np.array([[*camera.distortion, *(0.0,) * 8][:count]])),
+        "rectification_matrix": _matrix(rectification),
+        "projection_matrix": _matrix(projection),
+    }
+    return yaml.dump(content, Dumper=FlowDumper, sort_keys=False, width=200)
+
+
+def _matrix(values: Array) -> dict[str, Any]:
+    return {"rows": values.shape[0], "cols": values.shape[1], "data": np.ravel(values).tolist()}

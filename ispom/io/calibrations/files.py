@@ -7,13 +7,12 @@ from typing import Literal
 import yaml
 
 from ispom.errors import InputError
-from ispom.io.calibrations.colmap_cameras import colmap_cameras_text
-from ispom.io.calibrations.euroc_sensor import euroc_sensor_text
-from ispom.io.calibrations.kalibr import kalibr_text
+from ispom.io.calibrations.camera_info import ros_texts
+from ispom.io.calibrations.kalibr import euroc_sensor_text, kalibr_text
 from ispom.io.calibrations.opencv import opencv_text
-from ispom.io.calibrations.placed import Placed, flow
-from ispom.io.calibrations.ros import ros_texts
+from ispom.io.calibrations.placed import FlowDumper, Placed
 from ispom.io.camera import INTRINSICS, SIZES, line_delay_entry
+from ispom.io.colmap import colmap_cameras_text
 from ispom.types import Camera, Rig
 
 Format = Literal["camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
@@ -30,16 +29,16 @@ def placed_of(rig: Rig) -> list[Placed]:
 
 
 def camera_text(camera: Camera) -> str:
-    """A camera.yaml."""
+    """Returns a camera.yaml."""
     values: dict[str, object] = {"model": "fisheye"} if camera.lens == "fisheye" else {}
     values |= {key: getattr(camera, key) for key in SIZES}
     values |= {key: float(getattr(camera, key)) for key in INTRINSICS}
     values |= {"distortion": list(map(float, camera.distortion)), **line_delay_entry(camera)}
-    return yaml.dump(values, Dumper=flow(), sort_keys=False)
+    return yaml.dump(values, Dumper=FlowDumper, sort_keys=False)
 
 
 def rig_files(rig: Rig, form: Format) -> dict[str, str]:
-    """Content by file name: one file, or one for each camera where the format has no other way."""
+    """Returns contents by file name: one file, or one for each camera where the format requires it."""
     cameras = placed_of(rig)
     if form == "camera":
         if len(cameras) > 1:

@@ -1,6 +1,7 @@
-"""Kalibr's camchain.yaml: cam0, cam1, ... with T_cn_cnm1, the pose of each camera after the one before.
+"""Kalibr's camchain.yaml (cam0, cam1, ... with T_cn_cnm1, the pose of each camera after the one before), and EuRoC's
+sensor.yaml.
 
-Camchains of camera and IMU, and OpenVINS's, may have the cameras' places at the IMU instead: T_cam_imu (cam_from_imu),
+Camchains of camera and IMU, and OpenVINS's, may have the cameras' poses at the IMU instead: T_cam_imu (cam_from_imu),
 or T_imu_cam.
 """
 
@@ -15,17 +16,17 @@ import yaml
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.pair import pair_fault
-from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, matrix_of, placed, pose_of
-from ispom.io.lens import coefficients, lens_of
+from ispom.io.calibrations.placed import FlowDumper, Placed, camera_from, distortion_name, matrix_of, placed, pose_of
+from ispom.io.camera import coefficients, lens_of
 from ispom.io.mapping import finite_numbers, read_mapping
 
 BETWEEN, OF_IMU, AT_IMU = "T_cn_cnm1", "T_cam_imu", "T_imu_cam"
 ALIKE_M = 1e-3
-"""Places that a file says twice differ by less."""
+"""Largest difference of two poses that a file gives for the same camera."""
 
 
 def kalibr_text(cameras: list[Placed]) -> str:
-    """In the order given; Kalibr has no rational lens: InputError for one."""
+    """Writes the cameras in the given order. Raises InputError for a rational lens, which Kalibr does not have."""
     chain: dict[str, Any] = {}
     before: Pose | None = None
     for n, each in enumerate(cameras):
@@ -42,11 +43,11 @@ def kalibr_text(cameras: list[Placed]) -> str:
             entry["T_cn_cnm1"] = matrix_of(each.pose.inverse() @ before)
         chain[f"cam{n}"] = entry
         before = each.pose
-    return yaml.dump(chain, Dumper=flow(), sort_keys=False, width=200)
+    return yaml.dump(chain, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
 def read_kalibr(path: Path) -> list[Placed]:
-    """The cameras; cam0 is the body. InputError names the entry that is missing or wrong."""
+    """Reads the cameras; cam0 is the body. Raises InputError that names the missing or invalid entry."""
     content = read_mapping(path)
     names = sorted((key for key in content if isinstance(key, str) and is_camera(key)), key=lambda key: int(key[3:]))
     if not names:
@@ -71,14 +72,14 @@ def read_kalibr(path: Path) -> list[Placed]:
 
 
 def is_camera(key: str) -> bool:
-    """Whether an entry is called as those of cameras are."""
+    """Returns whether an entry has a name of cameras."""
     return key.startswith("cam") and key[3:].isascii() and key[3:].isdigit() and len(key) < 7
 
 
 def _pose(
     path: Path, name: str, entry: dict[Any, Any], before: Pose, first_from_imu: Pose | None, from_imu: Pose | None
 ) -> tuple[Pose, tuple[str, ...]]:
-    """Where a camera sits in the first one, and a note where the file says two things about it."""
+    """Returns the pose of a camera in the first one, and a note where the file contradicts itself."""
     by_imu = None if first_from_imu is None or from_imu is None else first_from_imu @ from_imu.inverse()
     if entry.get(BETWEEN) is None:
         if by_imu is None:
@@ -100,3 +101,39 @@ def _from_imu(path: Path, name: str, entry: dict[Any, Any]) -> Pose | None:
     if entry.get(OF_IMU) is not None:
         return pose_of(path, f"{name}.{OF_IMU}", entry[OF_IMU])
     return pose_of(path, f"{name}.{AT_IMU}", entry[AT_IMU]).inverse() if entry.get(AT_IMU) is not None else None
+
+
+# EuRoC's sensor.yaml of one camera: T_BS is body_from_camera.
+
+
+def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
+    """Writes a camera. Raises InputError for a rational lens, which EuRoC's format does not have."""
+    camera = each.camera
+    name = distortion_name(camera, {"opencv": "radial-tangential", "fisheye": "equidistant"}, "EuRoC's sensor.yaml", 4)
+    content: dict[str, Any] = {
+        "sensor_type": "camera",
+        "comment": each.name,
+        "T_BS": {"cols": 4, "rows": 4, "data": each.pose.matrix.ravel().tolist()},
+        **({} if rate_hz is None else {"rate_hz": rate_hz}),
+        "resolution": [camera.width, camera.height],
+        "camera_model": "pinhole",
+        "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
+        "distortion_model": name,
+        "distortion_coefficients": [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4],
+    }
+    return "%YAML:1.0\n" + yaml.dump(content, Dumper=FlowDumper, sort_keys=False, width=200)
+
+
+def read_euroc_sensor(path: Path, name: str = "") -> Placed:
+    """Reads a camera. Raises InputError that names the missing or invalid entry."""
+    content = read_mapping(path)
+    lens = lens_of(path, content)
+    size = finite_numbers(path, "resolution", content.get("resolution"), 2)
+    intrinsics = finite_numbers(path, "intrinsics", content.get("intrinsics"), 4)
+    distortion = coefficients(path, "distortion_coefficients", content.get("distortion_coefficients", []), lens)
+    pose = content.get("T_BS")
+    if pose is None:
+        raise InputError(f"{path}: T_BS is missing: add the camera's pose")
+    camera = camera_from(path, "the camera", np.array(size), intrinsics, distortion, lens)
+    data = pose.get("data") if isinstance(pose, dict) else pose
+    return placed(path, "", name or path.parent.name, camera, pose_of(path, "T_BS.data", data))

@@ -17,9 +17,8 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.camera_info import ImageSize, camera_info, matrix_key, values
-from ispom.io.calibrations.placed import Placed, placed
+from ispom.io.calibrations.placed import Placed, placed, rotation_of
 from ispom.io.mapping import MAX_BYTES, MAX_DEPTH, read_mapping
-from ispom.io.rotations import rotation_of
 from ispom.io.rows import read_text
 from ispom.types import Camera
 
@@ -47,11 +46,10 @@ def opencv_text(cameras: list[Placed]) -> str:
 
 
 def read_opencv(path: Path, size: ImageSize | None = None) -> list[Placed]:
-    """The cameras, the first one being the body; those that the file does not place have no pose. A camera alone is in
-    the rectified left camera of its pair, where the file says so. `size` gives that of the images, which counts where
-    the file has none.
+    """Reads the cameras, the first one being the body; those without a pose in the file have none.
 
-    InputError names the entry that is missing or wrong.
+    A single camera is in the rectified left camera of its pair, where the file has it. `size` is that of the images,
+    used where the file has none. Raises InputError that names the missing or invalid entry.
     """
     content = storage(path)
     if (key := matrix_key(content)) is not None:
@@ -71,26 +69,26 @@ def read_opencv(path: Path, size: ImageSize | None = None) -> list[Placed]:
 
 
 def read_extrinsics(path: Path) -> Pose | None:
-    """The pose of the second camera of a pair in the first, by a file that holds nothing but R and T of a pair, as
-    OpenCV's sample writes one; None of other files."""
+    """Reads the pose of the second camera of a pair in the first, from a file with only R and T of a pair, as
+    OpenCV's sample writes one; None for other files."""
     content = storage(path)
-    alone = matrix_key(content) is None and matrix_key(content, "1") is None
-    return _pose(path, content, "") if alone else None
+    only_pose = matrix_key(content) is None and matrix_key(content, "1") is None
+    return _pose(path, content, "") if only_pose else None
 
 
 def storage(path: Path) -> dict[Any, Any]:
-    """The entries of a file of OpenCV, whichever of its kinds it is; InputError where it is none."""
+    """Returns the entries of a file of OpenCV, whichever of its kinds it is. Raises InputError where it is none."""
     text = read_text(path, MAX_BYTES)
     return _of_xml(path, text) if is_xml(text) else read_mapping(path)
 
 
 def is_xml(text: str) -> bool:
-    """Whether it is OpenCV's XML."""
+    """Returns whether it is OpenCV's XML."""
     return XML_HEAD in text[:1000]
 
 
 def _pose(path: Path, content: dict[Any, Any], suffix: str) -> Pose | None:
-    """first_from_camera; None where the file does not say where it sits."""
+    """Returns first_from_camera; None where the file has no pose."""
     r, t = f"R{suffix}", f"T{suffix}"
     if r not in content or t not in content:
         return None

@@ -1,32 +1,35 @@
-"""Whether the two cameras of a stereo pair sit as a pair does, and in metres."""
+"""Checks of the geometry and the unit of a stereo pair, and its rectification."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Pose
+from ispom.types import Camera
 
 SHORTEST_M, LONGEST_M = 0.005, 2.0
 """Baselines of nearly all stereo cameras, from endoscopes to cars."""
 MILLIMETRES = 20.0
-"""A baseline of so many metres or more is one of so many millimetres; what is between is in other units."""
+"""A baseline of this many metres or more is in millimetres; between the two limits the unit is another one."""
 
 
 def pair_fault(left_from_right: Pose) -> str:
-    """What is wrong with where the right camera of a pair sits, one clause; empty where it is to the right of the left
-    one."""
+    """Returns what is wrong with the pose of the right camera, one clause; empty where it is to the right of the
+    left one."""
     x, y, z = left_from_right.translation.tolist()
     if not np.hypot(np.hypot(x, y), z) > 0:
         return "both cameras are at one place, without a baseline"
     if abs(x) <= abs(y):
-        return f"the right camera is {abs(y):.4g} m {'below' if y > 0 else 'above'} the left one, not beside it"
+        return f"the right camera is {abs(y):.4g} m {'below' if y > 0 else 'above'} the left one, not to its right"
     if x < 0:
         return f"the cameras are exchanged: the right one is {-x:.4g} m to the left of the left one"
     return ""
 
 
 def unit_note(baseline_m: float) -> str:
-    """One sentence where a baseline is not in metres, by its size, with the unit that is likely; empty elsewhere."""
+    """Returns one sentence where a baseline is not in metres, by its size, with the likely unit; empty elsewhere."""
     size = abs(baseline_m)
     if not size or SHORTEST_M <= size <= LONGEST_M:
         return ""
@@ -38,3 +41,32 @@ def unit_note(baseline_m: float) -> str:
         f"the baseline is {size:.4g} m: it is likely in squares of the board, in centimetres ({size / 100:.3g} m) "
         f"or in inches ({size * 0.0254:.3g} m), give metres"
     )
+
+
+def rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Returns rotations (3, 3) and projections (3, 4) of left and right by cv2.stereoRectify, or its fisheye
+    version.
+
+    Raises ValueError where only one of them is a fisheye, and where OpenCV finds none.
+    """
+    if left.lens != right.lens:
+        raise ValueError("one lens is a fisheye and the other is not")
+    k_left, k_right, size = left.matrix, right.matrix, (left.width, left.height)
+    d_left, d_right = coefficients_of(left), coefficients_of(right)
+    turn, shift = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
+    flags = cv2.CALIB_ZERO_DISPARITY
+    given = (k_left, d_left, k_right, d_right, size, turn, shift)
+    try:
+        if left.lens == "fisheye":
+            found = cv2.fisheye.stereoRectify(*given, flags, balance=0.0)[:4]
+        else:
+            found = cv2.stereoRectify(*given, flags=flags, alpha=0)[:4]
+    except cv2.error:
+        raise ValueError("OpenCV cannot rectify them") from None
+    r_left, r_right, p_left, p_right = (np.asarray(matrix, float) for matrix in found)
+    return r_left, r_right, p_left, p_right
+
+
+def coefficients_of(camera: Camera) -> NDArray:
+    """Its distortion as OpenCV takes it."""
+    return np.array(camera.distortion or (0.0,) * (4 if camera.lens == "fisheye" else 0), float)

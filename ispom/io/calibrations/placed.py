@@ -1,4 +1,4 @@
-"""A camera and where it sits, between the formats; and the pieces that several formats share."""
+"""Rotation matrices in files: rounded as files are, made orthonormal here."""
 
 from __future__ import annotations
 
@@ -13,9 +13,37 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import doubts, usable
 from ispom.io.mapping import finite_numbers
-from ispom.io.rotations import rotation_of
 from ispom.types import Camera
 from ispom.types.camera import Lens
+
+ROUNDED = 1e-3
+"""Largest deviation of a rotation in a file from an orthonormal matrix, whatever its digits."""
+EXACT = 1e-12
+"""Rotations nearer than this to one are taken as they stand."""
+_SHARE = 2.0
+"""Rounding moves each value by half of its last digit, and so R R^T by up to sqrt(3) of one."""
+
+
+def rotation_of(path: Path, where: str, matrix: Array) -> Array:
+    """Returns the rotation (3, 3) nearest to a matrix (3, 3). Raises InputError where rounding does not explain the
+    difference."""
+    away = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
+    if away > max(ROUNDED, _SHARE * 10.0 ** -_decimals(matrix)) or np.linalg.det(matrix) <= 0:
+        raise InputError(f"{path}: {where} is no rotation (its rows are not of length 1 at right angles): correct it")
+    if away <= EXACT:
+        return matrix
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
+
+
+def _decimals(matrix: Array) -> int:
+    """Returns the digits after the point of the value with most of them; at least 2."""
+    words = [np.format_float_positional(value, trim="-") for value in np.ravel(matrix)]
+    return max(2, *(len(word.partition(".")[2]) for word in words))
+
+
+# A camera and where it sits, between the formats; and the pieces that several formats share.
+
 
 HOMOGENEOUS = 1e-6
 """The last row of a rigid motion is 0 0 0 1, to this."""
@@ -28,14 +56,15 @@ class Placed:
     name: str
     camera: Camera
     body_from_camera: Pose | None
-    """None where its file does not say where it sits."""
+    """None where its file has no pose."""
     notes: tuple[str, ...] = ()
     """Sentences about what of the file is skipped, and what in it is likely a mistake."""
 
     @property
     def pose(self) -> Pose:
-        """The same, of a camera whose place is known."""
-        assert self.body_from_camera is not None
+        """body_from_camera. Raises ValueError where it is not known."""
+        if self.body_from_camera is None:
+            raise ValueError(f"the pose of {self.name} is not known")
         return self.body_from_camera
 
     def at(self, body_from_camera: Pose | None) -> Placed:
@@ -50,14 +79,14 @@ def placed(
     body_from_camera: Pose | None,
     notes: tuple[str, ...] = (),
 ) -> Placed:
-    """A camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
+    """Returns a camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
     return Placed(name, camera, body_from_camera, (*notes, *doubts(camera, f"{path}: {where}".rstrip(": "))))
 
 
 def camera_from(
     path: Path, where: str, size: Array, intrinsics: list[float], distortion: list[float], lens: str
 ) -> Camera:
-    """The camera of a file's numbers; InputError says what is impossible about it."""
+    """Returns the camera of a file's values. Raises InputError for an impossible one."""
     width, height = (float(side) for side in size)
     if not (width > 0 and height > 0 and width == int(width) and height == int(height)):
         raise InputError(f"{path}: the size of {where} is not in whole pixels: correct it")
@@ -75,7 +104,7 @@ def matrix_of(pose: Pose) -> list[list[float]]:
 
 
 def pose_of(path: Path, where: str, value: Any) -> Pose:
-    """Of a (4, 4) matrix as nested or flat lists; InputError where it is no rigid motion."""
+    """Reads a (4, 4) matrix as nested or flat lists. Raises InputError where it is no rigid motion."""
     flat = value
     if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) for row in value):
         flat = [number for row in value for number in row]
@@ -88,7 +117,7 @@ def pose_of(path: Path, where: str, value: Any) -> Pose:
 
 
 def distortion_name(camera: Camera, names: dict[str, str], program: str, most: int) -> str:
-    """The format's name of the lens; InputError where it has none that holds all coefficients."""
+    """Returns the format's name of the lens. Raises InputError where it has none that holds all coefficients."""
     if any(camera.distortion[most:]):
         raise InputError(
             f"{program} has no lens with {len(camera.distortion)} coefficients: calibrate with --model radtan, "
@@ -97,19 +126,17 @@ def distortion_name(camera: Camera, names: dict[str, str], program: str, most: i
     return names[camera.lens]
 
 
-class _Flow(yaml.SafeDumper):
+class FlowDumper(yaml.SafeDumper):
     """Lists of numbers on one line, numbers with all their digits."""
 
 
-def flow() -> type[yaml.SafeDumper]:
-    return _Flow
-
-
-_Flow.add_representer(float, lambda dumper, value: dumper.represent_scalar("tag:yaml.org,2002:float", _float(value)))
-_Flow.add_representer(
+FlowDumper.add_representer(
+    float, lambda dumper, value: dumper.represent_scalar("tag:yaml.org,2002:float", _float(value))
+)
+FlowDumper.add_representer(
     list, lambda dumper, value: dumper.represent_sequence("tag:yaml.org,2002:seq", value, flow_style=_is_flat(value))
 )
-_Flow.ignore_aliases = lambda self, data: True  # type: ignore[method-assign]
+FlowDumper.ignore_aliases = lambda self, data: True  # type: ignore[method-assign]
 
 
 def _is_flat(value: list[Any]) -> bool:

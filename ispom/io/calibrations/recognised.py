@@ -1,4 +1,4 @@
-"""A calibration in any of the known formats, recognised by what the file holds."""
+"""Reads calibrations of all known formats, recognised by their content."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import Any
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.camera_info import ImageSize, matrix_key
-from ispom.io.calibrations.colmap_cameras import read_colmap_cameras
-from ispom.io.calibrations.euroc_sensor import read_euroc_sensor
 from ispom.io.calibrations.files import placed_of
-from ispom.io.calibrations.kalibr import is_camera, read_kalibr
+from ispom.io.calibrations.kalibr import is_camera, read_euroc_sensor, read_kalibr
 from ispom.io.calibrations.opencv import is_xml, read_extrinsics, read_opencv
 from ispom.io.calibrations.pair import pair_fault, unit_note
 from ispom.io.calibrations.placed import Placed, placed
 from ispom.io.camera import INTRINSICS, SIZES, camera_of, skipped_note
+from ispom.io.colmap import read_colmap_cameras
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
 from ispom.io.rig import CAMERAS, ENTRIES, read_rig
@@ -29,7 +28,7 @@ KNOWN = (
     "COLMAP's cameras.txt"
 )
 SUFFIXES = (".yaml", ".yml", ".xml", ".json")
-"""Of the files that are looked for in a folder."""
+"""Largest number of files that are examined in a folder."""
 UPSIDE_DOWN = 0.9
 """First number of a quaternion that is likely its w."""
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
@@ -38,31 +37,26 @@ _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFile:
-    """What one file says."""
+    """The content of one file."""
 
     path: Path
     cameras: list[Placed]
     rig: Rig | None = None
-    """Of a rig.yaml, as it stands."""
+    """The content of a rig.yaml."""
     second: Pose | None = None
     """first_from_second of a pair, where the file has nothing else."""
     is_relative: bool = False
-    """Whether the places are those of one camera in another, and not on a body that the file knows."""
+    """The poses are those of one camera in another, not on a body that the file defines."""
     of_pair: bool = False
-    """Whether they mean something for a left and a right camera only: ROS's camera_info places any other at 0."""
+    """The poses are valid for a left and a right camera only: ROS's camera_info has any other at 0."""
     entries: dict[Any, Any] = field(default_factory=dict)
-    """All of it, which may be more than the camera, such as the rate of its images; none where they are of several."""
-
-
-def any_camera(path: Path) -> Camera:
-    """The one camera of a file; InputError where it holds several, or none."""
-    return one_camera(path)[0]
+    """All entries, also those that are not of the camera, such as the rate of its images; empty for several cameras."""
 
 
 def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[Any, Any], tuple[str, ...]]:
-    """The same, with all entries of the file, and notes about what is skipped or likely wrong.
+    """Reads the one camera of a file, with all entries of the file, and notes about what is skipped or likely wrong.
 
-    `size` gives that of the images, which counts where the file has none.
+    `size` is that of the images, used where the file has none.
     """
     found = _read(path, size)
     if len(found.cameras) != 1:
@@ -70,21 +64,15 @@ def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[
     return found.cameras[0].camera, found.entries, found.cameras[0].notes
 
 
-def any_rig(paths: tuple[Path, ...]) -> Rig:
-    """The rig of one file, or of files of one camera each; a folder holds such files, or folders with sensor.yaml.
-
-    Cameras are called by the names in the files, else left, right and video in this order; one alone is video.
-    InputError where a file is of no known format, several cameras have no poses, or a pair is the wrong way round.
-    """
-    return one_rig(paths)[0]
-
-
 def one_rig(
     paths: tuple[Path, ...], every_placed: bool = True, size: ImageSize | None = None
 ) -> tuple[Rig, tuple[str, ...]]:
-    """The same, with notes about what is skipped or likely wrong.
+    """Reads the rig of one file, or of files of one camera each, with notes about what is skipped or likely wrong.
 
-    Unless `every_placed`, the video camera of a rig.yaml may be without a pose: it is then that of the rig.
+    A folder holds such files, or folders with sensor.yaml. Cameras have the names of the files, else left, right and
+    video in this order; a single one is video. Unless `every_placed`, the video camera of a rig.yaml may be without a
+    pose: it is then that of the rig. Raises InputError where a file is of no known format, several cameras have no
+    poses, or left and right are exchanged.
     """
     found = [_read(file, size, every_placed) for path in paths for file in _files(path)]
     cameras = [each for file in found for each in file.cameras]
@@ -103,8 +91,8 @@ def one_rig(
 
 
 def _pair_notes(path: Path, rig: Rig, others: tuple[str, ...]) -> tuple[str, ...]:
-    """About a pair whose baseline is no such; InputError, with the `others` that may be its reason, where it is the
-    wrong way round."""
+    """Returns notes about the baseline of a pair. Raises InputError, with the `others` that may be the reason, where
+    left and right are exchanged."""
     if not rig.has_stereo:
         return ()
     between = rig.rig_from_left.inverse() @ rig.rig_from_right
@@ -117,11 +105,11 @@ def _pair_notes(path: Path, rig: Rig, others: tuple[str, ...]) -> tuple[str, ...
 
 
 def _placed(path: Path, found: list[CalibrationFile], by_name: dict[str, Placed]) -> list[Placed]:
-    """The cameras with their places; InputError where those of several are not known."""
+    """Returns the cameras with their poses. Raises InputError where those of several are not known."""
     cameras = list(by_name.values())
     if len(cameras) == 1:
-        alone = cameras[0]
-        return [alone.at(Pose()) if alone.body_from_camera is None or found[0].is_relative else alone]
+        single = cameras[0]
+        return [single.at(Pose()) if single.body_from_camera is None or found[0].is_relative else single]
     if any(file.of_pair for file in found) and set(by_name) != {"left", "right"}:
         cameras = [each.at(None) for each in cameras]
     second = next((file.second for file in found if file.second is not None), None)
@@ -149,7 +137,7 @@ def _names(path: Path, found: list[Placed]) -> tuple[str, ...]:
 
 
 def _role(name: str) -> str:
-    """Left, right or video, of names such as narrow_stereo/left, left_camera or cam0."""
+    """Returns left, right or video for names such as narrow_stereo/left, left_camera or cam0."""
     word = name.lower().rsplit("/", 1)[-1]
     sides = {side for side in ("left", "right") if side in re.split(r"[^a-z]+", word)}
     return sides.pop() if len(sides) == 1 else _ALIASES.get(word, word)
@@ -173,7 +161,7 @@ def _is_of_camera(path: Path) -> bool:
 
 
 def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) -> CalibrationFile:
-    """What a file says, by the format that its entries show."""
+    """Reads a file by the format that its entries show."""
     text, suffix = read_text(path, MAX_BYTES), path.suffix.lower()
     unknown = InputError(f"{path} is no calibration that is known: give {KNOWN}")
     if suffix == ".txt":
@@ -207,7 +195,8 @@ def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) 
 
 
 def _order_note(path: Path, each: Placed) -> tuple[str, ...]:
-    """About a camera of a rig.yaml that looks backwards, upside down: 1 0 0 0 is no rotation where w comes first."""
+    """Returns a note about a camera of a rig.yaml that looks backwards, upside down: 1 0 0 0 is no rotation where w
+    comes first."""
     x, y, z, w = each.pose.xyzw.tolist()
     if abs(x) < UPSIDE_DOWN or max(map(abs, (y, z, w))) > 1 - UPSIDE_DOWN:
         return ()

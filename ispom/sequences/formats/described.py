@@ -28,7 +28,7 @@ from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.sequences.formats.folder import TIMES, holds_images, named_images
 from ispom.sequences.formats.streams import Given, streams
 from ispom.sequences.formats.video import looks_like_video

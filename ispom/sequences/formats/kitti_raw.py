@@ -16,8 +16,7 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder, names
-from ispom.io.kitti_raw import image_size, raw_camera, read_calibrations, read_timestamps
-from ispom.io.oxts import read_oxts, read_rigid
+from ispom.io.kitti import image_size, raw_camera, read_calibrations, read_oxts, read_rigid, read_timestamps
 from ispom.sequences.images import read_image
 from ispom.sequences.matching import truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side

@@ -14,13 +14,11 @@ from ispom.io.files import expanded
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.scenario import looks_like_scenario
 from ispom.sequences.rectification import Rectification, remapped
-from ispom.simulation.ahead import AheadRenderer
-from ispom.simulation.cache import ImageCache, default_folder, source_key
 from ispom.simulation.cameras import Timing
-from ispom.simulation.meshes import mesh_name
-from ispom.simulation.motions import motion_of
-from ispom.simulation.process import render_pool
-from ispom.simulation.route import Route, route_name
+from ispom.simulation.motions import Route, motion_of, route_name
+from ispom.simulation.places.meshes import mesh_name
+from ispom.simulation.rendering.cache import AheadRenderer, ImageCache, default_folder, source_key
+from ispom.simulation.rendering.process import render_pool
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
 from ispom.simulation.source import Source
 from ispom.types import Exposure, Image, Rig, Sequence, StereoPair, Trajectory, VideoFrame

@@ -7,7 +7,7 @@ from pathlib import Path
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.rows import increasing_times_ns, read_rows
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.sequences.formats.folder import read_settings, settings_in
 from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there

@@ -1,6 +1,6 @@
-"""Wrong calibrations of each kind: what the estimators are told is not what made the images.
+"""Wrong calibrations: the estimators get another one than that which made the images.
 
-Simulated rigs say that they are exact; these say nothing of how sure they are.
+Simulated rigs are marked as exact; these have no calibration uncertainty.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ispom.types import Camera, Frame, Image, Sequence
 
 @dataclass(frozen=True, kw_only=True)
 class WrongLens:
-    """The interior orientation that is told."""
+    """Wrong interior orientation."""
 
     camera: Literal["video", "stereo"] = "video"
-    """Of the pair both, which share it."""
+    """The pair's cameras share it."""
     focal_percent: Annotated[float, Range(-50, 50)] = 1.0
     """More than it is."""
     centre_x_px: Annotated[float, Range(-100, 100)] = 0.0
@@ -33,11 +33,11 @@ class WrongLens:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         if self.camera == "video":
-            return replace(sequence, rig=replace(rig, video=self.told(rig.camera("video")), video_sigma=None))
-        left, right = (self.told(rig.camera(name)) for name in ("left", "right"))
+            return replace(sequence, rig=replace(rig, video=self.wrong(rig.camera("video")), video_sigma=None))
+        left, right = (self.wrong(rig.camera(name)) for name in ("left", "right"))
         return replace(sequence, rig=replace(rig, left=left, right=right, pair_sigma=None))
 
-    def told(self, camera: Camera) -> Camera:
+    def wrong(self, camera: Camera) -> Camera:
         factor = 1 + self.focal_percent / 100
         lens = camera.distortion
         return replace(
@@ -52,7 +52,7 @@ class WrongLens:
 
 @dataclass(frozen=True, kw_only=True)
 class WrongBaseline:
-    """The distance of the stereo cameras that is told: an error of scale."""
+    """Wrong distance of the stereo cameras: an error of scale."""
 
     percent: Annotated[float, Range(-50, 50)] = 1.0
     """More than it is."""
@@ -65,12 +65,12 @@ class WrongBaseline:
 
 @dataclass(frozen=True, kw_only=True)
 class WrongPair(Spell):
-    """The right camera is turned since the pair was calibrated; the told rig has not changed."""
+    """The right camera has rotated since the pair was calibrated; the rig is unchanged."""
 
     pitch_deg: Annotated[float, Range(-5, 5)] = 0.0
     """About its x axis: rows no longer agree."""
     yaw_deg: Annotated[float, Range(-5, 5)] = 0.05
-    """About its y axis: all disparities change alike."""
+    """About its y axis: all disparities change by the same amount."""
     roll_deg: Annotated[float, Range(-5, 5)] = 0.0
     """About its z axis."""
 
@@ -84,30 +84,30 @@ class WrongPair(Spell):
             seen = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             return np.asarray(seen, np.uint8)
 
-        unsure = replace(sequence, rig=replace(sequence.rig, pair_sigma=None))
-        return with_images(unsure, change, self, "right")
+        uncertain = replace(sequence, rig=replace(sequence.rig, pair_sigma=None))
+        return with_images(uncertain, change, self, "right")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrongShutter:
-    """How fast the rows of all cameras are told to be exposed one after the other, where their shutters roll."""
+    """Wrong line delay of all cameras with a rolling shutter."""
 
     percent: Annotated[float, Range(-100, 100)] = -100.0
-    """Slower than they are; -100: nothing is said of a rolling shutter."""
+    """Slower than it is; -100: no rolling shutter."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
-        video, left, right = (self.told(rig.camera(name)) for name in ("video", "left", "right"))
-        told = replace(rig, video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
-        return replace(sequence, rig=told)
+        video, left, right = (self.wrong(rig.camera(name)) for name in ("video", "left", "right"))
+        wrong = replace(rig, video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
+        return replace(sequence, rig=wrong)
 
-    def told(self, camera: Camera) -> Camera:
+    def wrong(self, camera: Camera) -> Camera:
         return replace(camera, line_delay_s=(1 + self.percent / 100) * camera.line_delay_s)
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrongMount:
-    """The pose of the video camera on the rig that is told: turned and shifted along the camera's own axes."""
+    """Wrong pose of the video camera on the rig: rotated and shifted along the camera's own axes."""
 
     pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
     yaw_deg: Annotated[float, Range(-90, 90)] = 0.5
@@ -118,6 +118,6 @@ class WrongMount:
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         turn = np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg])
-        was_from_told = Pose.from_rotvec(turn, np.array([self.x_m, self.y_m, self.z_m]))
+        was_from_wrong = Pose.from_rotvec(turn, np.array([self.x_m, self.y_m, self.z_m]))
         rig = sequence.rig
-        return replace(sequence, rig=replace(rig, rig_from_video=rig.rig_from_video @ was_from_told))
+        return replace(sequence, rig=replace(rig, rig_from_video=rig.rig_from_video @ was_from_wrong))

@@ -1,4 +1,4 @@
-"""What a fault is: a value that makes another sequence of a sequence, whose truth stays exact."""
+"""The contract of faults, which change a sequence and keep its ground truth exact, and faults of times and clocks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Fault(Protocol):
     """A frozen dataclass of plain values."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        """The sequence with this fault; the same for the same seed."""
+        """Returns the sequence with this fault; the same for the same seed."""
         ...
 
 
@@ -31,7 +31,7 @@ class Spell:
     """When a fault is there."""
 
     from_s: Annotated[float, Range(0, 3600)] = 0.0
-    """Since the first exposure [s]."""
+    """Since the first frame [s]."""
     until_s: Annotated[float, Range(0, 3600)] = 3600.0
 
     def covers(self, sequence: Sequence, time_ns: int) -> bool:
@@ -40,7 +40,7 @@ class Spell:
 
 
 def with_images(sequence: Sequence, change: Change, spell: Spell, cameras: Cameras = "all") -> Sequence:
-    """With the images of these cameras changed, during the spell."""
+    """Changes the images of these cameras during the fault."""
 
     def changed(image: Image, camera: Frame, time_ns: int) -> Image:
         return change(image, camera, time_ns) if cameras in ("all", camera) else image
@@ -59,7 +59,7 @@ def with_images(sequence: Sequence, change: Change, spell: Spell, cameras: Camer
 
 
 def random_of(*what: object) -> np.random.Generator:
-    """The same numbers for the same values."""
+    """Returns the same generator for the same values."""
     return np.random.Generator(np.random.SFC64(zlib.crc32(repr(what).encode())))
 
 
@@ -68,3 +68,67 @@ def read_out(light: np.ndarray, noise_left: float, *what: object) -> Image:
     sigma = NOISE_SIGMA * float(np.sqrt(max(0.0, 1 - noise_left**2)))
     noise = random_of(*what).standard_normal(light.shape, np.float32)
     return np.clip(light + np.float32(sigma) * noise + 0.5, 0, 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dropped(Spell):
+    """Exposures that never come."""
+
+    kind: Literal["video", "stereo"] = "video"
+    share: Annotated[float, Range(0, 0.95)] = 0.2
+    """Share of the frames of this kind, the first one excluded."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        gone = set(_chosen(self, sequence, seed, "dropped").tolist())
+        kept = [i for i in range(len(sequence)) if i not in gone]
+        prepare = sequence.prepare
+        return replace(
+            sequence,
+            times_ns=sequence.times_ns[kept],
+            kinds=tuple(sequence.kinds[i] for i in kept),
+            load=lambda i: sequence.load(kept[i]),
+            prepare=None if prepare is None else lambda i: prepare(kept[i]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repeated(Spell):
+    """Exposures that show the images of the one before, as new."""
+
+    kind: Literal["video", "stereo"] = "video"
+    share: Annotated[float, Range(0, 0.95)] = 0.2
+    """Share of the frames of this kind, the first one excluded."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        again = set(_chosen(self, sequence, seed, "repeated").tolist())
+        shown, last = np.arange(len(sequence)), -1
+        for i in (i for i, kind in enumerate(sequence.kinds) if kind == self.kind):
+            last = last if i in again else i
+            shown[i] = last
+
+        def load(i: int) -> Exposure:
+            seen = sequence.load(int(shown[i]))
+            return replace(seen, time_ns=int(sequence.times_ns[i]))
+
+        return replace(sequence, load=load)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """The video camera's clock against the stereo pair's."""
+
+    late_s: Annotated[float, Range(-1, 1)] = 0.02
+    """Delay of the frames after their time stamps [s]."""
+    drift: Annotated[float, Range(-0.1, 0.1)] = 0.0
+    """Further delay, as a share of the time since the first frame."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        return sequence.with_video_later(-self.late_s, -self.drift)
+
+
+def _chosen(fault: Dropped | Repeated, sequence: Sequence, seed: int, name: str) -> np.ndarray:
+    """Returns (K,) frames, exactly the share of those during the fault, in order."""
+    own = [i for i, kind in enumerate(sequence.kinds) if kind == fault.kind][1:]
+    own = [i for i in own if fault.covers(sequence, int(sequence.times_ns[i]))]
+    count = round(fault.share * len(own))
+    return np.sort(random_of(name, seed, fault.kind).permutation(np.array(own, int))[:count])

@@ -15,7 +15,7 @@ from ispom.types import Frame, Image, Sequence
 COVERED = 10.0
 """Grey level of what covers a lens."""
 TURNED = -2.5
-"""A drop shows what is around it upside down, so many times smaller."""
+"""A drop shows its surroundings upside down, smaller by this factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Darkness(Spell):
     """Less light on all cameras."""
 
     factor: Annotated[float, Range(0.001, 1)] = 0.1
-    """Of the light that is left."""
+    """Share of the light that is left."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         def change(image: Image, camera: Frame, time_ns: int) -> Image:
@@ -37,7 +37,7 @@ class ExposureJumps(Spell):
     """Gain that jumps up and back again."""
 
     gain: Annotated[float, Range(0.01, 100)] = 1.6
-    """Of the images in every second period, the first one excluded; what gets too bright is cut off at white."""
+    """Gain of the images in every second period, the first one excluded; too bright values are clipped to white."""
     every_s: Annotated[float, Range(0.01, 60)] = 1.0
     """Length of a period [s]."""
     camera: Cameras = "all"
@@ -78,7 +78,7 @@ class Blocked(Spell):
 
     camera: Cameras = "video"
     share: Annotated[float, Range(0, 1)] = 1.0
-    """Of the image's columns, from the left."""
+    """Share of the image's columns, from the left."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         def change(image: Image, camera: Frame, time_ns: int) -> Image:
@@ -95,9 +95,9 @@ class Rain(Spell):
     """Drops on the lenses, which stay where they are."""
 
     drops: Annotated[int, Range(1, 1000)] = 40
-    """On each lens."""
+    """Number on each lens."""
     radius_percent: Annotated[float, Range(0.1, 30)] = 2.0
-    """Of a drop, of the image's width."""
+    """Radius of a drop, relative to the image's width."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         masks: dict[tuple[Frame, int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
@@ -114,7 +114,7 @@ class Rain(Spell):
         return with_images(sequence, change, self)
 
     def drawn(self, key: tuple[Frame, int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of a camera's image (H, W): where its drops are, and the pixels that they show."""
+        """Returns, for a camera's image (H, W), where its drops are, and the pixels that they show."""
         camera, height, width = key
         y, x = np.mgrid[:height, :width].astype(np.float32)
         inside, from_x, from_y = np.zeros((height, width), bool), x.copy(), y.copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,9 +11,8 @@ from ispom.errors import InputError
 from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.settings import Range, from_plain, settings
 from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
-from ispom.simulation.scenario.fault import Fault
+from ispom.simulation.scenario.fault import Clock, Dropped, Fault, Repeated
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
-from ispom.simulation.scenario.times import Clock, Dropped, Repeated
 from ispom.types import Sequence
 
 FAULTS: Mapping[str, type] = {
@@ -31,12 +30,12 @@ FAULTS: Mapping[str, type] = {
     "wrong-mount": WrongMount,
     "wrong-shutter": WrongShutter,
 }
-"""By the name that files and addresses use."""
+"""Faults by their name in files and addresses."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """What is rendered."""
+    """The place, the motion and the cameras."""
 
     place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles"] = "own"
     """own: that of the scene; city: a street; town: streets around a block; indoor: corridor, stairs and hall; moon:
@@ -47,53 +46,57 @@ class World:
     route: str = ""
     """TUM file of poses world_from_rig, moved through from the first one on, instead of a motion."""
     mesh: str = ""
-    """PLY, OBJ or glTF file with a texture or with colours, instead of a place; it takes a route."""
+    """PLY, OBJ or glTF file with a texture or with colours, instead of a place; it needs a route."""
     duration_s: Annotated[float, Range(0, 600)] = 0.0
     """[s], from 0.1; 0: that of the scene."""
     motion_blur: bool = False
     """The shutter is open for 8 ms."""
     right_late_ms: Annotated[float, Range(-100, 100)] = 0.0
-    """How long after the left camera the right one exposes [ms]."""
+    """Delay of the right camera after the left one [ms]."""
     rolling_shutter_ms: Annotated[float, Range(0, 100)] = 0.0
-    """How long after the first row the last one is exposed, in all cameras [ms]; times are those of the middle row."""
+    """Delay of the last row after the first one, in all cameras [ms]; times are those of the middle row."""
     width_px: Annotated[int, Range(0, 4096)] = 0
-    """Of all images, at the same fields of view; 0: that of the scene. From 64 on."""
+    """Width of all images, at the same fields of view; 0: that of the scene. From 64 on."""
     portrait: bool = False
     """Images are higher than wide: sides are exchanged, and with them the fields of view."""
     fisheye: bool = False
-    """All cameras have fisheye lenses, which see 1.5 times as wide an angle; the pair is rectified on opening."""
+    """All cameras have fisheye lenses, with 1.5 times as wide an angle; the pair is rectified on opening."""
     vehicles: Annotated[int, Range(0, 40)] = 0
-    """That drive in the city's street, at 5 to 10 m/s in both directions."""
+    """Number that drive in the city's street, at 5 to 10 m/s in both directions."""
     people: Annotated[int, Range(0, 200)] = 0
-    """That walk on the city's pavements."""
+    """Number that walk on the city's pavements."""
 
 
 @dataclass(frozen=True)
 class Scenario:
+    """A scene with a world and faults."""
+
     scene: str
     """city, tiny ..."""
     seed: int | None
     """None: that of --seed."""
     world: World
     faults: tuple[tuple[str, Fault], ...] = ()
-    """With their names, in the order in which they come about."""
+    """With their names, in the order in which they are applied."""
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        """The sequence with all faults."""
+        """Returns the sequence with all faults."""
         for _, fault in self.faults:
             sequence = fault.on(sequence, seed)
         return sequence
 
     @property
     def words(self) -> str:
-        """What differs from the plain scene, for people; empty where nothing does."""
+        """Differences from the plain scene, for people; an empty text where there are none."""
         faults = (f"{name} {', '.join(_changed(fault))}".strip() for name, fault in self.faults)
         return ", ".join([*_changed(self.world), *faults])
 
 
 def scenario_of_words(text: str) -> Scenario:
-    """Of what follows `sim:`, as in `city?motion=rotation&fault=darkness:factor=0.1,from_s=3`. InputError where it is
-    wrong."""
+    """Reads what follows `sim:`, as in `city?motion=rotation&fault=darkness:factor=0.1,from_s=3`.
+
+    Raises InputError where it is invalid.
+    """
     scene, _, query = text.partition("?")
     world, faults = dict[str, Any](), list[dict[str, Any]]()
     for part in filter(None, query.split("&")):
@@ -110,7 +113,7 @@ def scenario_of_words(text: str) -> Scenario:
 
 
 def scenario_of_file(path: Path) -> Scenario:
-    """Of a YAML file: scene, perhaps seed, the fields of `World`, and faults, a list of `name: {setting: value}`."""
+    """Reads a YAML file: scene, perhaps seed, the fields of `World`, and faults, a list of `name: {setting: value}`."""
     return _scenario(str(path), read_mapping(path))
 
 
@@ -140,7 +143,7 @@ def _fault(where: str, entry: str | dict[Any, Any]) -> tuple[str, Fault]:
 
 
 def _check(values: Any, where: str) -> None:
-    """InputError where a value is out of its range."""
+    """Raises InputError where a value is out of its range."""
     for setting in settings(type(values)):
         value, limits = getattr(values, setting.name), setting.range
         if limits is not None and not limits.low <= value <= limits.high:
@@ -149,7 +152,7 @@ def _check(values: Any, where: str) -> None:
 
 
 def _plain(word: str) -> Any:
-    """A number, true, false or a word."""
+    """Returns a number, true, false or a word."""
     try:
         value = parse_yaml(word, word)
     except InputError:
@@ -158,6 +161,5 @@ def _plain(word: str) -> Any:
 
 
 def _changed(values: Any) -> list[str]:
-    assert is_dataclass(values)
     differing = [f.name for f in fields(values) if getattr(values, f.name) != f.default]
     return [f"{name} {getattr(values, name)}" for name in differing]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, skew, so3_exp
+from ispom.numerics.robust import cauchy_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: 
         by_rotation = np.cross(x2r, np.cross(h2, t))
         by_translation = np.cross(x2r, h2) @ tangent.T
         jacobian = np.concatenate([by_rotation, by_translation], axis=1) / norm[:, None]
-        weight = 1 / (1 + (residual / scale) ** 2)
+        weight = cauchy_weights(residual**2, scale)
         normal = jacobian.T @ (weight[:, None] * jacobian)
         delta = -np.linalg.solve(normal + 1e-12 * np.eye(5), jacobian.T @ (weight * residual))
         moved = t + delta[3:] @ tangent

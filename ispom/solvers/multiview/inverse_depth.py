@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.numerics.robust import Noise, cauchy_weights
 
 ROUNDS = 6
 """Of weights and depths: more change nothing that counts."""
+WIDER = 3.0
+"""Width of the loss here over that of bundle adjustment: the poses are held, and their errors come in addition."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +23,7 @@ class InverseDepths:
     depth: Array
     """(M,) in the first view; not positive: at or beyond infinity, or behind."""
     significance: Array
-    """(M,) inverse depth over its standard deviation at one unit of `sigma`."""
+    """(M,) inverse depth over its standard deviation at the noise given."""
     worst: Array
     """(M,) largest reprojection error over the views, normalised units; inf behind a view.
     Where `depth` is not positive that of a point at infinity."""
@@ -30,13 +33,13 @@ class InverseDepths:
 
 def intersect(
     rotations: Array, translations: Array, cameras: NDArray[np.int64], owners: NDArray[np.int64], seen: Array,
-    count: int, sigma: float,
+    count: int, noise: Noise,
 ) -> InverseDepths:  # fmt: skip
     """Intersects the rays of `count` points, each along the ray of its first observation.
 
     Views are camera_from_world: (C, 3, 3), (C, 3). Observation k is normalised coordinates seen[k] (2,) of point
-    owners[k] in view cameras[k], sorted by point; `sigma` is the deviation of a coordinate. Weighted linear
-    equations in the one unknown, repeated with the depths of the last round and Cauchy weights.
+    owners[k] in view cameras[k], sorted by point; `noise` that of a coordinate. Weighted linear equations in
+    the one unknown, repeated with the depths of the last round and Cauchy weights of WIDER widths of the loss.
     """
     begin = np.searchsorted(owners, owners)
     origin, ray = cameras[begin], np.column_stack([seen[begin], np.ones(len(begin))])
@@ -52,8 +55,8 @@ def intersect(
         near = rho[owner][:, None]
         z = np.maximum(q[:, 2:] + near * t[:, 2:], 1e-3)
         slope, value = slopes / z, offset / z
-        error = (value + slope * near) / (3 * sigma)
-        weighted = np.where(near != 0, 1 / (1 + error * error), 1.0) * slope
+        weights = cauchy_weights((value + slope * near) ** 2, WIDER * noise.width)
+        weighted = np.where(near != 0, weights, 1.0) * slope
         information = 1e-12 + np.bincount(owner, (weighted * slope).sum(axis=1), count)
         rho = -np.bincount(owner, (weighted * value).sum(axis=1), count) / information
     finite = rho > 1e-9
@@ -71,7 +74,7 @@ def intersect(
     first, xyz = begin[~later], np.zeros((count, 3))
     m = owners[first]
     xyz[m] = _turned(back[first], ray[first] * depth[m, None] - translations[origin[first]])
-    significance = np.where(finite, rho * np.sqrt(information) / sigma, 0.0)
+    significance = np.where(finite, rho * np.sqrt(information) / noise.sigma, 0.0)
     return InverseDepths(xyz, depth, significance, worst, parallax)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ispom.geometry import Array
 from ispom.numerics.reductions import lengths, median, squares
+from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.rigid import horn
 
 
@@ -29,7 +30,7 @@ def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, w
         w = np.sqrt(weight)[:, None]
         # Mirrored copies keep the centroids at the origin, so that Horn's method fits the rotation alone.
         rotation, _ = horn(np.concatenate([w * rays1, -w * rays1]), np.concatenate([w * rays2, -w * rays2]))
-        weight = given / (1 + squares(rotate(rotation, x1) - x2) / scale**2)
+        weight = given * cauchy_weights(squares(rotate(rotation, x1) - x2), scale)
     return rotation
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import intersect
 from ispom.types import Camera, Trajectory
 
@@ -47,7 +48,7 @@ def intersected(
         owners,
         np.concatenate([seen, right])[order],
         len(known),
-        1.0 / camera.fx,
+        Noise(1.0 / camera.fx),
     )
     sure = (found.depth > 0) & (found.significance >= MIN_SIGNIFICANCE)
     return known[sure], found.xyz_in_world[sure]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import normalised_mad
+from ispom.solvers.localisation import resect
 from ispom.solvers.multiview.essential import relative_pose
-from ispom.solvers.multiview.resection import resect
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
 
 ScaleTransfer = Literal["norm", "vector", "depth", "unit"]
@@ -62,7 +63,7 @@ def solve_triple(x1: Array, x2: Array, x3: Array, threshold: float, min_parallax
     if resection is None:
         return None
     residuals, resected = np.full(len(x1), np.nan), np.zeros(len(x1), bool)
-    residuals[usable], resected[usable] = resection.residuals, resection.inliers
+    residuals[usable], resected[usable] = resection.distances, resection.inliers
     return Triple(resection.camera_from_world, third_from_first, xyz, good, residuals, resected)
 
 
@@ -86,5 +87,4 @@ def depth_ratio(known_depths: Array, triple_depths: Array) -> tuple[float, float
     if positive.sum() < 8:
         return np.nan, np.nan
     log_ratio = np.log(known_depths[positive] / triple_depths[positive])
-    middle = np.median(log_ratio)
-    return float(np.exp(middle)), float(1.4826 * np.median(np.abs(log_ratio - middle)))
+    return float(np.exp(np.median(log_ratio))), normalised_mad(log_ratio)

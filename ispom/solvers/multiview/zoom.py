@@ -13,6 +13,7 @@ import numpy as np
 from ispom.geometry import Array, so3_exp
 from ispom.numerics.area import weighted_median
 from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.multiview.rotation import dominant_rotation
 
 FOCAL_FACTORS = (1.0, 0.7, 1.4)
@@ -72,7 +73,7 @@ def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Arr
     def stepped(values: TurnAndZoom, damping: float) -> TurnAndZoom:
         at = values.moved(x1)
         error = x2 - at
-        weight = weights / (1 + (error**2).sum(axis=1) / scale**2)
+        weight = weights * cauchy_weights((error**2).sum(axis=1), scale)
         by = _derivatives(values, x1, at)
         normal = np.einsum("n,nik,nil->kl", weight, by, by)
         normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(5)

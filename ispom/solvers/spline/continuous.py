@@ -17,6 +17,7 @@ from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, inverse_factored, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.lie import logs
+from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
 from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
@@ -95,7 +96,7 @@ class Solution:
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
         pulls = point_pulls(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
         pulls -= self._pulls_of(pulls @ parameters)
-        weights, slopes = 1 / (1 + (self.errors / p.loss) ** 2), np.ones(len(pulls))
+        weights, slopes = cauchy_weights(self.errors**2, p.loss), np.ones(len(pulls))
         for camera, images in ((VIDEO, 2), (LEFT, 3)):
             its = o.camera == camera
             slopes[o.owner[its]] = slope(weights[its], images)

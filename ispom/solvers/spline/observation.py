@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.kernels import kernel, part, read_only
 from ispom.numerics.reprojection import gradient_by_point
+from ispom.numerics.robust import weighted_information
 from ispom.numerics.vectors import cross, dot, matrix, minus, plus, scaled, store, times, times_transposed, vector
 
 RIG = 7
@@ -145,7 +146,7 @@ def cauchy_weight(rows, count, loss):
     square = 0.0
     for i in range(count):
         square += rows.errors[i] * rows.errors[i]
-    return 1.0 / (1.0 + square / (loss * loss))
+    return loss * loss * weighted_information(square, 1.0 / (loss * loss))
 
 
 def slope(weights: Array, images: int) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
+from ispom.numerics.robust import Noise
 from ispom.solvers.neighbours import by_group, cells, widened
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import (
@@ -48,16 +49,15 @@ def pose_covariance(
     of_video: bool,
     points: AnchoredPoints,
     seen: Array,
-    sigma: float,
-    loss: float,
+    noise: Noise,
     uncertainty: PointUncertainty,
     moved: Array | None = None,
     shared: Array | None = None,
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
 
-    Seen at (K, 2), weighed by errors `sigma` and a Cauchy loss of scale `loss` times that (normalised units), and off
-    as far as they turn out to be (`Solution.as_far_off`), what is wrong with each point included. What all points
+    Seen at (K, 2), weighed by `noise` and its loss (normalised units), and off as far as they turn out to be
+    (`Solution.as_far_off`), what is wrong with each point included. What all points
     follow is led back to the unknowns of their window, so that it is counted jointly; what a point says there and here
     is mostly one error, and is squared together. Errors with covariance `shared`
     (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
@@ -68,12 +68,12 @@ def pose_covariance(
     n = uncertainty.sensitivity.shape[2]
     direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
     if moved is not None:
-        direct[:, :, n:] = moved / sigma
-    observed = _observed(world_from_rig, rig_from_camera, points, seen, sigma)
+        direct[:, :, n:] = moved / noise.sigma
+    observed = _observed(world_from_rig, rig_from_camera, points, seen, noise.sigma)
     follow = np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2)
-    equations = _equations(observed, loss, BENDS, follow, direct)
+    equations = _equations(observed, noise.factor, BENDS, follow, direct)
     if not _is_minimum(equations.information):
-        equations = _equations(observed, loss, 0.0, follow, direct)
+        equations = _equations(observed, noise.factor, 0.0, follow, direct)
     information, pull = equations.information, equations.pull
     inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(POSE))
     turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((POSE, RIG))
@@ -93,11 +93,12 @@ def pose_covariance(
 
 
 def pose_information(
-    world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, sigma: float, loss: float
+    world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, noise: Noise
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
-    observed, nothing = _observed(world_from_rig, rig_from_camera, points, seen, sigma), np.zeros((len(seen), 3, 0))
-    return _equations(observed, loss, 0.0, nothing, nothing[:, :2].copy()).information
+    observed = _observed(world_from_rig, rig_from_camera, points, seen, noise.sigma)
+    nothing = np.zeros((len(seen), 3, 0))
+    return _equations(observed, noise.factor, 0.0, nothing, nothing[:, :2].copy()).information
 
 
 def _observed(

@@ -13,6 +13,7 @@ import numpy as np
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
+from ispom.numerics.robust import weighted_information
 from ispom.numerics.vectors import (
     inverse_by_pivots,
     matrix,
@@ -102,7 +103,7 @@ def _linearise(begin, end, observed, scale, errors, out):
         square = x * x + y * y
         stretch = 1.0 + observed.extra[0] + observed.extra[1] * square
         ex, ey = stretch * x - observed.seen[k, 0], stretch * y - observed.seen[k, 1]
-        weight = 1.0 / (scale * scale + ex * ex + ey * ey) if front else 0.0
+        weight = weighted_information(ex * ex + ey * ey, 1.0 / (scale * scale)) if front else 0.0
         errors[k - begin, 0], errors[k - begin, 1], out.weight[k] = ex, ey, weight
         store(design, 0, (iz, 0.0, -x * iz))
         store(design, 0, (-x * y, 1.0 + x * x, -y), 3)

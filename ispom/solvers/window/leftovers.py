@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
+from ispom.numerics.robust import weighted_information
 from ispom.numerics.vectors import dot, matrix, minus, plus, scaled, store, times_transposed, vector, vector3
 from ispom.solvers.window.observation import MIN_DEPTH, correction, in_camera, longest_track, residual
 
@@ -90,7 +91,7 @@ def _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls):
         square, iz, n = (ex * ex + ey * ey + er * er) / (scale * scale), 1.0 / q[2], k - begin
         if not square < gross * gross:
             return 0.0
-        weight = 1.0 / (1.0 + square)
+        weight = weighted_information(square, 1.0)
         likely += weight
         pulls[k, 0], pulls[k, 1] = ex * weight, ey * weight
         store(errors, n, (ex, ey, er))

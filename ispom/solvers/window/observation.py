@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
 from ispom.numerics.reprojection import gradient_by_point, hessian_by_point
+from ispom.numerics.robust import weighted_information
 from ispom.numerics.vectors import matrix, plus, times, vector
 
 MIN_DEPTH = 1e-6
@@ -136,7 +137,7 @@ def linearised(q, seen, baseline, extra, per):
     """
     x, y, right, ex, ey, er = residual(q, seen, baseline, extra)
     xx, xy, yy, rr, ux, uy, ur = by_image(x, y, seen[2], baseline, extra)
-    weight, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q[2]
+    weight, iz = weighted_information(ex * ex + ey * ey + er * er, per), 1.0 / q[2]
     wz = weight * iz
     hessian = hessian_by_point(x, y, right, wz * iz, xx * xx + xy * xy, xy * (xx + yy), xy * xy + yy * yy, rr * rr)
     gradient = gradient_by_point(x, y, right, wz, xx * ex + xy * ey, xy * ex + yy * ey, rr * er)
@@ -158,6 +159,6 @@ def fill_lens(out, n, first, observed, k):
 def linearised_lens(q, seen, baseline, per):
     """As the last three of `linearised`, by what stretches the left x and y of a pair."""
     x, y, right, ex, ey, er = residual(q, seen, baseline, (0.0, 0.0))
-    weight = per / (1.0 + (ex * ex + ey * ey + er * er) * per)
+    weight = weighted_information(ex * ex + ey * ey + er * er, per)
     mixed = gradient_by_point(x, y, right, weight / q[2], seen[0], seen[1], 0.0)
     return mixed, weight * (seen[0] * seen[0] + seen[1] * seen[1]), weight * (seen[0] * ex + seen[1] * ey)

@@ -11,10 +11,9 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.calibration.images import open_sources
 
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.io.rig import read_rig
-from ispom.simulation.board import Exposing, board_image
-from ispom.simulation.filming import LEFT, board_poses, filming_rig
+from ispom.simulation.filmed_board import LEFT, Exposing, board_image, board_poses, filming_rig
 from tests.calibration.pictures import picture_of
 from tests.sequences.own_folders import make_video
 

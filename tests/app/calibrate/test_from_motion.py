@@ -15,7 +15,7 @@ from ispom.calibration.motion.combine import Part
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.recognised import any_camera
+from ispom.io.calibrations.recognised import one_camera
 from ispom.io.rig import read_rig, rig_text
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
@@ -140,7 +140,7 @@ def tracked(monkeypatch: pytest.MonkeyPatch, sigma: float | None) -> None:
     camera = Camera(320, 240, 230.0, 230.0, 160.0, 118.0, (-0.21, 0.05, 0.0, 0.0))
     errors = np.array([sigma or 0, 2.0, 2.0, 0.01, 0.01])
     lens = TrackedLens(camera, np.diag(errors**2), np.array([0.3, 5, 5, 0.25, 0.12]), 0.3, 20, 500)
-    monkeypatch.setattr(from_tracks, "found_in", lambda *_: lens if sigma else None)
+    monkeypatch.setattr(from_tracks, "estimate_lens", lambda *_: lens if sigma else None)
 
 
 @pytest.mark.parametrize(("sigma", "level"), [(0.008, "good"), (0.02, "usable")])
@@ -154,7 +154,7 @@ def test_a_camera_is_written_without_a_target(
     content = json.loads(numbers.read_text())
     assert content["verdict"] == level
     assert content["parameters"][0]["standard_error"] == pytest.approx(sigma * 230)
-    assert any_camera(out).fx == 230.0 and any_camera(out).distortion[:2] == (-0.21, 0.05)
+    assert one_camera(out)[0].fx == 230.0 and one_camera(out)[0].distortion[:2] == (-0.21, 0.05)
     assert "fx 230" in capsys.readouterr().out
 
 

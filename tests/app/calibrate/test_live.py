@@ -13,8 +13,8 @@ from ispom_app.features.calibration import command
 from ispom_app.features.calibration.live import covered, filmed, is_camera, words
 from ispom_app.features.calibration.simulated import simulated
 
-from ispom.calibration.detection import detect
-from ispom.calibration.targets import parse_target
+from ispom.calibration.detection.detect import detect
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.types import Image
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.io.rig import read_rig
-from ispom.simulation.board import Exposing, board_image
-from ispom.simulation.filming import Filming, filming_rig
+from ispom.simulation.filmed_board import Exposing, Filming, board_image, filming_rig
 from tests.calibration.filmed import FIRST_S, around, video_from_left
 from tests.calibration.pictures import picture_of
 

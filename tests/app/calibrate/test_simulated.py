@@ -16,11 +16,11 @@ from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, 
 from ispom_app.features.calibration.page_routes import image_of, seen_in, shown
 from ispom_app.features.calibration.simulated import simulated
 
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.io.files import bounded
 from ispom.io.rig import read_rig
-from ispom.simulation.filming import VIDEO
+from ispom.simulation.filmed_board import VIDEO
 
 SPEC = "chessboard:7x5:0.03"
 

@@ -13,8 +13,7 @@ from ispom_app.engine.run_folder.run_file import RunFile
 from ispom_app.features.evaluation.evaluated import distinct_names
 
 from ispom.geometry import Pose
-from ispom.io.euroc import euroc_text
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import euroc_text, tum_text
 from ispom.types import Trajectory
 from tests import doubles
 

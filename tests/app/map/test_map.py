@@ -17,12 +17,11 @@ from rerun.chunk import RrdReader
 
 from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.io.meshes import GLTF_FROM_WORLD, read_coloured_mesh
-from ispom.io.open3d import open3d
+from ispom.io.meshes import GLTF_FROM_WORLD, open3d, read_coloured_mesh
 from ispom.io.timed_points import read_timed_points
 from ispom.reconstruction.model import Surface
-from ispom.simulation.city import build_city
-from ispom.simulation.path import Path as Flight
+from ispom.simulation.motions import Flight
+from ispom.simulation.places.city import build_city
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from ispom_app.features.recording.commands import Record
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Sequence
 from tests.alone import METHODS

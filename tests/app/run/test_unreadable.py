@@ -12,7 +12,7 @@ from ispom_app.engine.playback import Playback
 from ispom_app.features.headless.options import Run
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.tum import read_tum
+from ispom.io.trajectories import read_tum
 from ispom.types import Exposure, Sequence
 from tests import doubles
 from tests.alone import METHODS

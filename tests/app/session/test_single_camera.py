@@ -19,7 +19,7 @@ from ispom_app.session.session import Session
 from ispom_app.views.web.messages import message_of
 
 from ispom.evaluation.trajectory_error import error_against_truth
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.sequences import open_sequence
 from ispom.types import Sequence, VideoFrame
 from tests.app import helpers

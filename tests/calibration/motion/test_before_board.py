@@ -8,9 +8,9 @@ import pytest
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import solve
 from ispom.calibration.motion.before_board import Placed, placed, views_of
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.geometry import Pose
-from ispom.simulation.filming import Filming, filming_rig
+from ispom.simulation.filmed_board import Filming, filming_rig
 from tests.calibration.filmed import FIRST_S, around, filmed, video_from_left
 
 BOARD = parse_target("aprilgrid:6x6:0.03:0.3")

@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ispom.calibration.motion.course import Course
+from ispom.calibration.motion.course import STILL_RAD, Course, start_of
 from ispom.calibration.motion.hand_eye import HandEye, hand_eye
-from ispom.calibration.motion.start import STILL_RAD, start_of
 from ispom.geometry import Array, Pose
-from ispom.simulation.path import Path
+from ispom.simulation.motions import Flight
 
 LEFT_FROM_VIDEO = Pose.from_rotvec(np.radians([1.2, -1.7, 2.9]), np.array([0.225, -0.045, 0.03]))
 OFFSET_S = 0.0234
@@ -61,7 +60,7 @@ def found_by(left: Course, video: Course) -> HandEye:
 
 @cache
 def flight(seed: int) -> Callable[[float], Pose]:
-    path = Path.seeded(seed)
+    path = Flight.seeded(seed)
     return cache(lambda t: path.pose_at(round(t * 1e9)))
 
 

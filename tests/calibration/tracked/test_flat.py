@@ -7,7 +7,7 @@ import pytest
 
 from ispom.calibration.tracked import solve
 from ispom.calibration.tracked.adjust import adjusted
-from ispom.calibration.tracked.solve import TrackedLens, left_to_go, lens_of_tracks
+from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks, remaining_change
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.types import Camera
 from tests.calibration.tracked.scenes import LENS, over_floor, tracks
@@ -45,9 +45,9 @@ def test_over_a_noisy_floor_it_is_as_sure_as_it_is_near_whatever_the_guess() -> 
 
 def test_where_the_lens_still_goes_it_says_how_far() -> None:
     shrinking = np.array([0.5, -0.5, 0.0, 0.1, -0.2])
-    np.testing.assert_allclose(left_to_go(shrinking, 0.5 * shrinking), 0.5 * shrinking, atol=1e-15)
-    assert left_to_go(np.ones(1), np.ones(1)) == pytest.approx(9.0), "a step that does not shrink: nine more"
-    assert left_to_go(np.ones(1), -np.ones(1)) == pytest.approx(9 / 19), "to and fro: half a step"
+    np.testing.assert_allclose(remaining_change(shrinking, 0.5 * shrinking), 0.5 * shrinking, atol=1e-15)
+    assert remaining_change(np.ones(1), np.ones(1)) == pytest.approx(9.0), "a step that does not shrink: nine more"
+    assert remaining_change(np.ones(1), -np.ones(1)) == pytest.approx(9 / 19), "to and fro: half a step"
 
 
 def test_what_is_left_to_go_is_in_the_standard_error(monkeypatch: pytest.MonkeyPatch) -> None:

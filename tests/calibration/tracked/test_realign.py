@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ispom.calibration.tracked.adjust import realigned
 from ispom.calibration.tracked.bundle import Scene
-from ispom.calibration.tracked.realign import realigned
 from ispom.calibration.tracked.tracks import Tracks
 
 SIZE, FOCAL = (400, 300), 300.0

@@ -10,7 +10,7 @@ from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera
 from ispom.features.sift import SIFT_MATCHER
 from ispom.geometry import Array, Pose
-from ispom.simulation.town import SIDE_M, on_route, streets
+from ispom.simulation.places.town import SIDE_M, on_route, streets
 from ispom.types import Decision
 
 STEP_M = 4.0
@@ -91,10 +91,13 @@ def driven(
     drift: float = 1.0,
     blind_at: int = -1,
     begun_with: int = 1,
+    blind_m: float = 3.0,
+    blind_scale: float = 1.0,
 ) -> Driven:
     """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well.
 
-    At node `blind_at` nothing joins it to those before: it is put 3 m beside, and known to 3 m. What begins there is
+    At node `blind_at` nothing joins it to those before: it is put `blind_m` beside, believed to be known to 3 m,
+    and its unit is another one by `blind_scale`. What begins there is
     told of when there are as many key frames as it is begun with: the first map of one camera has several.
     """
     begins = blind_at + begun_with - 1
@@ -112,7 +115,8 @@ def driven(
             unit *= float(np.exp(0.004 * drift * rng.standard_normal())) if single else 1.0
             step = (truth[i - 1].inverse() @ pose) @ Pose.exp(noise * rng.standard_normal(6))
             if i == blind_at:
-                step = step @ Pose(translation=np.array([3.0, 0.0, 0.0]))
+                step = step @ Pose(translation=np.array([blind_m, 0.0, 0.0]))
+                unit *= blind_scale
             odometry.append(odometry[-1] @ step.scaled(unit))
             back = step.scaled(unit).inverse().adjoint
             covariance = back @ covariance @ back.T + np.diag((noise * [*[unit] * 3, 1, 1, 1]) ** 2)

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular.begin import Progress, advance
+from ispom.estimators.modern.monocular.setup import LOSS
 from ispom.estimators.modern.monocular.start import BUFFER, Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose, so3_exp
+from ispom.numerics.robust import Noise
 from ispom.types import Decision
 
 SIGMA, NOISE = 1e-3, 4e-4
+TRACKS = Noise(SIGMA / LOSS, LOSS)
 FRAMES = 20
 RIGHT, SHIFT_DEG = np.array([1.0, 0.0, 0.0]), 0.2
 
@@ -23,7 +26,7 @@ def progress(moved: list[tuple[Pose, float]], focal: float = 1.0) -> tuple[Progr
     found, said = Progress(Start(), (), None), list[dict[str, Decision]]()
     for i, (pose, zoom) in enumerate(moved):
         x = focal * zoom * _seen(pose.apply(xyz)) + rng.normal(0, NOISE, (200, 2))
-        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(200), x), SIGMA, np.radians(1.0))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(200), x), TRACKS, np.radians(1.0))
         said.append({d.key: d for d in found.decisions})
         if found.map is not None:
             break
@@ -75,7 +78,7 @@ def test_a_toy_full_of_corners_before_a_still_background_makes_none() -> None:
     for i in range(FRAMES):
         waved = Pose(so3_exp(np.array([0.0, 0.01 * i, 0.0])), np.array([0.03 * i, 0.0, 0.0]))
         x = np.concatenate([_seen(waved.apply(toy)), _seen(wall)]) + rng.normal(0, NOISE, (290, 2))
-        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(290), x), SIGMA, np.radians(1.0))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(290), x), TRACKS, np.radians(1.0))
         assert found.map is None
     said = {d.key: d for d in found.decisions}
     assert said["start_parallax"].passed and not said["travel"].passed
@@ -90,9 +93,9 @@ def test_a_start_that_shares_nothing_with_the_frames_before_is_a_segment_of_its_
     nothing = TrackedFrame(0, np.zeros(0, np.int64), np.zeros((0, 2)))
     for time, first in enumerate((0, 0, 200 - shared)):
         ids = first + np.arange(200)
-        found = advance(found.start, TrackedFrame(time, ids, x), SIGMA, np.radians(1.0))
+        found = advance(found.start, TrackedFrame(time, ids, x), TRACKS, np.radians(1.0))
     assert found.start.joined is joined and found.held is not None
-    dark = advance(advance(Start(), nothing, SIGMA, np.radians(1.0)).start, nothing, SIGMA, np.radians(1.0))
+    dark = advance(advance(Start(), nothing, TRACKS, np.radians(1.0)).start, nothing, TRACKS, np.radians(1.0))
     assert dark.start.joined, "no pose was told before"
 
 
@@ -106,7 +109,7 @@ def test_frames_before_a_start_begins_again_are_placed_by_its_map(shared: int, k
     for i, centre in enumerate(centres):
         ids = np.arange(200) if i == 0 else np.arange(200 - shared, 500)
         x = _seen(xyz[ids] - centre) + rng.normal(0, exact, (len(ids), 2))
-        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), SIGMA, np.radians(1.0))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), TRACKS, np.radians(1.0))
         settled += found.settled
         if found.map is not None:
             break
@@ -129,7 +132,7 @@ def test_a_long_wait_for_parallax_leaves_no_frame_behind() -> None:
     for i, centre in enumerate(centres):
         pose = Pose(so3_exp(np.array([0.0, np.radians(deg_a_frame) * i, 0.0])), np.zeros(3)) @ Pose(np.eye(3), -centre)
         x = _seen(pose.apply(xyz)) + rng.normal(0, NOISE / 10, (200, 2))
-        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), SIGMA, np.radians(1.5))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), TRACKS, np.radians(1.5))
         settled += found.settled
         assert len(found.start.frames) <= BUFFER
         if found.map is not None:

@@ -8,9 +8,11 @@ import pytest
 from ispom.estimators.modern.monocular import first_map as module
 from ispom.estimators.modern.monocular.first_map import anchored_prior, first_map
 from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.setup import LOSS
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.two_view import Hypotheses
 from ispom.types import Decision
 
@@ -39,7 +41,7 @@ def seen(xyz: Array, along: float) -> Array:
 
 def tried(still: int, impatient: bool) -> tuple[Map | None, dict[str, Decision]]:
     start, last = flown(still)
-    found, decisions = first_map(start, last, SIGMA, impatient)
+    found, decisions = first_map(start, last, Noise(SIGMA / LOSS, LOSS), impatient)
     return found, {d.key: d for d in decisions}
 
 

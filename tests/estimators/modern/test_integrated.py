@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
-from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
-from ispom.simulation.faults import with_late_video, with_turned_video
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
 from tests.alone import Alone, alone
 
@@ -177,9 +176,9 @@ def test_standing_still_needs_no_special_case(flight: Sequence, exposures: list[
 
 def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight: Sequence) -> None:
     shift = np.array([0.02, -0.015, 0.017])
-    faulty = with_turned_video(with_late_video(flight, 0.02), np.array([0.6, -0.6, 0.53]))
-    video = faulty.rig.rig_from_video
-    faulty = replace(faulty, rig=replace(faulty.rig, rig_from_video=Pose(video.rotation, video.translation + shift)))
+    turned = flight.rig.rig_from_video @ Pose.from_rotvec(np.radians([0.6, -0.6, 0.53]), np.zeros(3))
+    video = Pose(turned.rotation, turned.translation + shift)
+    faulty = replace(flight.with_video_later(-0.02), rig=replace(flight.rig, rig_from_video=video))
     estimator = estimator_of(faulty, estimate_clock=True, estimate_rig=True)
     states, steps = walk(estimator, [faulty[i] for i in range(len(faulty))])
     found = states[-1]["integrated"].window.rig

@@ -19,9 +19,9 @@ from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCam
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, Similarity, so3_exp
 from ispom.simulation.cameras import simulated_rig
-from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town, on_route
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
-from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
 from ispom.types import StereoPair
 from tests.estimators.modern.loop_bench import CAMERA, STEP_M, Driven, Facades, driven, wrong
 
@@ -63,6 +63,16 @@ def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
         follows = Correction.of(found.loops).follows[sorted(off).index(blind)]
         assert not follows, "no pose is between the two stretches"
     assert np.mean(worst) < 1.0, "of 3 m"
+
+
+@pytest.mark.parametrize(("camera", "scale"), [(CAMERA, 1.0), (SINGLE, 3.0)], ids=["pair", "single"])
+def test_a_segment_that_begins_anywhere_joins_the_one_that_it_sees_again(camera: LoopCamera, scale: float) -> None:
+    keys, drift = (1, 1.0) if camera.baseline else (2, SINGLE_DRIFT)
+    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, camera, drift, 50, keys, blind_m=200.0, blind_scale=scale)
+    assert closed(found) and not wrong(found)
+    assert {n.segment for n in found.loops.nodes} == {0}
+    last = found.loops.nodes[-1]
+    assert np.linalg.norm(last.corrected.pose.translation - found.truth[last.time_ns].translation) < 1.0, "of 200 m"
 
 
 def test_without_noise_the_relative_pose_of_two_keyframes_is_exact() -> None:

@@ -14,6 +14,7 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernM
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose, so3_log
+from ispom.numerics.robust import Noise
 from ispom.sequences import open_sequence
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Exposure, Rig, Sequence, Status, Step, TrackStatus, Trajectory, VideoFrame
@@ -142,7 +143,7 @@ def test_a_plane_starts_a_map(flight: Sequence) -> None:
     for i, pose in enumerate(truth):
         p = pose.inverse().apply(xyz)
         x = p[:, :2] / p[:, 2:] + rng.normal(0, 2e-4, (200, 2))
-        begun = advance(start, TrackedFrame(i, np.arange(200), x), 1e-3, np.radians(2.0))
+        begun = advance(start, TrackedFrame(i, np.arange(200), x), Noise(1e-3), np.radians(2.0))
         start = begun.start
         if begun.map is not None:
             break

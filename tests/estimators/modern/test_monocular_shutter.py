@@ -93,7 +93,7 @@ def window(last: int) -> Map:
         RelativeFrame(k * STEP_NS, 4 * STEP_NS, of_key[4].inverse() @ shaken(k * STEP_NS) @ off.get(k, Pose()))
         for k in range(5, last - 1)
     )
-    return Map(keys, ScenePoints(IDS, points()), None, setup().sigma, others)
+    return Map(keys, ScenePoints(IDS, points()), None, setup().noise.width, others)
 
 
 def setup(camera: Camera = CAMERA) -> Setup:
@@ -142,7 +142,7 @@ def shape_error(world: Map) -> float:
 def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None:
     """Bent as that key frame saw the scene; the frame after it, and so all up to the next key frame, is located by
     what is left."""
-    last, sigma = 13, setup().sigma
+    last, sigma = 13, setup().noise.width
     now = last * STEP_NS
     world = anchored(window(last))
     old = world.keys[0].placed_anew(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
@@ -160,7 +160,7 @@ def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None
 def test_a_first_map_is_put_right_by_its_own_poses() -> None:
     times = [k * STEP_NS for k in range(4, 13)]
     world = anchored(window(13))
-    bent = adjusted(world, setup().sigma, 20)[0]
+    bent = adjusted(world, setup().noise.width, 20)[0]
     sights = tuple(Sight(t, IDS, seen(t)) for t in times)
     straight = begun_by_motions(setup(), bent, sights)
     assert shape_error(bent) > 0.003 and shape_error(straight) < 0.5 * shape_error(bent)
@@ -197,6 +197,6 @@ def test_frames_at_any_rate_are_put_right_where_three_are_near_enough(rate_hz: i
     step_ns = round(1e9 / rate_hz)
     times = [k * step_ns for k in range(1, 8)]
     keys = tuple(TrackedFrame(t, IDS, CAMERA.normalise(seen(t)), shaken(t)) for t in times)
-    world = Map(keys, ScenePoints(IDS, points()), None, setup().sigma)
+    world = Map(keys, ScenePoints(IDS, points()), None, setup().noise.width)
     after = with_motions(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
     assert all((a.x != b.x).any() == (rate_hz > 4) for a, b in zip(after.keys, keys, strict=True))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from ispom.calibration.calibrate import calibrate
-from ispom.calibration.targets import parse_target
+from ispom.calibration.targets.layouts import parse_target
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, so3_exp
 from ispom.sequences.rectification import Rectification, remapped
-from ispom.simulation.filming import board_poses
-from ispom.simulation.renderer import Renderer, exposed
-from ispom.simulation.town import build_town, on_route
+from ispom.simulation.filmed_board import board_poses
+from ispom.simulation.places.town import build_town, on_route
+from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.types import Camera, Image, Rig, Step, StereoPair, as_grey
 from tests.calibration.corners import seen_by, views_of
 

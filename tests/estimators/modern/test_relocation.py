@@ -21,7 +21,7 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Exposure, Frame, Rig, Sequence, Status, Step, StereoPair, Tracks, VideoFrame
 from tests.alone import alone

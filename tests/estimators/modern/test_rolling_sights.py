@@ -83,11 +83,11 @@ def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
         places.append(replace(place, moving=moving))
         seen.append(rolled)
     seen[0][0] = seen[1][0] = np.nan  # by the last one alone
-    found = _intersected(setup, np.zeros(2), places, seen, setup.sigma)
+    found = _intersected(setup, np.zeros(2), places, seen, setup.noise.width)
     known = np.isfinite(found[:, 0])
     assert known[1:].all() and not known[0]
     np.testing.assert_allclose(found[1:], xyz[1:], rtol=2e-3, atol=2e-3)
     blind = [replace(place, moving=None) for place in places]
-    bent = _intersected(setup, np.zeros(2), blind, seen, setup.sigma)
+    bent = _intersected(setup, np.zeros(2), blind, seen, setup.noise.width)
     assert np.nanmedian(np.linalg.norm(bent - xyz, axis=1)) > 0.1
     assert at_middle(setup, blind[0], seen[0]) is seen[0]

@@ -13,7 +13,7 @@ from ispom.estimators.modern.monocular.scatter import Curvature
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import moved
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from tests.estimators.modern.test_noise import VIEWS, flown

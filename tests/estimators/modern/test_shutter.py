@@ -16,7 +16,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Believed, Rows, Shutter
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.right_camera import BOTH_K1, COLUMNS, PAIR, ROLL, by_column
 from ispom.solvers.window.prior import anchored
 from ispom.types import Camera, Rig

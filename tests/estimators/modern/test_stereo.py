@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
-from ispom.evaluation.kitti import kitti_errors
+from ispom.evaluation.relative_error import kitti_errors
 from ispom.features.descriptors import OpenCvFeatures
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory

@@ -14,7 +14,7 @@ from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import fit_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.types import Camera, Decision, Rig, Step, StereoPair, TrackStatus
 from tests.estimators.modern import waved_card
 from tests.estimators.modern.waved_card import FX, SIZE
@@ -47,7 +47,7 @@ def told(
     all_points = np.arange(count)
     points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32), np.zeros((len(uv), 2)))
     setup = ESTIMATOR._setup
-    located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.loss, setup.limit, setup.baseline_m)
+    located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.noise.width, setup.limit, setup.baseline_m)
     assert located is not None
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)

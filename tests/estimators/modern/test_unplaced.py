@@ -19,8 +19,7 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
-from ispom.solvers import motion_only
-from ispom.solvers.motion_only import PoseFit, fit_pose
+from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import LENS, POSE
 from ispom.types import Camera, Rig, TrackStatus
 
@@ -107,7 +106,7 @@ def test_where_points_lead_away_tracks_are_also_asked_from_where_the_motion_lead
 ) -> None:
     """Around a corner all points were on one facade at the image's edge. They led 2 degrees beside the turn; from there
     all tracks together found another minimum, 9 degrees beside it, and the drive lost its unit."""
-    monkeypatch.setattr(motion_only, "fit_pose", led_away)
+    monkeypatch.setattr("ispom.estimators.modern.monocular.localise.fit_pose", led_away)
     led, predicted = (ASIDE @ NEW.inverse()).inverse(), LAST @ (KEY.inverse() @ LAST)
     for seed in range(5):
         found, stuck = (located(seed, guess=led, predicted=by) for by in (predicted, None))
@@ -135,9 +134,9 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())
         assert found.motion is not None and found.unplaced is not None
         args = found.ids, found.xyz, found.seen, found.motion
-        covariance = known.of_pose(*args, WIDTH * SETUP.sigma, found.unplaced)
+        covariance = known.of_pose(*args, WIDTH * SETUP.noise.width, found.unplaced)
         nees.append(off(found) @ np.linalg.solve(covariance, off(found)))
-        alone = known.of_pose(*args, WIDTH * SETUP.sigma, replace(found.unplaced, key_ns=5))
+        alone = known.of_pose(*args, WIDTH * SETUP.noise.width, replace(found.unplaced, key_ns=5))
         assert unsure_rad == 0 or np.trace(alone[3:, 3:]) < np.trace(covariance[3:, 3:])
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high

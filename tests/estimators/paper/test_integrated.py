@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispom.estimators.paper.integrated.estimator import MAX_FRAMES, IntegratedConfig
-from ispom.estimators.paper.integrated.state import IntegratedState
+from ispom.estimators.paper.integrated import MAX_FRAMES, IntegratedConfig, IntegratedState
 from ispom.solvers.trajectory.stages import stages
 from ispom.types import Camera, Rig, Status, Step, StereoPair, VideoFrame
 from tests.doubles import pose_at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.paper.monocular.window import MAX_WAITING, KeyFrameWindow
+from ispom.estimators.paper.monocular import MAX_WAITING, KeyframeWindow
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose
 
@@ -14,7 +14,7 @@ def frame(i: int, pose: Pose | None = None) -> TrackedFrame:
 
 
 def test_frames_without_a_key_frame_are_settled_with_the_poses_they_have() -> None:
-    window, settled = KeyFrameWindow().with_key(frame(0)), []
+    window, settled = KeyframeWindow().with_keyframe(frame(0)), []
     for i in range(1, 2 * MAX_WAITING + 1):
         pose = Pose(translation=np.array([i, 0.0, 0.0])) if i % 2 else None
         window, done = window.with_frame(frame(i, pose)).settle(3)
@@ -25,7 +25,13 @@ def test_frames_without_a_key_frame_are_settled_with_the_poses_they_have() -> No
 
 
 def test_frames_before_the_oldest_key_frame_are_settled() -> None:
-    window = KeyFrameWindow().with_key(frame(0)).with_frame(frame(1, Pose())).with_key(frame(2)).with_key(frame(3))
+    window = (
+        KeyframeWindow()
+        .with_keyframe(frame(0))
+        .with_frame(frame(1, Pose()))
+        .with_keyframe(frame(2))
+        .with_keyframe(frame(3))
+    )
     window, settled = window.settle(2)
     assert [t for t, _ in settled] == [0, frame(1).time_ns]
     assert [f.time_ns for f in window.frames] == [frame(2).time_ns, frame(3).time_ns]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from ispom.estimators.program import ProgramConfig
+from ispom.estimators.program.estimator import ProgramConfig
 from ispom.types import Camera, Rig, VideoFrame
 
 COMPASS = Path(__file__).parents[3] / "examples" / "external_program" / "compass.py"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ispom.estimators.program.answer import read_step
 from ispom.estimators.program.pipe import ProgramFault
+from ispom.estimators.program.protocol import read_step
 from ispom.types import Camera, Check, Status, Step, Tracks, TrackStatus
 
 CAMERAS = {"video": Camera(320, 240, 230.0, 230.0, 159.5, 119.5)}
@@ -60,7 +60,7 @@ def test_tracks_that_are_not_named_any_more_are_lost() -> None:
         ({"poze": POSE}, "'poze', which an answer does not have"),
         ({"key_frame": 1}, "key_frame 1, not true or false"),
         ({"tracks": []}, "tracks \\[\\], not an object"),
-        ({"tracks": {"left": {}}}, "'left', which the exposure does not have"),
+        ({"tracks": {"left": {}}}, "'left', which the frame does not have"),
         (tracked(ids=[4, 4], uv=[[1, 2], [1, 2]]), "ids that are not unique"),
         (tracked(ids=[4.5]), "4.5, not an integer"),
         (tracked(ids=[-1]), "-1, not an integer"),

@@ -11,8 +11,8 @@ from typing import Annotated
 import pytest
 
 from ispom.errors import InputError
-from ispom.estimators.program import ProgramConfig, program_method
-from ispom.estimators.program.store import STORE, ExposureStore
+from ispom.estimators.program.estimator import ProgramConfig, program_method
+from ispom.estimators.program.store import STORE, FrameStore
 from ispom.settings import Range, settings
 from ispom.testing import check_estimator
 from tests.estimators.program.programs import FORGETS, RIG, SAVES, assert_all_gone, config, faulty, walk
@@ -48,7 +48,7 @@ def test_it_goes_on_from_an_earlier_state_in_another_process(command: tuple[str,
 def test_one_that_saves_nothing_cannot_go_back_beyond_its_budget() -> None:
     estimator = config(FORGETS, replay_mb=0).build(RIG)
     states = walk(estimator, 4)
-    with pytest.raises(InputError, match=r"cannot go back to exposure 2 .*--tested.replay-mb than 0, or run again"):
+    with pytest.raises(InputError, match=r"cannot go back to frame 2 .*--tested.replay-mb than 0, or run again"):
         walk(estimator, 1, states[2])
 
 
@@ -97,7 +97,7 @@ def test_what_a_full_disk_does_not_take_is_not_kept_and_its_place_stays_free(mon
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    store = ExposureStore()
+    store = FrameStore()
     first, second = store.keep(b"1", b"abc", 1), store.keep(b"2", b"def", 1)
     del first
     with monkeypatch.context() as patched:

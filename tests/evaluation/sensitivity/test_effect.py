@@ -63,10 +63,10 @@ def adjusted(scene: Scene, values: Values, wrong: Perturbation, adjustment: Adju
         (Perturbation(video_focal_percent=0.5), LENS),
         (Perturbation(video_centre_x_px=1), LENS),
     ],
-    ids=lambda v: " ".join(v.said) if isinstance(v, Perturbation) else str(v.sigmas),
+    ids=lambda v: " ".join(v.nonzero) if isinstance(v, Perturbation) else str(v.sigmas),
 )
 def test_the_prediction_is_where_the_adjustment_goes(wrong: Perturbation, adjustment: Adjustment) -> None:
-    camera = "left" if "pair" in "".join(wrong.said) or wrong.baseline_percent else "video"
+    camera = "left" if "pair" in "".join(wrong.nonzero) or wrong.baseline_percent else "video"
     scene = Scene.of(scene_map(camera), rig(camera))
     found = Sensitivity.of(scene, adjustment)
     run = scene_map(camera).key_frames

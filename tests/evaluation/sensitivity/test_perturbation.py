@@ -5,9 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from ispom.evaluation.sensitivity.carried import carried
 from ispom.evaluation.sensitivity.effect import shift_m
-from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.evaluation.sensitivity.perturbation import Perturbation, predict_integrated
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
 from ispom.types import EXACT_LENS, EXACT_PAIR, Sequence, StereoPair, Trajectory, VideoFrame
@@ -59,9 +58,9 @@ def test_a_later_clock_moves_video_stamps_and_their_truth_and_keeps_the_order_of
 
 
 def test_every_field_has_a_range_and_starts_at_none() -> None:
-    assert Perturbation().said == {}
+    assert Perturbation().nonzero == {}
     for field in fields(Perturbation):
-        assert Perturbation(**{field.name: 1.0}).said == {field.name: 1.0}
+        assert Perturbation(**{field.name: 1.0}).nonzero == {field.name: 1.0}
 
 
 def path(duration_s: float, bend: float) -> Trajectory:
@@ -78,24 +77,24 @@ def test_an_integration_meets_the_poses_of_the_pairs_whatever_the_video_is_told(
     run, rig = path(3.0, 0.2), simulated_rig()
     pairs = run.select(np.arange(0, 301, 30))
     wrong = Perturbation(turn_y_deg=0.5, shift_x_m=0.02)
-    found = carried(run, pairs, rig, wrong)
+    found = predict_integrated(run, pairs, rig, wrong)
     assert shift_m(pairs, found, "none") < 1e-9
     assert shift_m(run, found, "none") < 1e-3
-    assert shift_m(run, carried(run, pairs, rig, Perturbation()), "none") < 1e-9
+    assert shift_m(run, predict_integrated(run, pairs, rig, Perturbation()), "none") < 1e-9
 
 
 def test_an_integration_follows_pairs_that_move() -> None:
     run, rig = path(3.0, 0.2), simulated_rig()
     pairs = run.select(np.arange(0, 301, 30))
     farther = replace(pairs, translations=1.01 * pairs.translations)
-    found = carried(run, farther, rig, Perturbation())
+    found = predict_integrated(run, farther, rig, Perturbation())
     np.testing.assert_allclose(found.translations, 1.01 * run.translations, atol=1e-3)
 
 
 def test_a_wrong_clock_reports_where_the_rig_was_at_the_wrong_time() -> None:
     run, rig = path(3.0, 0.0), simulated_rig()
     pairs = run.select(np.arange(0, 301, 30))
-    found = carried(run, pairs, rig, Perturbation(clock_ms=10))
+    found = predict_integrated(run, pairs, rig, Perturbation(clock_ms=10))
     inside = found.select(np.arange(30, 270))
     ahead = inside.translations[:, 2] - run.translations[30:270, 2]
     np.testing.assert_allclose(ahead, 0.010, atol=1e-6)

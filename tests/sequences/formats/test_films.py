@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.calibration.tracked.opened import refined
+from ispom.calibration.tracked.opened import self_calibrated
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
 from ispom.types import Sequence, VideoFrame
@@ -93,7 +93,7 @@ def test_the_camera_of_a_film_with_wide_pixels_is_found_in_its_images() -> None:
     path = REPORTS / "14_anamorphic_film" / "anamorphic91.mp4"
     if not path.exists():
         pytest.skip("../shared/data/reports is absent")
-    camera = refined(open_sequence(str(path)), most_images=91, most_views=20).rig.camera("video")
+    camera = self_calibrated(open_sequence(str(path)), most_images=91, most_views=20).rig.camera("video")
     assert camera.fx == pytest.approx(226 * 0.75, rel=0.02) and camera.fy == pytest.approx(227.5, rel=0.02)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.simulation.scenario.times import Clock, Dropped, Repeated
+from ispom.simulation.scenario.fault import Clock, Dropped, Repeated
 from ispom.types import Sequence
 from tests import doubles
 from tests.simulation.scenario.conftest import video

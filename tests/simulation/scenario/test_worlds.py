@@ -7,8 +7,8 @@ import pytest
 
 from ispom.simulation.cameras import NOISE_SIGMA, simulated_rig
 from ispom.simulation.motions import MOTIONS, SLOWER, motion_of
+from ispom.simulation.places.walls import TILE_M
 from ispom.simulation.source import PLACES, Source
-from ispom.simulation.walls import TILE_M
 
 TIMES_NS = np.arange(0, 10_000_000_000, 333_333_333)
 

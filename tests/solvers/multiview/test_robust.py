@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Array, Pose
+from ispom.solvers.localisation import PoseFit, resect, resect_optimised
 from ispom.solvers.multiview.essential import relative_pose, sampson_distance
-from ispom.solvers.multiview.resection import Resection, resect, resect_optimised
 from ispom.solvers.multiview.two_view import hypotheses
 
 PIXEL = 1 / 500
 NOISE, THRESHOLD = 0.34 * PIXEL, 1.0 * PIXEL
 TRUTH = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([0.3, 0.06, 0.04]))
 SIZES = (50, 75, 150, 300, 500)
-Solver = Callable[[Array, Array, float], Resection | None]
+Solver = Callable[[Array, Array, float], PoseFit | None]
 
 
 def two_views(count: int, planar: bool, outliers: float, seed: int) -> tuple[Array, Array, Array]:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.geometry import Pose, rotation_angle_rad
+from ispom.solvers.localisation import refine_pose, resect
 from ispom.solvers.multiview.essential import relative_pose, sampson_distance
-from ispom.solvers.multiview.resection import refine_pose, resect
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
 from ispom.solvers.multiview.triple import depth_ratio, solve_triple, step_length
 
@@ -86,8 +86,8 @@ def test_motion_only_refinement_keeps_what_no_guess_knew_and_reports_points_behi
     behind = np.concatenate([xyz, [[0, 0, -5.0]]])
     x = np.concatenate([project(camera, xyz), [[0, 0]]])
     found = refine_pose(behind, x, moved((0.5, 0.1, 0.7), (0, 0.04, 0)), 2 * PIXEL)
-    assert found is not None and np.isinf(found.residuals[-1]) and not found.inliers[-1]
-    np.testing.assert_allclose((found.camera_from_world @ camera.inverse()).log(), 0, atol=1e-9)
+    assert found is not None and found.distances[-1] == 1e9 and not found.inliers[-1]
+    np.testing.assert_allclose((found.camera_from_world @ camera.inverse()).log(), 0, atol=1e-6)
     assert refine_pose(np.array([[0, 0, -1.0]] * 10), np.zeros((10, 2)), Pose(), PIXEL) is None
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
-from ispom.solvers.multiview.resection import refine_pose
+from ispom.numerics.robust import Noise
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.spline import continuous
 from ispom.solvers.spline.continuous import PointUncertainty, Solution, covariance_of, solve
 from ispom.solvers.spline.observation import slope
@@ -36,7 +37,7 @@ def scene(count: int = 12) -> tuple[Pose, AnchoredPoints, Array]:
 
 def relocated(points: AnchoredPoints, seen: Array, rig_from_video: Pose, pose: Pose) -> Array:
     """(6,) twist on the right of `pose` that leads to where other points, or another rig, put it."""
-    found = refine_pose(points.xyz_in_world, seen, (pose @ rig_from_video).inverse(), 1.0, 30)
+    found = fit_pose(points.xyz_in_world, seen, (pose @ rig_from_video).inverse(), 1e-4, 1.0)
     assert found is not None
     return (pose.inverse() @ found.camera_from_world.inverse() @ rig_from_video.inverse()).log()
 
@@ -54,7 +55,7 @@ def test_what_points_and_rig_do_to_a_pose_is_that_of_finite_differences() -> Non
     rows = np.zeros((len(points), 3, 3 + 7))
     rows[2, :, :3] = np.eye(3)
     uncertainty = PointUncertainty(rows, np.eye(10), np.zeros((len(points), 3, 0)), np.zeros((len(points), 10)))
-    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, 1e-9, 1e9, uncertainty)
+    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, Noise(1e-9, 1e9), uncertainty)
     np.testing.assert_allclose(covariance, np.array(pulls).T @ np.array(pulls), rtol=1e-3, atol=1e-5)
 
 
@@ -65,7 +66,7 @@ def test_what_observations_share_does_to_a_pose_what_finite_differences_say() ->
     pull = relocated(replace(points, values=values), seen + eps * moved[:, :, 0], RIG.rig_from_video, pose) / eps
     uncertainty = PointUncertainty(np.zeros((len(points), 3, 0)), np.zeros((0, 0)), follow, np.zeros((len(points), 0)))
     covariance = pose_covariance(
-        pose, RIG.rig_from_video, False, points, seen, 1e-9, 1e9, uncertainty, moved, np.array([[4.0]])
+        pose, RIG.rig_from_video, False, points, seen, Noise(1e-9, 1e9), uncertainty, moved, np.array([[4.0]])
     )
     np.testing.assert_allclose(covariance, 4 * np.outer(pull, pull), rtol=1e-2, atol=1e-4)
 
@@ -161,12 +162,10 @@ def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     uncertainty = found.point_uncertainty(chosen, *found.as_far_off(parameters))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx / claimed
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
-    located = refine_pose(
-        points.xyz_in_world, seen, (guess @ RIG.rig_from_video).inverse(), 8 * sigma, scale=50 * sigma
-    )
+    located = fit_pose(points.xyz_in_world, seen, (guess @ RIG.rig_from_video).inverse(), 50 * sigma, 8 * sigma)
     assert located is not None
     pose = located.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
-    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, sigma, 50.0, uncertainty)
+    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, Noise(sigma, 50.0), uncertainty)
     true = flight.truth(pair).inverse() @ flight.truth(last)
     error = ((reference.inverse() @ pose).inverse() @ true).log()
     return float(error @ np.linalg.solve(covariance, error))
@@ -197,10 +196,10 @@ def test_a_pose_is_as_far_off_as_the_errors_put_it(alike: bool, loss: float) -> 
     for seed in range(60):
         errors = NOISE * np.random.default_rng(seed).normal(size=exact.shape)
         seen = exact + (errors[patch.reshape(-1)] if alike else errors)
-        found = refine_pose(points.xyz_in_world, seen, camera_from_world, 1.0, 60, scale=loss * NOISE)
+        found = fit_pose(points.xyz_in_world, seen, camera_from_world, loss * NOISE, 1.0)
         assert found is not None
         located = found.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
-        covariance = pose_covariance(located, RIG.rig_from_video, False, points, seen, NOISE, loss, of_nothing)
+        covariance = pose_covariance(located, RIG.rig_from_video, False, points, seen, Noise(NOISE, loss), of_nothing)
         error = (located.inverse() @ pose).log()
         nees.append(float(error @ np.linalg.solve(covariance, error)))
     low, high = band(6, len(nees), 0.999)
@@ -211,7 +210,7 @@ def test_where_the_loss_is_no_minimum_weights_are_held() -> None:
     (pose, points, exact), rng = scene(9), np.random.default_rng(0)
     seen = exact + 0.1 * rng.normal(size=exact.shape)
     nothing = PointUncertainty(np.zeros((9, 3, 0)), np.zeros((0, 0)), np.zeros((9, 3, 0)), np.zeros((9, 0)))
-    covariance = pose_covariance(pose, RIG.rig_from_video, False, points, seen, NOISE, 1.0, nothing)
+    covariance = pose_covariance(pose, RIG.rig_from_video, False, points, seen, Noise(NOISE), nothing)
     assert np.isfinite(covariance).all() and (np.linalg.eigvalsh(covariance) > 0).all()
 
 

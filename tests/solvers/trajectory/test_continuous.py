@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ispom.geometry import rotation_angle_rad
-from ispom.simulation.path import Path
+from ispom.simulation.motions import Flight
 from ispom.solvers.trajectory.continuous import Between, known_at, poses_at
 from ispom.types import Trajectory
 
-MOTION = Path.seeded(2)
+MOTION = Flight.seeded(2)
 
 
 def sampled(step_ns: int, end_ns: int = 4_000_000_000) -> Trajectory:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Array, Pose, so3_exp
-from ispom.solvers.motion_only import fit_pose
-from ispom.solvers.multiview.resection import refine_pose
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.window.adjustment import Window, adjust, marginalise, total_cost
 from ispom.solvers.window.prior import anchored
 from tests.solvers import oracle
@@ -120,12 +119,3 @@ def test_motion_only_adjustment(images: int, noise_px: float) -> None:
     # It stops at steps of a hundredth of the loss's scale, which are so far at the points' distance of some 20.
     apart = np.abs((found.camera_from_world @ wanted.inverse()).log())
     assert apart[:3].max() < 0.01 * SCALE * 20 and apart[3:].max() < 0.01 * SCALE
-
-
-@pytest.mark.parametrize("noise_px", [0.0, 0.4])
-def test_resection(noise_px: float) -> None:
-    xyz, seen = scene(2, noise_px)
-    found = refine_pose(xyz, seen, GUESS, 4 * SCALE, 60, SCALE)
-    wanted, _ = oracle.located(xyz, seen, GUESS, SCALE)
-    assert found is not None
-    assert np.abs((found.camera_from_world @ wanted.inverse()).log()).max() < 1e-6

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.evaluation.ate import Alignment
-from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
-from ispom.evaluation.rpe import rpe
-from ispom.evaluation.step_scale import StepScale, step_scale
-from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError
+from ispom.evaluation.metrics import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.evaluation.relative_error import rpe
+from ispom.evaluation.scale import StepScale, step_scale
+from ispom.evaluation.trajectory_error import MIN_POSES, Alignment, TrajectoryError
 from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.types import Trajectory

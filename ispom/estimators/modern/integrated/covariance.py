@@ -11,7 +11,7 @@ from ispom.estimators.modern.integrated.rows import by_rate
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import common_pair
-from ispom.estimators.modern.integrated.view import Noise, Reference, View
+from ispom.estimators.modern.integrated.view import Reference, RigNoise, View
 from ispom.geometry import Array
 from ispom.solvers.spline.pose_covariance import POSE, pose_covariance
 from ispom.solvers.window.prior import LENS
@@ -58,7 +58,7 @@ def by_lens(seen: Array) -> Array:
     return -np.stack([seen, seen * (seen**2).sum(axis=1, keepdims=True)], axis=2)
 
 
-def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View) -> Array | None:
+def _resected_covariance(noise: RigNoise, state: ModernIntegratedState, view: View) -> Array | None:
     """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
     window = state.window
     assert window.reference is not None
@@ -79,7 +79,6 @@ def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View)
         window.table.select(window.table.places(view.ids[mine])).points,
         seen,
         noise.of(view.video),
-        noise.loss,
         uncertainty,
         moved,
         shared,

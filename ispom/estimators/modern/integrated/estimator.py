@@ -23,12 +23,13 @@ from ispom.estimators.modern.integrated.right_fits import right_fits
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
-from ispom.estimators.modern.integrated.view import Noise
+from ispom.estimators.modern.integrated.view import RigNoise
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
+from ispom.numerics.robust import Noise
 from ispom.settings import Range
-from ispom.solvers.multiview.resection import Resection
+from ispom.solvers.localisation import PoseFit
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
@@ -146,7 +147,11 @@ class ModernIntegrated:
     def _setup(self) -> Setup:
         c = self.config
         video, left = (TrackedSize.of(self.rig.camera(name), c.max_width_px).tracked for name in ("video", "left"))
-        noise = Noise(c.video_sigma_px / video.fx, c.stereo_sigma_px / left.fx, c.disparity_sigma_px / left.fx, c.loss)
+        noise = RigNoise(
+            Noise(c.video_sigma_px / video.fx, c.loss),
+            Noise(c.stereo_sigma_px / left.fx, c.loss),
+            Noise(c.disparity_sigma_px / left.fx, c.loss),
+        )
         return Setup(
             rig=self.rig,
             noise=noise,
@@ -166,10 +171,10 @@ class ModernIntegrated:
         free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
         return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
 
-    def _residuals_px(self, found: Resection | None, is_pair: bool) -> Array:
+    def _residuals_px(self, found: PoseFit | None, is_pair: bool) -> Array:
         if found is None:
             return np.zeros(0)
-        return found.residuals[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
+        return found.distances[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
 
 
 def _passed_over(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.rows import banded
-from ispom.estimators.modern.integrated.view import Noise, located_poses, times_s
+from ispom.estimators.modern.integrated.view import RigNoise, located_poses, times_s
 from ispom.geometry import Array
 from ispom.solvers.spline.fit import fitted
 from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, RowBands, SplineProblem
@@ -26,7 +26,7 @@ the step of a point that is seen without parallax."""
 
 
 def joint_problem(
-    window: JointWindow, noise: Noise, spacing_s: float, most: int
+    window: JointWindow, noise: RigNoise, spacing_s: float, most: int
 ) -> tuple[SplineProblem | None, NDArray[np.int64]]:
     """The problem with at most so many points of each camera, and which points of the table take part."""
     views, video_points = window.views, window.table.ids % 2 == 0
@@ -49,7 +49,7 @@ def joint_problem(
         _rig_prior(window),
         PosePrior(held, views[held].world_from_rig, np.eye(6) * HELD),
         np.column_stack([points.values[:, 2], np.full(len(points), DEPTH_INFORMATION)]),
-        loss=noise.loss,
+        loss=noise.video.factor,
         bands=bands,
     ), used
 
@@ -62,7 +62,7 @@ def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArr
 
 
 def _observations(
-    window: JointWindow, noise: Noise, place: NDArray[np.int64], used: NDArray[np.int64]
+    window: JointWindow, noise: RigNoise, place: NDArray[np.int64], used: NDArray[np.int64]
 ) -> tuple[RigObservations, RowBands]:
     """Those of the points in use, by point, then by exposure; `place` of all observations in the window's table."""
     views = window.views
@@ -76,7 +76,9 @@ def _observations(
     camera = np.where(video[exposure[index]], VIDEO, LEFT)
     bands, when, moved = banded(views, exposure)
     seen = _seen(window, moved)[index]
-    inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
+    inverse = (
+        1 / np.array([[noise.video.sigma] * 2 + [np.inf], [noise.stereo.sigma] * 2 + [noise.disparity.sigma]])[camera]
+    )
     inverse[np.isnan(seen[:, 2]), 2] = 0.0
     return RigObservations(when[index], camera, owner[index], np.nan_to_num(seen), inverse), bands
 

@@ -12,10 +12,10 @@ from ispom.estimators.modern.integrated.rows import at_middle
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
-from ispom.estimators.modern.integrated.view import Noise, View
+from ispom.estimators.modern.integrated.view import RigNoise, View
 from ispom.estimators.modern.rolling import LEAST, PASSES, motion_at
 from ispom.geometry import Array
-from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.localisation import Policy, PoseFit, locate
 from ispom.solvers.spline.pose_covariance import pose_information
 from ispom.types import Status
 
@@ -24,15 +24,13 @@ ENOUGH_POINTS = 30
 INLIER = 8.0
 """Of a resection: larger reprojection errors, in standard deviations of an observation, are wrong points; wide, as new
 points have depths that are guesses."""
-MIN_INLIER_SHARE = 0.5
-"""A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
 LATE_PAIRS = 2
 """Pairs passed over, or longest intervals between pairs of the window: after as many the next is missing."""
 
 
 def located(
     setup: Setup, state: ModernIntegratedState, view: View
-) -> tuple[ModernIntegratedState, Resection | None, Status]:
+) -> tuple[ModernIntegratedState, PoseFit | None, Status]:
     """The window with one more view, whose pose is that of the points known by now; else that of the stereo method,
     which may have found the way after a gap; else that of the view before."""
     window = state.window
@@ -58,7 +56,7 @@ def located(
     return state, found, Status.TRACKING if known else Status.LOST
 
 
-def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> bool:
+def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> bool:
     """Whether the points that locate a view are in metres: where pairs are missing, depths of new ones are guesses, and
     those of the points seen by such a view guesses from guesses."""
     usual_ns, missing = window.usual_ns, passed >= LATE_PAIRS
@@ -70,7 +68,7 @@ def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> b
     return int((adjusted[known] & found.inliers).sum()) >= MIN_POINTS
 
 
-def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
+def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[View, PoseFit | None]:
     """The view as if all its rows had been exposed together, by the motion before it and, of the video, that which
     leads to it; and its resection."""
     view = at_middle(window, view, window.motion(view.video))
@@ -88,20 +86,16 @@ def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View,
     return view, found
 
 
-def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:
+def _resected(noise: RigNoise, window: JointWindow, view: View) -> PoseFit | None:
     """camera_from_world by resection from the points known by now."""
     place, (known, _) = window.table.places(view.ids), _known(window, view)
     if known.sum() < MIN_POINTS:
         return None
     xyz, seen = window.table.select(place[known]).points.xyz_in_world, window.seen(view)[known]
-    sigma = noise.of(view.video)
-    threshold, scale = INLIER * sigma, noise.loss * sigma
+    limit = INLIER * noise.of(view.video).sigma
     predicted = replace(view, world_from_rig=window.predicted(view.time_ns))
-    found = refine_pose(xyz, seen, window.camera_pose(predicted).inverse(), threshold, scale=scale)
-    if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
-        again = resect(xyz, seen, threshold, scale)
-        if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
-            found = again
+    policy = Policy(noise.of(view.video).width, limit, limit)
+    found = locate(xyz, seen, window.camera_pose(predicted).inverse(), policy)
     return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
 
 
@@ -115,7 +109,7 @@ def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[
     return adjusted if adjusted.sum() >= ENOUGH_POINTS else known, adjusted
 
 
-def _information(noise: Noise, window: JointWindow, view: View) -> Array:
+def _information(noise: RigNoise, window: JointWindow, view: View) -> Array:
     """(6, 6) of a pose by resection, relative to the points."""
     place = window.table.places(view.ids)
     return pose_information(
@@ -124,5 +118,4 @@ def _information(noise: Noise, window: JointWindow, view: View) -> Array:
         window.table.select(place[place >= 0]).points,
         window.seen(view)[place >= 0],
         noise.of(view.video),
-        noise.loss,
     )

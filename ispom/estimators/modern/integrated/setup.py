@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ispom.estimators.modern.integrated.view import Noise
+from ispom.estimators.modern.integrated.view import RigNoise
 from ispom.types import Rig
 
 MIN_POINTS = 8
@@ -16,7 +16,7 @@ class Setup:
     """See ModernIntegratedConfig for what the settings mean."""
 
     rig: Rig
-    noise: Noise
+    noise: RigNoise
     window_pairs: int
     max_views: int
     max_points: int

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
+from ispom.numerics.robust import Noise
 from ispom.solvers.right_camera import LAG, drift, without_errors
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
@@ -106,17 +107,15 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
-    """Standard deviations of observations, in normalised units, and the loss beyond them."""
+class RigNoise:
+    """Noise of the observations of both cameras, normalised."""
 
-    video: float
-    stereo: float
-    disparity: float
-    loss: float
-    """Scale of the Cauchy loss, in standard deviations."""
+    video: Noise
+    stereo: Noise
+    disparity: Noise
 
-    def of(self, video: bool) -> float:
-        """Standard deviation of an image point."""
+    def of(self, video: bool) -> Noise:
+        """Returns the noise of an image point."""
         return self.video if video else self.stereo
 
 

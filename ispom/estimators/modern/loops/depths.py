@@ -10,6 +10,7 @@ from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
 from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera
 from ispom.estimators.modern.verification import on_epipolar_lines
 from ispom.geometry import Array
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import intersect
 
 OTHERS = 3
@@ -78,7 +79,7 @@ def _met(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [n.odometry.inverse() for n in (node, *others)]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
-    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), camera.sigma)
+    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), Noise(camera.sigma))
     good = (found.depth > 0) & (found.worst < INLIER * camera.sigma) & (found.significance > MIN_SIGNIFICANCE)
     xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), sight.xyz)
     return replace(sight, xyz=xyz.astype(np.float32))

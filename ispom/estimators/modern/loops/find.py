@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri
 
 from ispom.estimators.modern.loops.nodes import Loop, Node, step_between
 from ispom.geometry import Similarity, rotation_angle_rad
@@ -31,7 +32,7 @@ AGREEING_DEPTHS, AGREEING_DEG = 0.1, 2.0
 """By how much what they tell of the last pose may differ, beside what odometry drifts between them; of the unit, which
 some views know to 1 % and others to 10 %, by what they claim."""
 
-MOST_UNLIKELY = 14.07
+MOST_UNLIKELY = float(chdtri(FREEDOM, 0.05))
 """The squared deviations of that difference, by what both views and the odometry between them claim: 95 % of seven
 degrees of freedom. Of 600 pairs of true views none had more than 9.6; of four that were 0.4-0.9 m off, by 26 to 64
 points, up to 41."""
@@ -42,12 +43,17 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
     found = list[tuple[float, int]]()
     for place in nodes[: -LEAST_NODES + 1]:
         apart = np.linalg.norm((place.corrected.inverse() @ node.corrected).pose.translation)
-        if apart <= place.sight.depth + _slack(place, node, drift):
+        if place.segment != node.segment or apart <= place.sight.depth + _slack(place, node, drift):
             found.append((-float((place.sight.looks * node.sight.looks).sum()), place.time_ns))
     return tuple(time_ns for _, time_ns in sorted(found)[:COMPARED])
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
+    """Whether a loop between two nodes can be true: nothing is known of the place and unit of another segment."""
+    return first.segment != then.segment or within_drift(first, then, first_from_then, drift)
+
+
+def within_drift(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
     """Whether odometry can have drifted by what a way between two nodes says.
 
     Where the unit has, by ln scale, by half of that what lies between was too long or too short: a unit that was lost

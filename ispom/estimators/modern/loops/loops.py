@@ -22,6 +22,7 @@ from ispom.estimators.modern.loops.find import (
     agreeing,
     candidates,
     possible,
+    within_drift,
 )
 from ispom.estimators.modern.loops.nodes import (
     APART_DEG,
@@ -29,6 +30,7 @@ from ispom.estimators.modern.loops.nodes import (
     Loop,
     Node,
     edges_of,
+    joined_segments,
     node_at,
     step_between,
     thinned,
@@ -61,6 +63,8 @@ class KeyFrameSeen:
     """What it shows; made only where it is needed."""
     joined: bool = True
     """Whether some observation joins it to the key frames before: else it is where a blind start was held to be."""
+    segment: int | None = None
+    """That of its pose; None: that of the key frame before, or the next one where it is not joined to that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,8 @@ class Loops:
     left: int = 0
     """Poses that are still to be told anew, from the one before `told` backwards and around."""
     told: int = 0
+    joins: int | None = None
+    """The earlier segment that the newest node was found to belong to by a loop at the last frame."""
     end: int = 0
     """Poses that there were when the graph was adjusted: later ones were told with it."""
 
@@ -102,7 +108,7 @@ def seen_again(
     loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int
 ) -> tuple[Loops, tuple[Decision, ...]]:
     """After an exposure, of which `key` is told where it was a key frame; `poses` were given so far."""
-    drift = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT
+    drift, loops = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT, replace(loops, joins=None)
     if key is not None:
         loops = _with_key(loops, camera, key, drift)
     if not loops.waiting:
@@ -170,7 +176,8 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
         parent.corrected @ Similarity(1.0, between),
         key.sight(),
         key.joined,
-        between,
+        _segment(nodes, parent, key),
+        step=between,
     )
     waiting = candidates(nodes, node, drift)
     nodes = (*nodes, node) if camera.baseline else with_depths(camera, (*nodes, node))
@@ -182,6 +189,12 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
     return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting, known=known)
 
 
+def _segment(nodes: tuple[Node, ...], parent: Node, key: KeyFrameSeen) -> int:
+    if key.joined:
+        return parent.segment
+    return key.segment if key.segment is not None else 1 + max(n.segment for n in nodes)
+
+
 def _closed(
     loops: Loops,
     same: tuple[Loop, ...],
@@ -191,16 +204,21 @@ def _closed(
     decisions: tuple[Decision, ...],
 ) -> tuple[Loops, tuple[Decision, ...]]:
     """With these loops in the graph, adjusted."""
-    newest = loops.nodes[-1]
+    newest, nodes = loops.nodes[-1], loops.nodes
     old = {x.then_ns: x for x in loops.closed}
     closed = tuple((old | {x.then_ns: x for x in same}).values())
-    found = spread(tuple(n.corrected for n in loops.nodes), edges_of(loops.nodes, closed), scaled=not paired)
-    nodes = tuple(replace(n, corrected=c) for n, c in zip(loops.nodes, found.nodes, strict=True))
+    for loop in same:
+        first, then = node_at(nodes, loop.first_ns), node_at(nodes, loop.then_ns)
+        if first.segment != then.segment:
+            nodes = joined_segments(nodes, loop, not within_drift(first, then, loop.first_from_then, drift))
+    joins = nodes[-1].segment if nodes[-1].segment != newest.segment else None
+    found = spread(tuple(n.corrected for n in nodes), edges_of(nodes, closed), scaled=not paired)
+    nodes = tuple(replace(n, corrected=c) for n, c in zip(nodes, found.nodes, strict=True))
     shift = np.linalg.norm(nodes[-1].corrected.pose.translation - newest.corrected.pose.translation)
     way = newest.path - node_at(nodes, same[-1].first_ns).path
     shifted = LOOP_SHIFT.of(float(shift) / max(way, 1e-9), drift)
     known, told = Known(nodes[-1], found.covariance), loops.told if loops.left else poses
-    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told, end=poses)
+    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told, joins=joins, end=poses)
     return loops, (*decisions, shifted)
 
 

@@ -19,6 +19,8 @@ RECENT = 16
 APART_DEPTHS, APART_DEG = 0.25, 12.0
 """A key frame so far from the last node, in depths of what it sees, or turned by so much, is the next one: a third of
 what descriptors bridge."""
+NO_GUESS = 1e6
+"""Times the variance of a way that was guessed, once that is known to be wrong: it holds nothing."""
 LEAST_SHARE, LEAST_RAD, LEAST_SCALE = 1e-3, 1e-4, 1e-3
 """What the way between two nodes is never surer than: share of its length, [rad], ln of the unit."""
 
@@ -41,6 +43,10 @@ class Node:
     sight: DescribedPoints
     seen: bool = True
     """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
+    segment: int = 0
+    """That of its pose; an earlier one once a loop has joined both."""
+    guessed: bool = True
+    """Whether the way from its parent is at least a guess, where nothing was seen: not if a loop contradicts it."""
     step: Pose | None = None
     """parent_from_node when both were last adjusted together; None: from their odometry. That of a parent that has left
     its window stays, while all that is in the window still moves, alike, as the unit and the heading become known."""
@@ -137,9 +143,29 @@ def node_at(nodes: tuple[Node, ...], time_ns: int) -> Node:
     return before[-1] if before else nodes[0]
 
 
+def joined_segments(nodes: tuple[Node, ...], loop: Loop, contradicted: bool) -> tuple[Node, ...]:
+    """With the segment in which a loop ends as one with that in which it begins; where the loop has `contradicted` what
+    was guessed of it, moved, turned and scaled to where the loop puts it."""
+    first, then = node_at(nodes, loop.first_ns), node_at(nodes, loop.then_ns)
+    moved = first.corrected @ loop.first_from_then @ then.corrected.inverse() if contradicted else Similarity()
+    return tuple(
+        replace(n, corrected=moved @ n.corrected, segment=first.segment, guessed=n.seen or not contradicted)
+        if n.segment == then.segment
+        else n
+        for n in nodes
+    )
+
+
+def _way(parent: Node, node: Node) -> tuple[Similarity, Array]:
+    step, covariance = step_between(parent, node)
+    if node.guessed:
+        return step, covariance
+    return step, NO_GUESS * (covariance + np.diag([float(np.sum(step.pose.translation**2))] * 3 + [1.0] * 4))
+
+
 def edges_of(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[Edge, ...]:
     """Of odometry, and of the loops."""
     index = {n.time_ns: i for i, n in enumerate(nodes)}
-    ways = [(index[n.parent_ns], i, *step_between(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i]
-    found = [(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance) for x in loops]
-    return tuple(Edge(*e) for e in (*ways, *found))
+    ways = (Edge(index[n.parent_ns], i, *_way(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i)
+    found = (Edge(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance, True) for x in loops)
+    return (*ways, *found)

@@ -11,7 +11,8 @@ from ispom.estimators.modern.keyframe_database import appearance_of
 from ispom.estimators.modern.verification import Candidate, Verification, View
 from ispom.features.interfaces import Features, Matcher
 from ispom.geometry import Array, Pose, Similarity
-from ispom.solvers.motion_only import fit_pose
+from ispom.numerics.robust import normalised_mad
+from ispom.solvers.localisation import fit_pose
 from ispom.solvers.pose_graph import FREEDOM
 from ispom.types import Camera, Image
 
@@ -166,6 +167,5 @@ def _scale(ratios: Array) -> tuple[float, float] | None:
     logs = np.log(ratios[np.isfinite(ratios) & (ratios > 0)])
     if len(logs) < FEWEST_SCALES:
         return None
-    middle = float(np.median(logs))
-    deviation = 1.4826 * float(np.median(np.abs(logs - middle)))
-    return float(np.exp(middle)), 1.25 * deviation / len(logs) ** 0.5
+    # The median of normal values scatters by 1.25 (sqrt(pi / 2)) times as much as their mean.
+    return float(np.exp(np.median(logs))), 1.25 * normalised_mad(logs) / len(logs) ** 0.5

@@ -20,6 +20,7 @@ from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.area import area_weights, weighted_median
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.solvers.multiview.zoom import turn_and_zoom
 from ispom.solvers.window.adjustment import adjust
@@ -45,7 +46,7 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     start = state.start or Start(extra_sigma=setup.extra_sigma)
     if setup.camera.line_delay_s:
         start = start.with_sight(state.live.sight)
-    found = advance(start, frame, setup.sigma, setup.start_parallax_rad)
+    found = advance(start, frame, setup.noise, setup.start_parallax_rad)
     outcome = Outcome(new.followed, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
     if found.map is None:
         alone = start.joined and not found.start.joined
@@ -82,8 +83,8 @@ class Progress:
     settled: tuple[tuple[int, Pose], ...] = ()
 
 
-def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: float) -> Progress:
-    """One more frame. `sigma`: deviation of a coordinate, normalised units."""
+def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: float) -> Progress:
+    """One more frame. `noise` of a track, normalised."""
     if not start.frames:
         frame = replace(frame, world_from_camera=start.base)
         return Progress(replace(start, frames=(frame,)), (), start.base)
@@ -93,9 +94,9 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     enough = checks.START_POINTS.of(share, LEAVING_SHARE)
     if len(ids) < MIN_POINTS:
         few = f"only {len(ids)} points are left ({MIN_POINTS} needed)"
-        return _restarted(start, frame, sigma, replace(enough, passed=False, consequence=few))
+        return _restarted(start, frame, noise, replace(enough, passed=False, consequence=few))
     x1, x2 = reference.at(ids), frame.at(ids)
-    rotation = dominant_rotation(x1, x2, TURN_LOSS * sigma)
+    rotation = dominant_rotation(x1, x2, TURN_LOSS * noise.width)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
     needed = min_parallax_rad * (1 if enough.passed else LEAVING_PARALLAX)
     moved = checks.START_PARALLAX.of(np.degrees(parallax), np.degrees(needed), passed=parallax >= needed)
@@ -104,42 +105,44 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     waiting = replace(start, frames=(*start.frames, frame)).limited()
     tests, waits = (moved,), not moved.passed
     if moved.passed:
-        tests = (moved, *_travelled(x1, x2, sigma, min_parallax_rad))
+        tests = (moved, *_travelled(x1, x2, noise.width, min_parallax_rad))
         waits = not tests[1].passed
     if waits:
         if not enough.passed:
-            return _restarted(start, frame, sigma, enough, tests)
+            return _restarted(start, frame, noise, enough, tests)
         tests = (replace(tests[0], consequence="the position is held, waiting for parallax"), *tests[1:])
         return Progress(waiting, tests, held)
-    found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
+    found, decisions = first_map(waiting, frame, noise, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
-        return _restarted(start, frame, sigma, enough, (*tests, *decisions))
+        return _restarted(start, frame, noise, enough, (*tests, *decisions))
     settled = () if found is None else beside(found, waiting)
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 
-def _travelled(x1: Array, x2: Array, sigma: float, min_parallax_rad: float) -> tuple[Decision, ...]:
+def _travelled(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> tuple[Decision, ...]:
     """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom.
 
     By area: something small that is full of corners and moves before a still background is no travel. Where there is
     none, what moves all the same is told. What is left is an angle of the camera that stays, whose focal length is
     found with its turn: by a given one that is too short, errors of the lens or the shutter in a pan look like travel.
+
+    `width` of the robust loss, normalised.
     """
     weights = area_weights(x1)
-    staying = turn_and_zoom(x1, x2, TURN_LOSS * sigma, weights)
+    staying = turn_and_zoom(x1, x2, TURN_LOSS * width, weights)
     distances = staying.distances(x1, x2)
     left = weighted_median(distances, weights) / staying.focal
-    needed = max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma / staying.focal)
+    needed = max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * width / staying.focal)
     because = f"zoom {staying.zoom:.3f}, focal length {staying.focal:.0%} of the camera's"
     travel = checks.TRAVEL.of(np.degrees(left), np.degrees(needed), because)
-    return (travel,) if travel.passed else (travel, second_motion(x1, x2, distances > MOVING * sigma, sigma))
+    return (travel,) if travel.passed else (travel, second_motion(x1, x2, distances > MOVING * width, width))
 
 
 def _restarted(
-    start: Start, frame: TrackedFrame, sigma: float, few: Decision, others: tuple[Decision, ...] = ()
+    start: Start, frame: TrackedFrame, noise: Noise, few: Decision, others: tuple[Decision, ...] = ()
 ) -> Progress:
     """Too few of the reference's points are left: this frame becomes the reference."""
-    new, gone = start.restarted(frame, sigma)
+    new, gone = start.restarted(frame, noise.width)
     again = "initialisation starts again from this frame"
     few = replace(few, consequence=f"{few.consequence}, so {again}" if few.consequence else again)
     return Progress(new, (*others, few), new.base, settled=gone)

@@ -156,7 +156,7 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:
     """What was found to be wrong with the lens."""
     if after.map is None:
         return {}
-    found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise)}
+    found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise.sigma)}
     if after.uncertainty is not None and after.uncertainty.lens.any():
         found["lens_covariance"] = after.uncertainty.lens
     return found

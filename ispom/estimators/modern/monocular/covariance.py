@@ -20,12 +20,10 @@ from ispom.estimators.modern.monocular.scatter import LEAST_SHARE, Curvature, Sp
 from ispom.estimators.modern.monocular.unplaced import Unplaced
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
-from ispom.solvers.motion_only import PoseFit
+from ispom.numerics.robust import cauchy_weights
+from ispom.solvers.localisation import PoseFit
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
-
-LOSS = 1.5
-"""Width of the robust loss, in deviations of a tracked place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,7 @@ class MapUncertainty:
         place, in_camera, n = place[use], pose.apply(xyz[use]), int(use.sum())
         by_place, by_pose, by_extra = _derivatives(in_camera)
         errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
-        weighted = by_pose / (1 + (errors**2).sum(axis=1) / scale**2)[:, None, None]
+        weighted = by_pose * cauchy_weights((errors**2).sum(axis=1), scale)[:, None, None]
         design, slopes = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
         gain = np.swapaxes(weighted, 1, 2) @ (by_place @ pose.rotation)
         follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)

@@ -12,11 +12,10 @@ from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
 from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.loop import corrected, with_loops
 from ispom.estimators.modern.monocular.motion_model import coasted
 from ispom.estimators.modern.monocular.other_motion import with_other_motion
-from ispom.estimators.modern.monocular.setup import Setup
+from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
@@ -25,6 +24,7 @@ from ispom.estimators.modern.rolling import late_px
 from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
+from ispom.numerics.robust import Noise
 from ispom.settings import Choices, Range
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
@@ -137,8 +137,7 @@ class ModernMonocular:
         c = self.config
         return Setup(
             camera=self._size.tracked,
-            noise_px=c.noise_px,
-            loss_px=LOSS * c.noise_px,
+            noise_px=Noise(c.noise_px, LOSS),
             extra_sigma=LOSS * c.lens_sigma(self.rig.video_sigma),
             max_tracks=c.max_tracks,
             key_frames=c.key_frames,

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
 from ispom.estimators.modern.monocular.second_motion import second_motion
-from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
+from ispom.estimators.modern.monocular.setup import LOSS, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, NEWEST, Start, poses_held
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
-from ispom.solvers import motion_only
+from ispom.numerics.robust import Noise, normalised_mad
+from ispom.solvers.localisation import MIN_INLIER_SHARE, fit_pose
 from ispom.solvers.multiview.rotation import rotate
 from ispom.solvers.multiview.two_view import hypotheses
 from ispom.solvers.trajectory.interpolation import interpolate
@@ -46,8 +46,8 @@ TWO_VIEW = 2.0
 """Inlier limit of the two-view hypotheses, in widths of the loss: 1.0 px at the default noise."""
 ROUGH = 8.0
 """Inlier limit, in widths of the loss, of frames resected from points of two views that are not adjusted yet."""
-MIN_SIGNIFICANCE = 2.0
-"""Inverse depth over its deviation from which a point is placed: what two views leave unsure the adjustment settles."""
+MIN_SIGNIFICANCE = 3.0
+"""Inverse depth over its standard deviation from which a point enters the map: bundle adjustment improves the rest."""
 BETWEEN = 4
 """Frames between the two views that are adjusted with them, of the newest ones: older ones of a long wait show less."""
 FIRST_PASS, SECOND_PASS = (12, 1e-3), (40, 1e-5)
@@ -57,14 +57,14 @@ SAME_SHARE, SAME_RAD = 0.1, 0.02
 
 
 def first_map(
-    start: Start, last: TrackedFrame, sigma: float, impatient: bool
+    start: Start, last: TrackedFrame, noise: Noise, impatient: bool
 ) -> tuple[Map | None, tuple[Decision, ...]]:
     """The best of the hypotheses, if it is clearly the best over all frames since the reference."""
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
-    found = hypotheses(reference.at(ids), last.at(ids), TWO_VIEW * sigma)
+    found = hypotheses(reference.at(ids), last.at(ids), TWO_VIEW * noise.width)
     planar = checks.PLANE_SHARE.of(found.planar_share, MOSTLY_PLANAR)
-    trials = [_trial(start, last, ids, pose, sigma) for pose in found.second_from_first]
+    trials = [_trial(start, last, ids, pose, noise) for pose in found.second_from_first]
     good = sorted((t for t in trials if t is not None), key=lambda t: t.costs.sum())
     if not good:
         return None, (planar, checks.MAPS.of(0, 1))
@@ -72,13 +72,13 @@ def first_map(
     clear = _clear(good, tried=len(trials))
     explained = good[0].costs < OUTLIER_COST
     most = checks.EXPLAINED_SHARE.of(float(explained.mean()), MIN_EXPLAINED)
-    second = second_motion(reference.at(ids), last.at(ids), ~explained, sigma)
+    second = second_motion(reference.at(ids), last.at(ids), ~explained, noise.width)
     if not clear.passed and impatient:
         clear = replace(clear, passed=True, consequence="accepted, as more parallax would not decide it")
     if not (clear.passed and most.passed):
         return None, (planar, model, clear, most, second)
     best, unit = _in_old_unit(_chosen(trials, good[0]).map, start)
-    return _filled(best, start, sigma), (planar, model, clear, second, *unit)
+    return _filled(best, start, noise.width), (planar, model, clear, second, *unit)
 
 
 def _chosen(trials: list[Trial | None], best: Trial) -> Trial:
@@ -131,9 +131,8 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
         spread = checks.UNIT_SPREAD.of(100 * SPEED_SIGMA, MAX_DRIFT)
         return state, (replace(shared, consequence="the speed before the loss gives the scale instead"), spread)
     ratio = np.log(before[front] / now[front])
-    middle = float(np.median(ratio))
-    sigma_log = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(count)
-    factor, centre = float(np.exp(middle)), start.base.translation
+    sigma_log = normalised_mad(ratio) / np.sqrt(count)
+    factor, centre = float(np.exp(np.median(ratio))), start.base.translation
 
     def larger(xyz: Array) -> Array:
         return centre + factor * (xyz - centre)
@@ -175,33 +174,33 @@ def _same(a: Map, b: Map) -> bool:
 
 
 def _trial(
-    start: Start, last: TrackedFrame, ids: NDArray[np.int64], second_from_first: Pose, sigma: float
+    start: Start, last: TrackedFrame, ids: NDArray[np.int64], second_from_first: Pose, noise: Noise
 ) -> Trial | None:
     """One hypothesis, adjusted over a few frames between as well; None where it explains too few points."""
-    reference = start.frames[0]
+    reference, width = start.frames[0], noise.width
     seconds = (last.time_ns - reference.time_ns) * 1e-9
     unit = 1.0 if start.speed is None else start.speed * seconds
     end = start.base @ second_from_first.inverse().scaled(unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
-    noise = TrackNoise() if start.lost is None else start.lost.noise
-    state = Map(pair, ScenePoints(), None, sigma, extra_sigma=start.extra_sigma, noise=noise)
-    state, enough = _with_points(state, ids, sigma), max(MIN_POINTS, MIN_SHARE * len(ids))
+    of_tracks = TrackNoise() if start.lost is None else start.lost.noise
+    state = Map(pair, ScenePoints(), None, width, extra_sigma=start.extra_sigma, noise=of_tracks)
+    state, enough = _with_points(state, ids, noise), max(MIN_POINTS, MIN_SHARE * len(ids))
     if len(state.points.ids) < enough:
         return None
     keys = [pair[0]]
     for frame in _spaced(start.frames[1:-1][2 - NEWEST :], BETWEEN):
-        pose = _resected(state, frame, keys[-1].world_from_camera or start.base, ROUGH * sigma)
+        pose = _resected(state, frame, keys[-1].world_from_camera or start.base, ROUGH * width)
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
     state = replace(state, keys=(*keys, pair[1]))
     unit_sigma = 0.0 if start.speed is None else SPEED_SIGMA
-    state, _, _ = adjusted(replace(state, prior=_anchored(start, state.poses, unit_sigma)), sigma, *FIRST_PASS)
+    state, _, _ = adjusted(replace(state, prior=_anchored(start, state.poses, unit_sigma)), width, *FIRST_PASS)
     # What was off at first may fit by now.
-    state = _with_points(replace(state, prior=_anchored(start, state.poses, unit_sigma)), ids, sigma)
-    state, found, before = adjusted(state, sigma, *SECOND_PASS)
+    state = _with_points(replace(state, prior=_anchored(start, state.poses, unit_sigma)), ids, noise)
+    state, found, before = adjusted(state, width, *SECOND_PASS)
     if len(state.points.ids) < enough:
         return None
-    return Trial(_costs(state, found, before, start, last, ids, sigma), state)
+    return Trial(_costs(state, found, before, start, last, ids, width), state)
 
 
 def _costs(
@@ -211,15 +210,15 @@ def _costs(
     start: Start,
     last: TrackedFrame,
     ids: NDArray[np.int64],
-    sigma: float,
+    width: float,
 ) -> Array:
     """(N,) see Trial; `found` is the adjustment of `before` that gave the map."""
     owners = found.window.owners
-    mean = np.bincount(owners, _cost(found.distances, sigma)) / np.bincount(owners)
+    mean = np.bincount(owners, _cost(found.distances, width)) / np.bincount(owners)
     kept = np.isin(before.ids, state.points.ids)
     # A point without a place may be too far for one: then the turn alone moves it.
     turn = state.poses[-1].rotation.T @ start.base.rotation
-    costs = _cost(np.linalg.norm(rotate(turn, start.frames[0].at(ids)) - last.at(ids), axis=1), sigma)
+    costs = _cost(np.linalg.norm(rotate(turn, start.frames[0].at(ids)) - last.at(ids), axis=1), width)
     costs[np.searchsorted(ids, before.ids[kept])] = mean[kept]
     return np.minimum(costs, OUTLIER_COST)
 
@@ -231,28 +230,28 @@ def _spaced(frames: tuple[TrackedFrame, ...], count: int) -> list[TrackedFrame]:
     return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int))]
 
 
-def _with_points(state: Map, ids: NDArray[np.int64], sigma: float) -> Map:
+def _with_points(state: Map, ids: NDArray[np.int64], noise: Noise) -> Map:
     """With those of the tracks (M,) as points that have a place."""
-    found = intersected(state, ids, sigma)
-    good = (found.depth > 0) & (found.worst < MISTRACKED * sigma) & (found.significance > MIN_SIGNIFICANCE)
+    found = intersected(state, ids, noise)
+    good = (found.depth > 0) & (found.worst < MISTRACKED * noise.width) & (found.significance > MIN_SIGNIFICANCE)
     return replace(state, points=ScenePoints(ids[good], found.xyz_in_world[good]))
 
 
-def _cost(distances: Array, sigma: float) -> Array:
-    return 0.5 * np.log1p((distances / sigma) ** 2)
+def _cost(distances: Array, width: float) -> Array:
+    return 0.5 * np.log1p((distances / width) ** 2)
 
 
 def _resected(state: Map, frame: TrackedFrame, guess: Pose, threshold: float, least: int = 0) -> Pose | None:
     place = state.points.places(frame.ids)
     known = place >= 0
     x = corrected(frame.x[known], state.extra)
-    found = motion_only.fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
+    found = fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE or found.inliers.sum() < least:
         return None
     return found.camera_from_world.inverse()
 
 
-def _filled(state: Map, start: Start, sigma: float) -> Map:
+def _filled(state: Map, start: Start, width: float) -> Map:
     """With all other frames since the reference, and those before it that see enough, by resection from the map."""
     keys = {k.time_ns: k for k in state.keys}
     current, guess, others = state.keys[0], start.base, []
@@ -261,20 +260,20 @@ def _filled(state: Map, start: Start, sigma: float) -> Map:
             current = keys[frame.time_ns]
             guess = current.world_from_camera or guess
             continue
-        pose = _resected(state, frame, guess, MISTRACKED * sigma)
+        pose = _resected(state, frame, guess, MISTRACKED * width)
         if pose is not None and current.world_from_camera is not None:
             guess = pose
             others.append(RelativeFrame(frame.time_ns, current.time_ns, current.world_from_camera.inverse() @ pose))
-    return replace(state, relative_frames=(*_before(state, start, sigma), *others))
+    return replace(state, relative_frames=(*_before(state, start, width), *others))
 
 
-def _before(state: Map, start: Start, sigma: float) -> tuple[RelativeFrame, ...]:
+def _before(state: Map, start: Start, width: float) -> tuple[RelativeFrame, ...]:
     """The frames before the reference, back to the first one that sees too few points of the map for that."""
     first, guess, found = state.keys[0], start.base, list[RelativeFrame]()
     assert first.world_from_camera is not None
     for frame in reversed(start.earlier):
         turned = guess if frame.world_from_camera is None else frame.world_from_camera
-        pose = _resected(state, frame, Pose(turned.rotation, guess.translation), MISTRACKED * sigma, MIN_LOCATED)
+        pose = _resected(state, frame, Pose(turned.rotation, guess.translation), MISTRACKED * width, MIN_LOCATED)
         if pose is None:
             break
         guess = pose

@@ -9,19 +9,22 @@ from numpy.typing import NDArray
 
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.covariance import LOSS, MapUncertainty
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
 from ispom.numerics.places import common, places
+from ispom.numerics.robust import Noise
 from ispom.types import Decision
 
 ITERATIONS = 5
 """Of each bundle adjustment, at most: the next key frame's continues from there."""
-MIN_SIGNIFICANCE = 5.0
-"""A point enters the map once its inverse depth exceeds so many standard deviations of it: its depth is then known
-to about 20 %, within which the adjustment is close to linear."""
+MIN_SIGNIFICANCE = 7.5
+"""A point enters the map once its inverse depth exceeds this many standard deviations of it: its depth is then known
+to about 13 %, within which bundle adjustment is close to linear."""
+SURE_DEPTH, MIN_DEPTHS = 15.0, 8
+"""The same for points whose depths are compared between the last two keyframes and the map; fewer give no scale."""
 MAX_DRIFT = 10.0
 """Scale drift since the start [%, 1 sigma] beyond which the report marks it; it steers nothing."""
 
@@ -30,7 +33,7 @@ def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Deci
     """Each of them, when passed, makes `frame` the next key frame of the map; it has a pose."""
     key = world.keys[-1]
     assert key.world_from_camera is not None and frame.world_from_camera is not None
-    parallax = parallax_deg(key, frame, setup.sigma)
+    parallax = parallax_deg(key, frame, setup.noise.width)
     placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
     # Tracks without a place may be on what moves by itself, and outlast the scene.
     share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
@@ -74,36 +77,36 @@ class WithKeyFrame:
 
 def with_key_frame(setup: Setup, world: Map, frame: TrackedFrame) -> WithKeyFrame:
     """New points where the parallax suffices; poses and points that were there stay."""
-    sigma, world = setup.sigma, replace(world, keys=(*world.keys, frame))
+    width, world = setup.noise.width, replace(world, keys=(*world.keys, frame))
     open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
-    new = intersected(world, open_ids, sigma)
+    new = intersected(world, open_ids, setup.noise)
     wide = (new.parallax_rad > setup.point_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
-    good = wide & (new.depth > 0) & (new.worst < INLIER * sigma)
+    good = wide & (new.depth > 0) & (new.worst < INLIER * width)
     points = world.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
-    moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * sigma)
+    moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * width)
     return WithKeyFrame(replace(world, points=points), open_ids[moving])
 
 
 def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     """New points where the parallax suffices, and windowed bundle adjustment."""
-    known, sigma, f = world.points.ids, setup.sigma, setup.camera.fx
+    known, width, f = world.points.ids, setup.noise.width, setup.camera.fx
     grown = with_key_frame(setup, world, frame)
-    world, bundle, before = adjusted(grown.map.with_loss(sigma), sigma, ITERATIONS)
+    world, bundle, before = adjusted(grown.map.with_loss(width), width, ITERATIONS)
     world = replace(world, noise=world.noise.after(bundle, world.loss))
     outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} keyframes, {len(before.ids)} points, {len(bundle.distances)} observations"
-    off, why = f * world.noise.sigma(setup.noise), f"{world.noise.told(f)}, loss {f * world.loss:.2f} px wide"
+    off, why = f * world.noise.sigma(setup.noise.sigma), f"{world.noise.told(f)}, loss {f * world.loss:.2f} px wide"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
         cost,
         *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
-        checks.NOISE.of(off, setup.noise_px, why),
+        checks.NOISE.of(off, setup.noise_px.sigma, why),
     )
     times_ns = tuple(k.time_ns for k in world.keys)
     uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, world.loss, world.noise.shared)
-    scale, drift = _scale(world, known, sigma, uncertainty)
+    scale, drift = _scale(world, known, setup.noise, uncertainty)
     return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(setup, world)))
 
 
@@ -112,13 +115,13 @@ def _correction(setup: Setup, world: Map) -> tuple[Decision, ...]:
     if not world.extra_sigma.any():
         return ()
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
-    limit = 300 * float(setup.extra_sigma[0]) / LOSS
+    limit = 300 * float(setup.extra_sigma[0]) / setup.noise.factor
     because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
     return (checks.FOCAL_LENGTH.of(abs(focal), limit, because),)
 
 
 def _scale(
-    world: Map, known: NDArray[np.int64], sigma: float, uncertainty: MapUncertainty
+    world: Map, known: NDArray[np.int64], noise: Noise, uncertainty: MapUncertainty
 ) -> tuple[float | None, tuple[Decision, ...]]:
     """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
     last two key frames alone give. The uncertainty of both comes from the normal equations."""
@@ -128,9 +131,9 @@ def _scale(
     ids = pair.keys[0].ids
     for others in (pair.keys[1].ids, known, world.points.ids):
         ids = ids[places(others, ids) >= 0]
-    found = intersected(pair, ids, sigma)
-    sure = (found.depth > 0) & (found.significance > 10)
-    if sure.sum() < 8:
+    found = intersected(pair, ids, noise)
+    sure = (found.depth > 0) & (found.significance > SURE_DEPTH)
+    if sure.sum() < MIN_DEPTHS:
         return None, (since,)
     depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
     scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))

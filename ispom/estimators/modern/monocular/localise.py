@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.realign import realigned
-from ispom.estimators.modern.monocular.setup import INLIER, MIN_INLIER_SHARE, WIDTH, Setup
+from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import (
     Followed,
@@ -26,9 +26,7 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.reductions import lengths
-from ispom.solvers import motion_only
-from ispom.solvers.motion_only import PoseFit
-from ispom.solvers.multiview.resection import resect
+from ispom.solvers.localisation import Policy, PoseFit, fit_pose, locate
 from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
@@ -96,7 +94,8 @@ def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed
     assert new.predicted is not None
     places = world.known(live.ids)
     _, xyz, x = _seen(setup, live, world, followed, places)
-    motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.sigma), np.zeros(len(followed.status), bool)
+    limit, compared = INLIER * setup.noise.width, np.zeros(len(followed.status), bool)
+    motion = locate(xyz, x, new.predicted.inverse(), Policy(WIDTH * setup.noise.width, limit, limit))
     if motion is not None:
         pose = motion.camera_from_world.inverse()
         followed, compared = set_right(setup, live, world, new, followed, pose, places)
@@ -119,26 +118,13 @@ def located_by(
     `predicted` where the motion before leads, if that is another one."""
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
-    limit = INLIER * setup.sigma
-    motion, unplaced = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit), None
+    limit = INLIER * setup.noise.width
+    motion, unplaced = fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.noise.width, limit), None
     if motion is not None:
         motion, unplaced = with_unplaced(
             setup, live, world, followed, places, motion, (xyz, x), world_from_guess if predicted is None else predicted
         )
     return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, unplaced)
-
-
-def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:
-    """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC. `limit` in normalised units."""
-    found = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
-    if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
-        sampled = resect(xyz, x, limit)
-        if sampled is None:
-            return found
-        again = motion_only.fit_pose(xyz, x, sampled.camera_from_world, limit / 2, limit, widest=limit)
-        if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
-            found = again
-    return found
 
 
 def _seen(
@@ -157,7 +143,7 @@ def set_right(
     lens = Lens(setup.camera, world.extra)
     late = late_px(setup.camera, followed.uv, followed.speed)
     expected = projected(lens, places, pose, followed.uv - late) + late
-    misplaced = lengths(expected - followed.uv) > INLIER * setup.loss_px
+    misplaced = lengths(expected - followed.uv) > INLIER * setup.noise_px.width
     lost = followed.status != TrackStatus.ALIVE
     expected = np.where((misplaced | lost)[:, None], expected, followed.uv)
     origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}

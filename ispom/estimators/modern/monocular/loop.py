@@ -31,12 +31,15 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.sigma, setup.front_end.matcher), None
+    camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.noise.sigma, setup.front_end.matcher), None
     if outcome.key_frame and after.map is not None:
-        joined = before.start is None or before.start.joined
+        joined = outcome.segment is not None or (
+            not outcome.restarted and (before.start is None or before.start.joined)
+        )
         key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)
     loops, decisions = seen_again(before.loops, camera, key, len(after.settled))
-    step = replace(step, decisions=(*step.decisions, *decisions))
+    joins = step.joins if loops.joins is None else loops.joins
+    step = replace(step, decisions=(*step.decisions, *decisions), joins=joins)
     if loops.closed:
         loops, step = _corrected(loops, after, step)
     return replace(after, loops=loops), step
@@ -66,7 +69,7 @@ def _key_frame_seen(
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
     sight = partial(_sight, setup, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
-    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined)
+    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined, after.segment)
 
 
 def _depth(world: Map, pose: Pose) -> float:

@@ -12,6 +12,7 @@ from ispom.estimators.modern.monocular.setup import INLIER
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust
 from ispom.solvers.window.prior import LENS, Prior
@@ -185,10 +186,10 @@ def bundle_problem(state: Map) -> BundleProblem:
     )
 
 
-def adjusted(state: Map, sigma: float, iterations: int, tolerance: float = 1e-3) -> tuple[Map, Adjusted, BundleProblem]:
+def adjusted(state: Map, width: float, iterations: int, tolerance: float = 1e-3) -> tuple[Map, Adjusted, BundleProblem]:
     """The map after windowed bundle adjustment, without the points that end behind a view or disagree with one.
 
-    `sigma`: widest loss, normalised.
+    `width` of the widest loss, normalised.
     """
     before = bundle_problem(state)
     found = adjust(before.window, state.loss, iterations, tolerance)
@@ -203,13 +204,13 @@ def adjusted(state: Map, sigma: float, iterations: int, tolerance: float = 1e-3)
         for k, r, t in zip(state.keys, window.rotations, window.translations, strict=True)
     )
     kept = np.ones(len(xyz), bool)
-    kept[place[worst > INLIER * sigma]] = False
+    kept[place[worst > INLIER * width]] = False
     after = replace(state, extra=window.extra, keys=keys, points=ScenePoints(state.points.ids[kept], xyz[kept]))
     return after, found, before
 
 
-def intersected(state: Map, ids: NDArray[np.int64], sigma: float) -> InverseDepths:
-    """ScenePoints of tracks (M,) ascending, from all key frames that see them."""
+def intersected(state: Map, ids: NDArray[np.int64], noise: Noise) -> InverseDepths:
+    """Intersects the rays of tracks (M,), ascending, from all keyframes that see them; `noise` normalised."""
     seen = observations_of(state.keys, ids)
     x = corrected(seen.seen, state.extra)
-    return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), sigma)
+    return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), noise)

@@ -35,7 +35,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
     agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
     test, moving = None, NONE
     if not followed.rest:
-        test, moving = other_motion(world, frame, int(agreeing.sum()), setup.sigma)
+        test, moving = other_motion(world, frame, int(agreeing.sum()), setup.noise.width)
     if test is not None and test.passed:
         followed = replace(followed, rest=PAUSE)
     outcome = replace(
@@ -70,20 +70,21 @@ def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: Ne
 
 
 def other_motion(
-    world: Map, frame: TrackedFrame, agreeing: int, sigma: float
+    world: Map, frame: TrackedFrame, agreeing: int, width: float
 ) -> tuple[Decision | None, NDArray[np.int64]]:
     """Whether one other motion explains tracks that do not agree with a frame's pose, beside so many that do; and the
     ids (M,) of those it explains, none where it is not told. No Decision where too few move.
 
-    They are compared with the key frame that saw most of them; what stands still after all takes no part.
+    They are compared with the key frame that saw most of them; what stands still after all takes no part. `width` of
+    the robust loss, normalised.
     """
     if len(frame.ids) < LEAST:
         return None, NONE
     key = max(reversed(world.keys), key=frame.common)
-    ids = moving_tracks(key, frame, frame.ids, MOVING * sigma)
+    ids = moving_tracks(key, frame, frame.ids, MOVING * width)
     count = agreeing + len(ids)
     if len(ids) < max(LEAST, MARKED * count):
         return None, NONE
-    explained = rigid(key.at(ids), frame.at(ids), sigma)
+    explained = rigid(key.at(ids), frame.at(ids), width)
     test = told(explained, count)
     return test, NONE if test.passed else ids[explained]

@@ -18,15 +18,19 @@ from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.modern.verification import Candidate, Verification, View, on_epipolar_lines
 from ispom.features.interfaces import Features
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.rotation import rotate
 
-FEATURE_ERROR = 2.0
-"""Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
+FEATURE_ERROR = 3.0
+"""Standard deviation of a described feature over that of a tracked point: about a pixel. It is the width of the loss,
+too."""
 MAX_OFF = 2.0
 """Deviations from an epipolar line, between key frames, beyond which a feature is another one."""
 MIN_SIGNIFICANCE = 1.0
 """A feature's inverse depth exceeds so many standard deviations of it: far ones still say how the camera is turned."""
+MIN_PATCH_SIGNIFICANCE = 1.5
+"""The same of points triangulated from patches."""
 FEWEST = 7
 """Points that agree with a pose, from which the tracks that there were are looked for where it puts them."""
 ENOUGH = 15
@@ -87,7 +91,7 @@ def recognised(
 
 def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewImage, now: Features) -> Recognised | None:
     """The pose by resection from what the last of the keyframes and the image show; None for too few points."""
-    place, lens, sigma = keyframes[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.sigma
+    place, lens, sigma = keyframes[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.noise.sigma
     then = place.features
     assert then is not None
     if len(keyframes) < 2:
@@ -99,7 +103,7 @@ def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewIma
     def xyz_of(index: NDArray[np.int64]) -> Array:
         return _intersected(setup, extra, keyframes, observed(index), sigma)
 
-    around_px = INLIER * FEATURE_ERROR * setup.loss_px
+    around_px = INLIER * FEATURE_ERROR * setup.noise_px.sigma
     verification = Verification(setup.front_end.matcher, INLIER * sigma, (around_px,), FEWEST, FEWEST)
     view = View(now, lambda index: lens.normalise(now.uv[index]), lens.in_image)
     found = verification.verify(Candidate(then, xyz_of, place.camera_from_world), view)
@@ -182,21 +186,21 @@ def _intersected(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: li
     xyz, last = np.full((len(seen[0]), 3), np.nan), len(keyframes) - 1
     for others in (range(last), *([i] for i in range(last))):
         chosen = [*others, last]
-        found = rays_met(setup, extra, [keyframes[i] for i in chosen], [seen[i] for i in chosen], sigma)
+        found = rays_met(setup, extra, [keyframes[i] for i in chosen], [seen[i] for i in chosen], Noise(sigma))
         good = (found.depth > 0) & (found.worst < INLIER * sigma) & (found.significance > MIN_SIGNIFICANCE)
         good &= np.isnan(xyz[:, 0])
         xyz[good] = found.xyz_in_world[good]
     return xyz
 
 
-def rays_met(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: list[Array], sigma: float) -> InverseDepths:
+def rays_met(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: list[Array], noise: Noise) -> InverseDepths:
     """Along the rays of the last place, which has all the points."""
     stacked = np.stack([at_middle(setup, p, uv) for p, uv in zip(keyframes[::-1], seen[::-1], strict=True)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [p.camera_from_world for p in keyframes[::-1]]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     x = corrected(setup.camera.normalise(stacked[cameras, owners]), extra)
-    return intersect(turns, ways, cameras, owners, x, stacked.shape[1], sigma)
+    return intersect(turns, ways, cameras, owners, x, stacked.shape[1], noise)
 
 
 def resighted(setup: Setup, database: KeyframeDatabase, world: Map, found: Recognised) -> Recognised:
@@ -213,8 +217,8 @@ def resighted(setup: Setup, database: KeyframeDatabase, world: Map, found: Recog
         others = {p.time_ns: (p, nowhere) for p in database.keyframes if p.time_ns in window - {place.time_ns}} | others
     views = [others[time_ns] for time_ns in sorted(others)]
     patches = [_sighted(setup, world.extra, place, at, found.xyz, p) for p, _ in views]
-    met = rays_met(setup, world.extra, [*(p for p, _ in views), place], [*patches, at], setup.sigma)
-    agree = (met.depth > 0) & (met.worst < INLIER * setup.sigma) & (met.significance > MIN_SIGNIFICANCE)
+    met = rays_met(setup, world.extra, [*(p for p, _ in views), place], [*patches, at], setup.noise)
+    agree = (met.depth > 0) & (met.worst < INLIER * setup.noise.width) & (met.significance > MIN_PATCH_SIGNIFICANCE)
     agree &= np.isfinite(np.stack(patches)[:, :, 0]).any(axis=0)
     seen = [(p, np.where(agree[:, None], uv, old)) for (p, old), uv in zip(views, patches, strict=True)]
     return replace(found, views=(*seen, (place, at)), xyz=np.where(agree[:, None], met.xyz_in_world, found.xyz))

@@ -32,7 +32,7 @@ def recover(
     frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
     last_ns, last = state.recent[-1]
     before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(unrolled(setup.camera, state.live)), last)
-    turn = turned(before, frame, setup.sigma)
+    turn = turned(before, frame, setup.noise.width)
     # As for a keyframe: later there may be no tracks left that tell how the camera has turned.
     leaving = before.common(frame) < setup.min_share * len(before.ids)
     if turn is not None and (leaving or state.missed >= PATIENCE):
@@ -51,13 +51,13 @@ def _lost(because: Decision) -> Decision:
     return replace(because, consequence="a new map starts from the last pose")
 
 
-def turned(before: TrackedFrame, frame: TrackedFrame, sigma: float) -> tuple[Decision, Pose] | None:
+def turned(before: TrackedFrame, frame: TrackedFrame, width: float) -> tuple[Decision, Pose] | None:
     """Where enough tracks moved as a pure turn moves them: that test, and the last place with the new orientation."""
     ids = np.intersect1d(before.ids, frame.ids, assume_unique=True)
     if len(ids) < MIN_POINTS or before.world_from_camera is None:
         return None
     last, x1, x2 = before.world_from_camera, before.at(ids), frame.at(ids)
-    turn = dominant_rotation(x1, x2, TURN_LOSS * sigma)
+    turn = dominant_rotation(x1, x2, TURN_LOSS * width)
     shift = float(np.degrees(median_displacement(turn, x1, x2)))
     if shift >= SPOT_DEG:
         return None

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map, views
 from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised, resighted
-from ispom.estimators.modern.monocular.setup import Setup
+from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, moving
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
@@ -152,10 +151,9 @@ def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
     near = places[-1].camera_from_world.apply(found.xyz)
     # In the unit of the cost, in which a loss as wide as before any data stands for errors of `noise`.
-    widened = world.loss / setup.noise
-    prior = prior_of_keyframes(
-        poses, world.extra_sigma, widened**2 * known, widened * setup.noise, float(np.median(near[:, 2]))
-    )
+    sigma = setup.noise.sigma
+    widened, depth = world.loss / sigma, float(np.median(near[:, 2]))
+    prior = prior_of_keyframes(poses, world.extra_sigma, widened**2 * known, widened * sigma, depth)
     return replace(world, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())
 
 

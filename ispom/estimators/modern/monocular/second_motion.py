@@ -17,19 +17,22 @@ SAMPLES = 200
 Where none moves with the others, a search among 150 takes 5 ms, and ten times as many samples take 27."""
 
 
-def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], sigma: float) -> Decision:
-    """Of points at normalised coordinates (N, 2) in two views, the share that one other rigid motion explains."""
-    return told(rigid(x1[unexplained], x2[unexplained], sigma), len(x1))
+def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], width: float) -> Decision:
+    """Of points at normalised coordinates (N, 2) in two views, the share that one other rigid motion explains.
+
+    `width` of the robust loss, normalised.
+    """
+    return told(rigid(x1[unexplained], x2[unexplained], width), len(x1))
 
 
-def rigid(x1: Array, x2: Array, sigma: float) -> NDArray[np.bool_]:
+def rigid(x1: Array, x2: Array, width: float) -> NDArray[np.bool_]:
     """Which of the points at (N, 2) in two views the one motion explains that explains most; none of fewer than LEAST.
 
     A turn alone is tried first, none at all included: what stands still before a still camera.
     """
     if len(x1) < LEAST:
         return np.zeros(len(x1), bool)
-    turn = dominant_rotation(x1, x2, TURN_LOSS * sigma)
-    by_turn = np.linalg.norm(rotate(turn, x1) - x2, axis=1) < INLIER * sigma
-    found = relative_pose(x1, x2, sigma, SAMPLES)
+    turn = dominant_rotation(x1, x2, TURN_LOSS * width)
+    by_turn = np.linalg.norm(rotate(turn, x1) - x2, axis=1) < INLIER * width
+    found = relative_pose(x1, x2, width, SAMPLES)
     return by_turn if found is None or found.inliers.sum() <= by_turn.sum() else found.inliers

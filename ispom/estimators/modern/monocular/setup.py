@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from ispom.estimators.modern.motions import Follow
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array
+from ispom.numerics.robust import Noise
 from ispom.types import Camera
 
+LOSS = 1.5
+"""Width of the robust loss, in standard deviations of a tracked coordinate."""
 INLIER = 4.0
 """A point agrees with a pose, or with the map, within so many widths of the loss: 2.0 px at the default noise."""
 WIDTH = INLIER / 2
@@ -20,8 +24,6 @@ MOVING = 8.0
 for map points, as the pose's error, and that of a young point, come in addition."""
 TURN_LOSS = 3.0
 """Width of the loss where a pure turn is fitted, in those of a pose: parallax is an error there, too."""
-MIN_INLIER_SHARE = 0.6
-"""A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +31,8 @@ class Setup:
     """See ModernMonocularConfig for what the settings mean."""
 
     camera: Camera
-    noise_px: float
-    """Error of a track before any data [px]."""
-    loss_px: float
-    """Width of the robust loss [px]."""
+    noise_px: Noise
+    """Of a track before any data [px]."""
     extra_sigma: Array
     """(2,) deviations of the lens correction before any data, widened as the loss is; 0 holds it."""
     max_tracks: int
@@ -47,12 +47,7 @@ class Setup:
     follow: Follow
     front_end: FrontEnd
 
-    @property
-    def noise(self) -> float:
-        """Error of a track before any data, normalised."""
-        return self.noise_px / self.camera.fx
-
-    @property
-    def sigma(self) -> float:
-        """Width of the robust loss, normalised."""
-        return self.loss_px / self.camera.fx
+    @cached_property
+    def noise(self) -> Noise:
+        """The same in normalised units."""
+        return self.noise_px.times(1 / self.camera.fx)

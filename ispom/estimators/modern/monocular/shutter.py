@@ -21,7 +21,7 @@ from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
 from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, late_px, late_s, motion_at, moved
 from ispom.geometry import Array, Pose
-from ispom.solvers import motion_only
+from ispom.solvers.localisation import fit_pose
 
 AROUND = 5
 """Poses of the polynomial before the newest frame (see rolling.AHEAD)."""
@@ -49,7 +49,7 @@ def begun_by_motions(setup: Setup, world: Map, sights: tuple[Sight, ...]) -> Map
     its poses, and adjusted; unchanged unless the shutter rolls."""
     if not setup.camera.line_delay_s:
         return world
-    return adjusted(with_motions(setup, world, sights), setup.sigma, ITERATIONS)[0]
+    return adjusted(with_motions(setup, world, sights), setup.noise.width, ITERATIONS)[0]
 
 
 def by_motions(
@@ -66,7 +66,7 @@ def by_motions(
     if world.keys[-1].time_ns != sights[-1].time_ns:
         return found, with_motions(setup, world, sights, (newest,))
     for _ in range(PASSES):
-        right = adjusted(with_motions(setup, world, sights, (newest,)), setup.sigma, ITERATIONS)[0]
+        right = adjusted(with_motions(setup, world, sights, (newest,)), setup.noise.width, ITERATIONS)[0]
         again = replace(located_by(setup, live, right, found.followed, newest[1]), compared=found.compared)
         again = located_by_motion(setup, live, right, time_ns, again)
         if again.motion is None or not again.agreeing:
@@ -128,6 +128,6 @@ def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motio
     uv = sight.uv - late_px(setup.camera, sight.uv, speeds_by(lens, sight.uv, scene, pose, motion))
     if any(k.time_ns == sight.time_ns for k in world.keys):
         return world.placed_anew(sight.time_ns, sight.ids, setup.camera.normalise(uv))
-    has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.sigma
-    found = motion_only.fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
+    has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.noise.width
+    found = fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
     return world if found is None else world.moved(sight.time_ns, found.camera_from_world.inverse())

@@ -90,9 +90,9 @@ class Start:
         kept, first = (*frames[:gone], *frames[gone + 1 :]), reference - (gone < reference)
         return replace(self, earlier=kept[:first], frames=kept[first:], passed=passed)
 
-    def restarted(self, frame: TrackedFrame, sigma: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
+    def restarted(self, frame: TrackedFrame, width: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
         """With this frame as the reference, the rotation so far kept; and the poses held for those before it, where no
-        observation joins it to them."""
+        observation joins it to them. `width` of the robust loss, normalised."""
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
@@ -100,7 +100,7 @@ class Start:
         shared = len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED
         same_unit = self.lost is None or self.points.count(frame.ids) >= MIN_SHARED
         if len(ids) >= MIN_SHARED:
-            turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * sigma)
+            turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * width)
             base = Pose(base.rotation @ turn.T, base.translation)
         elif self.coasting is not None and len(self.frames) == 1:
             base = self.coasting(frame.time_ns)

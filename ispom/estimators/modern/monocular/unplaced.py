@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular.map import Map
@@ -18,9 +19,9 @@ from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, unrolled
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
-from ispom.solvers import motion_only
+from ispom.numerics.robust import cauchy_cost, cauchy_weights
 from ispom.solvers.epipolar import Rays
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import POSE
 from ispom.types import TrackStatus
 
@@ -36,9 +37,9 @@ NEARER = 0.5
 """Of the least depth of the map's points: no track is on anything nearer."""
 BEHIND = 1e9
 """Error of what is behind the camera, as in `fit_pose`."""
-MOST_COST = 22.5
+MOST_COST = float(chdtri(6, 0.001))
 """By which the squares of the points' errors may grow for the sake of tracks without a point, in variances of a tracked
-place as far as neighbours share it: so many have a chance of a thousandth by six unknowns (chi square)."""
+place as far as neighbours share it: six unknowns of a right pose exceed it once in a thousand times (chi-square)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Unplaced:
         errors, by_twist = self.rays.errors(camera_from_world)
         used = np.isfinite(errors[:, 0])
         errors, by_twist = errors[used], by_twist[used]
-        weighted = by_twist / (2 + (errors**2).sum(axis=1) / scale**2)[:, None, None]
+        weighted = by_twist * (cauchy_weights((errors**2).sum(axis=1), np.sqrt(2) * scale) / 2)[:, None, None]
         held = weighted.reshape(-1, POSE).T @ by_twist.reshape(-1, POSE)
         return held, (errors[:, None] @ weighted)[:, 0]
 
@@ -83,11 +84,12 @@ def with_unplaced(
     unplaced = _unplaced(setup, live, world, followed, alone, points[0][motion.inliers])
     if unplaced is None:
         return motion, None
-    scale, limit, pose = WIDTH * setup.sigma, INLIER * setup.sigma, motion.camera_from_world
+    scale, limit, pose = WIDTH * setup.noise.width, INLIER * setup.noise.width, motion.camera_from_world
     starts = (pose, world_from_guess.inverse())
-    fits = [motion_only.fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
+    fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
     found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, unplaced, scale), default=None)
-    if found is None or _cost(found, scale) - _cost(motion, scale) > MOST_COST * world.noise.variance(setup.noise):
+    most = MOST_COST * world.noise.variance(setup.noise.sigma)
+    if found is None or _cost(found, scale) - _cost(motion, scale) > most:
         return motion, None
     before, after = (_agreeing(setup, unplaced.rays, pose).mean() for pose in (pose, found.camera_from_world))
     return (found, unplaced) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
@@ -121,17 +123,17 @@ def _unplaced(
 
 def _cost(found: PoseFit, scale: float) -> float:
     """Sum of squares of the points' errors, each as the loss of width `scale` takes it."""
-    return float(scale**2 * np.log1p((found.distances / scale) ** 2).sum())
+    return 2 * scale**2 * cauchy_cost(found.distances**2, scale)
 
 
 def _joint_cost(found: PoseFit, unplaced: Unplaced, scale: float) -> float:
     """With what is added by the tracks without a point, whose errors are of two images."""
     errors, _ = unplaced.rays.errors(found.camera_from_world)
     beside = np.minimum((errors**2).sum(axis=1), BEHIND**2)
-    return _cost(found, scale) + float(scale**2 * np.log1p(beside / (2 * scale**2)).sum())
+    return _cost(found, scale) + 2 * scale**2 * cauchy_cost(beside, np.sqrt(2) * scale)
 
 
 def _agreeing(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
     """Which (M,) of the tracks are on their lines."""
     errors, _ = rays.errors(camera_from_world)
-    return np.asarray(np.linalg.norm(errors, axis=1) < AGREEING * np.sqrt(2) * setup.noise)
+    return np.asarray(np.linalg.norm(errors, axis=1) < AGREEING * np.sqrt(2) * setup.noise.sigma)

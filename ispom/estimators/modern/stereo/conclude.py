@@ -99,7 +99,7 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
 def _calibration(setup: Setup, after: ModernStereoState) -> dict[str, Array]:
     """What was found to be wrong with the pair."""
     found = {"pair": after.map.extra, "pair_rate": after.last.rate}
-    found["noise"] = after.map.noise.as_calibration(setup.loss)
+    found["noise"] = after.map.noise.as_calibration(setup.noise.sigma)
     if setup.self_calibration and after.map.covariance is not None:
         found["pair_covariance"] = after.map.covariance[-PAIR:, -PAIR:]
     return found

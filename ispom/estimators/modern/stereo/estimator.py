@@ -23,6 +23,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
@@ -203,7 +204,7 @@ class ModernStereo:
             camera=self._size.tracked,
             baseline_m=self.rig.baseline_m,
             rig_from_left=self.rig.rig_from_left,
-            loss_px=c.loss_px,
+            noise_px=Noise(c.loss_px),
             max_error_px=c.max_error_px,
             extra_sigma=self._pair_sigma,
             settling_s=c.settling_s,

@@ -180,6 +180,6 @@ def _adjusted(
     )
     f = setup.camera.fx
     error = median(result.distances) * f if len(result.distances) else 0.0
-    usual = 2 * setup.loss_px
-    told = checks.NOISE.of(f * world.noise.sigma(setup.loss), setup.loss_px, world.noise.told(f))
+    usual = 2 * setup.noise_px.sigma
+    told = checks.NOISE.of(f * world.noise.sigma(setup.noise.sigma), setup.noise_px.sigma, world.noise.told(f))
     return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), told, *went, *corrections(setup, world))

@@ -13,15 +13,11 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Rows
 from ispom.estimators.modern.stereo.window import StereoMap, variance_factor
 from ispom.geometry import Array, Pose
-from ispom.numerics.reductions import median
 from ispom.numerics.twist import twist_of
-from ispom.solvers.motion_only import PoseFit, fit_pose
-from ispom.solvers.multiview.resection import resect
+from ispom.solvers.localisation import Policy, PoseFit, locate
 
-MIN_INLIER_SHARE = 0.6
-"""A pose refined from a prediction that fewer of its points agree with is sought again from three-point samples."""
 POOR = 2.0
-"""So is one that the median of its points is farther from, in what tracks are usually off by: where a turn was not
+"""A pose whose inliers have a larger median error, in noise of a track, is sought again: where a turn was not
 foretold, a sixth of the points, found on a road that looks the same everywhere, pulled a pose 0.2 m away within what
 the others, far off, agree with."""
 CLOSE = 4.0
@@ -51,8 +47,8 @@ def located(
         seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
         return _located(setup, last, world, place, seen, predicted), None
     believed = last.believed_motion(time_ns, setup.baseline_m)
-    believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.loss)))
-    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.loss)
+    believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.noise)))
+    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.noise.width)
     motion, found = believed.motion if motion is None else motion, None
     for _ in range(ROUNDS):
         guess = predicted if found is None else found.camera_from_world
@@ -86,22 +82,6 @@ def _located(
     xyz, prior = world.xyz[place], None
     if len(xyz) < FEW * setup.min_inliers:
         prior = np.diag(unforeseen(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
-    limits = setup.loss, setup.limit, setup.baseline_m
-    found, usual = fit_pose(xyz, seen, predicted, *limits, prior), max(setup.loss, world.noise.sigma(setup.loss))
-    if found is None or found.inliers.mean() < MIN_INLIER_SHARE or _unusual(found, usual):
-        sampled = resect(xyz, seen[:, :2], CLOSE * usual)
-        if sampled is not None:
-            again = fit_pose(xyz, seen, sampled.camera_from_world, *limits, prior, widest=CLOSE * usual)
-            if again is not None and (found is None or _cost(again, setup) < _cost(found, setup)):
-                found = again
-    return found
-
-
-def _unusual(found: PoseFit, usual: float) -> bool:
-    """Whether the points that agree do so worse than tracks usually do."""
-    return median(found.distances[found.inliers]) > POOR * usual
-
-
-def _cost(found: PoseFit, setup: Setup) -> float:
-    """Twice the loss, of which what does not agree has as much as what only just does."""
-    return float(np.log1p((np.minimum(found.distances, setup.limit) / setup.loss) ** 2).sum())
+    usual = max(setup.noise.width, world.noise.sigma(setup.noise.sigma))
+    policy = Policy(setup.noise.width, setup.limit, CLOSE * usual, POOR * usual)
+    return locate(xyz, seen, predicted, policy, setup.baseline_m, prior)

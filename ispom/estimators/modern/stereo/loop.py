@@ -36,7 +36,7 @@ def with_loops(
     key = _key_frame_seen(setup, outcome, new) if outcome.key_frame else None
     seen, decisions = seen_again(loops.loops, loop_camera(setup), key, len(after.poses))
     loops = replace(loops.with_settled(settled), loops=seen)
-    step = replace(step, decisions=(*step.decisions, *decisions))
+    step = replace(step, decisions=(*step.decisions, *decisions), joins=seen.joins)
     if seen.closed:
         loops, step = _corrected(setup, loops, after, step)
     return replace(after, loops=loops), step

@@ -13,9 +13,8 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.track import located_by
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit, resect
 from ispom.solvers.multiview.essential import sampson_distance
-from ispom.solvers.multiview.resection import resect
 from ispom.types import Decision, Tracks
 
 INLIER = 4.0
@@ -68,7 +67,7 @@ def _by_nearer(
         np.linalg.norm(left.project(pose.apply(xyz)) - uv, axis=1)
         for pose in (sighting.located.camera_from_world, other.left_from_world)
     )
-    nearer = (by_other < by_pose) & (by_other < INLIER * setup.loss_px)
+    nearer = (by_other < by_pose) & (by_other < INLIER * setup.noise_px.width)
     return part[nearer], part[sighting.located.inliers & ~nearer]
 
 
@@ -87,7 +86,7 @@ def other_motion(
     if len(ended) < max(LEAST, MARKED * count):
         return None, ()
     x = state.map.left(setup.camera).normalise(sighting.uv[ended])
-    found = resect(state.map.xyz[sighting.place[ended]], x, INLIER * setup.loss, samples=SAMPLES)
+    found = resect(state.map.xyz[sighting.place[ended]], x, INLIER * setup.noise.width, samples=SAMPLES)
     explained = np.zeros(len(ended), bool) if found is None else found.inliers
     test = told(explained, count)
     if found is None or test.passed:
@@ -104,7 +103,7 @@ def _off_their_lines(
     left, last = state.map.left(setup.camera), state.last
     x, before = left.normalise(sighting.uv[of]), left.normalise(last.points.uv[of])
     way = located.camera_from_world @ last.left_from_world.inverse()
-    return np.abs(sampson_distance(way, before, x)) > INLIER * setup.loss
+    return np.abs(sampson_distance(way, before, x)) > INLIER * setup.noise.width
 
 
 def _moving(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Moving:

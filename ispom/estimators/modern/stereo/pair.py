@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.features.images import as_bright, factor_of, halved
 from ispom.geometry import Array
-from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera, Image, StereoPair, TrackStatus, as_grey
 
 

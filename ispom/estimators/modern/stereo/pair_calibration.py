@@ -44,5 +44,5 @@ def with_rows(
     disparity = setup.baseline_m / np.maximum(near[:, 2], 1e-6)
     factors, known = by_row(seen, disparity, late), known_of_pair(world, setup.extra_sigma)
     factors = np.where(near[:, 2:] > 1e-6, factors, np.nan)
-    evidence = row_evidence(ids, factors, lower, world.extra, known, setup.loss)
+    evidence = row_evidence(ids, factors, lower, world.extra, known, setup.noise.width)
     return replace(world, prior=world.prior.with_evidence(evidence))

@@ -20,7 +20,7 @@ from ispom.features.interfaces import Features
 from ispom.features.patches import align
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.solvers.multiview.resection import resect, resect_optimised
+from ispom.solvers.localisation import resect, resect_optimised
 from ispom.types import Decision
 
 MIN_DISPARITY_PX = 1.0

@@ -24,7 +24,7 @@ from ispom.solvers.window.prior import POSE, Prior
 
 def adjusted(setup: Setup, world: StereoMap) -> tuple[StereoMap, Adjusted | None]:
     """See `window.adjusted`."""
-    args = setup.baseline_m, setup.extra_sigma, setup.loss, setup.limit, setup.iterations
+    args = setup.baseline_m, setup.extra_sigma, setup.noise.width, setup.limit, setup.iterations
     world, result = window.adjusted(world, *args)
     if result is not None and setup.shutter.rolls:
         known = _covariance(setup, world)
@@ -35,7 +35,7 @@ def adjusted(setup: Setup, world: StereoMap) -> tuple[StereoMap, Adjusted | None
 def with_pair(setup: Setup, world: StereoMap, pair: KeyFrame) -> StereoMap:
     """See `window.with_pair`."""
     if not setup.shutter.rolls:
-        return window.with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.loss)
+        return window.with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.noise.width)
     both = replace(world, keys=(*world.keys, pair.only(world.places(pair.ids) >= 0)))
     return replace(world, keys=both.keys, newest=_newest(setup, world, _covariance(setup, both)))
 
@@ -47,7 +47,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
     one, but one prior on it for all would have to be kept.
     """
     if not setup.shutter.rolls:
-        return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.loss)
+        return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.noise.width)
     past, rest = parted(world)
     believed = believed_motions(world.keys, setup.baseline_m)
     hessian, right = Joint.of(setup, replace(world, keys=past), believed).without_motions(first_poses=1)
@@ -69,4 +69,4 @@ def _covariance(setup: Setup, world: StereoMap) -> Array:
 def _newest(setup: Setup, world: StereoMap, known: Array) -> Array:
     """(6, 6) of the last pose in it."""
     last = slice(len(known) - PAIR - POSE, len(known) - PAIR)
-    return variance_factor(world, setup.loss) * known[last, last]
+    return variance_factor(world, setup.noise) * known[last, last]

@@ -19,6 +19,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Believed, pair_reprojected
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, variance_factor
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, PAIR, by_column, drift
 from ispom.solvers.window.prior import POSE
 
@@ -115,7 +116,8 @@ class Joint:
         own, side, rows = np.zeros((len(used), 3, 3)), np.zeros((len(used), 3)), np.zeros((len(used), 3, first + PAIR))
         for c, seen in enumerate(observed):
             here, point = np.concatenate([MOVES * c + np.arange(MOVES), pair]), np.searchsorted(used, seen.point)
-            root = 1 / np.sqrt(setup.loss**2 + (seen.error**2).sum(axis=1))[:, None, None]
+            weight = cauchy_weights((seen.error**2).sum(axis=1), setup.noise.width)
+            root = np.sqrt(weight)[:, None, None] / setup.noise.width
             by_unknown, by_point, error = root * seen.by_unknown, root * seen.by_point, root[:, 0] * seen.error
             flat, turned = by_unknown.reshape(-1, len(here)), by_point.transpose(0, 2, 1)
             hessian[np.ix_(here, here)] += flat.T @ flat
@@ -161,7 +163,7 @@ def _stepped(setup: Setup, world: StereoMap, believed: list[Believed]) -> Stereo
 
 def _add_known(setup: Setup, world: StereoMap, believed: list[Believed], hessian: Array, right: Array) -> None:
     """Adds what is known of the motions, and what has left the window says of poses and pair."""
-    variance = variance_factor(world, setup.loss)  # of the tracks, which count as off by the loss's scale here
+    variance = variance_factor(world, setup.noise)  # of the tracks, which count as off by the loss's scale here
     for c, (key, known) in enumerate(zip(world.keys, believed, strict=True)):
         here, information = MOVES * c + np.arange(POSE, MOVES), variance * known.sigma**-2
         hessian[here, here] += information

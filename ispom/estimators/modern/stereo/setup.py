@@ -10,6 +10,7 @@ from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.features.front_ends import KLT
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.types import Camera
 
 
@@ -21,7 +22,8 @@ class Setup:
     """The left one; the right one is the same."""
     baseline_m: float
     rig_from_left: Pose
-    loss_px: float
+    noise_px: Noise
+    """Of a track before any data [px]."""
     max_error_px: float
     extra_sigma: Array
     """(E,) of what may be wrong with the pair (see right_camera.TERMS); 0 holds it."""
@@ -48,10 +50,10 @@ class Setup:
         """Of both cameras."""
         return Shutter.of(self.camera)
 
-    @property
-    def loss(self) -> float:
-        """Scale of the Cauchy loss, normalised."""
-        return self.loss_px / self.camera.fx
+    @cached_property
+    def noise(self) -> Noise:
+        """The same in normalised units."""
+        return self.noise_px.times(1 / self.camera.fx)
 
     @property
     def limit(self) -> float:

@@ -14,7 +14,8 @@ import numpy as np
 from ispom.estimators.modern.rolling import mean_rates, moved
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
-from ispom.solvers.motion_only import PoseFit
+from ispom.numerics.robust import cauchy_weights
+from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera
 
 
@@ -105,7 +106,7 @@ class Rows:
         near = fit.camera_from_world.apply(self.xyz)
         keep = fit.inliers & (near[:, 2] > 1e-6)
         jacobian, _, error = pair_reprojected(near[keep], middle[keep], self.baseline_m)
-        weight = 1 / (self.sigma**2 + (error**2).sum(axis=1))
+        weight = cauchy_weights((error**2).sum(axis=1), self.sigma) / self.sigma**2
         by_motion = self.shutter.by_motion(jacobian, self.y[keep])
         weighted = by_motion * weight[:, None, None]
         cross, own = (np.einsum("nki,nkj->ij", weighted, other) for other in (jacobian, by_motion))

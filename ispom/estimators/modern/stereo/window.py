@@ -13,6 +13,7 @@ from ispom.estimators.modern.stereo.packing import pack
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
+from ispom.numerics.robust import Noise
 from ispom.solvers.right_camera import PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
 from ispom.solvers.window.groups import Groups
@@ -240,10 +241,9 @@ def _packed(
     return window, packed.used, packed.origin
 
 
-def variance_factor(state: StereoMap, scale: float) -> float:
-    """What covariances of a window adjusted with a loss of this scale are to be multiplied by: they are of tracks
-    that are off by the scale."""
-    return state.noise.variance(scale) / scale**2
+def variance_factor(state: StereoMap, noise: Noise) -> float:
+    """Returns the factor that makes covariances of those that take the width of the loss for the noise of tracks."""
+    return state.noise.variance(noise.sigma) / noise.width**2
 
 
 def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:

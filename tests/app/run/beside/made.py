@@ -9,7 +9,7 @@ from ispom_app.engine.external_trajectories.placed import Beside, Given, beside_
 from ispom_app.engine.playback import truth_from_start
 
 from ispom.geometry import Pose
-from ispom.io.tum import tum_text
+from ispom.io.trajectories import tum_text
 from ispom.types import Sequence, Trajectory
 
 AWAY = Pose.from_rotvec(np.array([0.3, -0.2, 0.5]), np.array([4.0, 5.0, 6.0]))

@@ -7,7 +7,7 @@ import pytest
 from ispom_app.engine.model import placing
 from ispom_app.engine.model.placing import Placing
 
-from ispom.evaluation.placement import first_segment_placement
+from ispom.evaluation.scale import first_segment_placement
 from ispom.geometry import Pose
 from ispom.types import Trajectory
 from tests import doubles

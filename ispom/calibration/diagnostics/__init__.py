@@ -1,1 +1,0 @@
-"""How good a calibration is: what is not determined, where it is uncertain, and what to film next."""

@@ -1,0 +1,54 @@
+"""Noise of measurements, the robust loss made of it, and statistics that outliers hardly move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.kernels import part
+
+MAD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation: 1 / Phi^-1(3/4)."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one coordinate of a measurement, in the unit of that coordinate."""
+
+    sigma: float
+    """Standard deviation."""
+    factor: float = 1.0
+    """Width of the robust loss over the standard deviation."""
+
+    @property
+    def width(self) -> float:
+        """Width of the robust loss: a residual of this size has half the weight of a small one."""
+        return self.factor * self.sigma
+
+    def times(self, scale: float) -> Noise:
+        """Returns the same noise in another unit."""
+        return Noise(scale * self.sigma, self.factor)
+
+
+def cauchy_weights(squares: Array, width: float) -> Array:
+    """Returns the weights (N,) of Cauchy's loss, log(1 + r^2 / width^2) / 2, at squared residuals (N,)."""
+    return 1 / (1 + squares / width**2)
+
+
+def cauchy_cost(squares: Array, width: float) -> float:
+    """Returns the sum of Cauchy's loss over squared residuals (N,), in units of `width` squared."""
+    return 0.5 * float(np.log1p(squares / width**2).sum())
+
+
+@part
+def weighted_information(square, information):
+    """Cauchy's weight at a squared residual, times `information`: one over the squared width of the loss."""
+    return information / (1.0 + square * information)
+
+
+def normalised_mad(values: Array) -> float:
+    """Returns the standard deviation of values (N,) by their median absolute deviation, which half of them can't
+    spoil."""
+    return MAD * float(np.median(np.abs(values - np.median(values))))
