@@ -14,10 +14,10 @@ LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "stop"},
     {"compiled_code"},
     {"kernels", "settings", "types"},
-    {"estimator", "stopwatch", "persistent_list"},
+    {"estimator", "stopwatch", "persistent_list", "registry"},
     {"numerics"},
     {"solvers", "io"},
-    {"frontends", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
+    {"features", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
     {"estimators"},
     {"methods"},
     {"ensemble"},
@@ -25,7 +25,7 @@ LAYERS = (
     {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
-SIDEWAYS = {("sequences", "simulation"), ("calibration", "frontends")}
+SIDEWAYS = {("sequences", "simulation"), ("calibration", "features")}
 APP_LAYERS = (
     {"presentation"},
     {"engine"},

@@ -16,7 +16,7 @@ import tyro
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
-from ispom.methods import faults
+from ispom.registry import faults
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import csv
-import os
-import subprocess
-import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 
-from tests.examples.conftest import FRAMES
+from tests.examples.conftest import FRAMES, install, python
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_estimator"
 FORKED_AT = 12
@@ -20,27 +16,7 @@ FORKED_AT = 12
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of packages with the example in it, as pip writes one."""
-    folder = tmp_path_factory.mktemp("installed")
-    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
-    described = project["project"]
-    for name in project["tool"]["setuptools"]["py-modules"]:
-        (folder / f"{name}.py").write_bytes((EXAMPLE / f"{name}.py").read_bytes())
-    info = folder / f"{described['name'].replace('-', '_')}-{described['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {described['name']}\nVersion: {described['version']}\n"
-    )
-    lines = [f"[{g}]\n" + "".join(f"{k} = {v}\n" for k, v in e.items()) for g, e in described["entry-points"].items()]
-    (info / "entry_points.txt").write_text("\n".join(lines))
-    return folder
-
-
-def python(installed: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
-    """As a person who has installed the example; no method of it is known to the tests' own process."""
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
-    command = [sys.executable, *map(str, words)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=False)
+    return install(EXAMPLE, tmp_path_factory.mktemp("installed"))
 
 
 def test_it_is_short() -> None:

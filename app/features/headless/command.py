@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
-from ispom.frontends.pair_look import MIXED_UP
+from ispom.features.pair_look import MIXED_UP
 from ispom.methods import default_methods, in_order, require_cameras, with_asked
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence

@@ -1,0 +1,93 @@
+"""One mechanism for everything that packages can add: a built-in table, and the entry points of a group."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import Generic, Protocol, TypeVar
+
+from ispom.errors import InputError
+
+
+class Named(Protocol):
+    """What a registry holds: a value with a name of its own."""
+
+    @property
+    def name(self) -> str: ...
+
+
+Item = TypeVar("Item", bound=Named)
+_REGISTRIES: list[Registry] = []
+
+
+class Registry(Generic[Item]):
+    """Values of one kind by name: first the built-in ones, then those of installed packages, sorted.
+
+    An entry point of the `group` names a value of this kind, or a function without arguments that returns one. One that
+    fails, or whose name is taken, is skipped, and `faults` says so. Entry points are loaded at the first use.
+    """
+
+    def __init__(self, group: str, kind: type[Item], word: str, built_in: Iterable[Item], hint: str = "") -> None:
+        """`word` is what messages call the kind, `hint` ends the message about an unknown name."""
+        self.group, self.word, self.built_in = group, word, tuple(built_in)
+        self._kind, self._hint = kind, hint
+        self._added: list[Item] = []
+        self._items: Mapping[str, Item] | None = None
+        self._faults: tuple[str, ...] = ()
+        _REGISTRIES.append(self)
+
+    def items(self) -> Mapping[str, Item]:
+        """Returns all values by name, in the order in which they are listed everywhere."""
+        if self._items is None:
+            self._items, self._faults = self._load()
+        return self._items
+
+    def names(self) -> tuple[str, ...]:
+        """Returns all names, in order."""
+        return tuple(self.items())
+
+    def get(self, name: str) -> Item:
+        """Returns the value of this name. Raises InputError, with all names, where there is none."""
+        if name not in self.items():
+            also = f", {self._hint}" if self._hint else ""
+            raise InputError(f"{name[:60]!r} is no {self.word}: choose from {', '.join(self.names())}{also}")
+        return self.items()[name]
+
+    def add(self, item: Item) -> None:
+        """Adds a value for this process only. Raises InputError where its name is taken."""
+        if item.name in self.items():
+            raise InputError(f"{item.name} is the name of another {self.word}: choose another name")
+        self._added.append(item)
+        self.refresh()
+
+    def faults(self) -> tuple[str, ...]:
+        """Returns a sentence about each entry point that was skipped."""
+        self.items()
+        return self._faults
+
+    def refresh(self) -> None:
+        """Looks for entry points again at the next use."""
+        self._items = None
+
+    def _load(self) -> tuple[Mapping[str, Item], tuple[str, ...]]:
+        found, skipped = {item.name: item for item in self.built_in}, []
+        for entry in sorted(entry_points(group=self.group), key=lambda e: e.name):
+            try:
+                loaded = entry.load()
+                item = loaded if isinstance(loaded, self._kind) else loaded()
+            except Exception as fault:
+                why = f"fails with {type(fault).__name__}: {fault}"
+                skipped.append(f"{self.word} {entry.name!r} skipped: {entry.value} {why}")
+                continue
+            if not isinstance(item, self._kind) or item.name in found:
+                skipped.append(f"{self.word} {entry.name!r} skipped: {entry.value} gives no {self.word} of a new name")
+                continue
+            found[item.name] = item
+        found |= {item.name: item for item in self._added}
+        return MappingProxyType(found), tuple(skipped)
+
+
+def faults() -> tuple[str, ...]:
+    """Returns the faults of all registries of this process."""
+    return tuple(fault for registry in _REGISTRIES for fault in registry.faults())
