@@ -25,9 +25,19 @@ if TYPE_CHECKING:
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig, require_frame
     from ispom.evaluation.metrics import errors
     from ispom.evaluation.trajectory_error import aligned, ate_m
-    from ispom.frontends.buckets import detect_spread
-    from ispom.frontends.corners import detect as detect_corners
-    from ispom.frontends.klt import Klt
+    from ispom.features.descriptors import (
+        DescriptorTracker,
+        OpenCvFeatures,
+        SimilarityMatcher,
+        descriptor_front_end,
+        dot_product,
+        hamming_similarity,
+        match_near,
+    )
+    from ispom.features.front_ends import front_end, front_ends
+    from ispom.features.interfaces import Descriptor, Detector, Features, FrontEnd, Matcher, Tracker
+    from ispom.features.klt import Klt
+    from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity, skew
     from ispom.methods import Config, default_methods, method, possible_methods
     from ispom.persistent_list import PersistentList
@@ -80,9 +90,12 @@ _HOMES = {
     "ispom.estimator": "Estimator Integrator Method MethodConfig require_frame",
     "ispom.evaluation.trajectory_error": "aligned ate_m",
     "ispom.evaluation.metrics": "errors",
-    "ispom.frontends.buckets": "detect_spread",
-    "ispom.frontends.corners": "detect_corners",
-    "ispom.frontends.klt": "Klt",
+    "ispom.features.descriptors": "DescriptorTracker OpenCvFeatures SimilarityMatcher descriptor_front_end dot_product "
+    "hamming_similarity match_near",
+    "ispom.features.front_ends": "front_end front_ends",
+    "ispom.features.interfaces": "Descriptor Detector Features FrontEnd Matcher Tracker",
+    "ispom.features.klt": "Klt",
+    "ispom.features.shi_tomasi": "detect_corners detect_spread",
     "ispom.geometry": "Pose Similarity skew",
     "ispom.methods": "Config default_methods method possible_methods",
     "ispom.persistent_list": "PersistentList",
@@ -100,8 +113,6 @@ _HOMES = {
     "WheelOdometer as_grey",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
-_OWN_NAMES = {"detect_corners": "detect"}
-"""Public names that differ from those at home."""
 __all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -109,7 +120,7 @@ def __getattr__(name: str) -> Any:
     """A public name, whose module is imported when it is first used: `import ispom` alone takes no time."""
     if name not in _HOME_OF:
         raise AttributeError(f"module 'ispom' has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[name]), _OWN_NAMES.get(name, name))
+    found = getattr(import_module(_HOME_OF[name]), name)
     globals()[name] = found
     return found
 

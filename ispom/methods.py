@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import entry_points
-from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 from ispom.errors import InputError
@@ -21,10 +18,9 @@ from ispom.estimators.paper import checks as paper_checks
 from ispom.estimators.paper.integrated import IntegratedConfig
 from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.estimators.paper.stereo import StereoConfig
+from ispom.registry import Registry
 from ispom.types import Kind, Rig
 
-GROUP = "ispom.methods"
-"""Entry points of this group name a Method, or a function that gives one."""
 Variant = Literal["modern", "paper"]
 """A short way to choose methods: `paper` the `.paper` ones, `modern` the built-in others."""
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
@@ -102,61 +98,11 @@ BUILT_IN = (
 )
 
 
-def registry() -> Mapping[str, Method]:
-    """All methods by name, in the order in which they are listed everywhere."""
-    return _found()[0]
-
-
-def faults() -> tuple[str, ...]:
-    """A sentence about each method of an installed package that was skipped."""
-    return _found()[1]
-
-
-def add(method: Method) -> None:
-    """A method of this process alone, beside those that are installed; before anything is made of the registry.
-
-    InputError where its name is taken.
-    """
-    if method.name in registry():
-        raise InputError(f"{method.name} is the name of another method: choose another name")
-    _ADDED.append(method)
-    _found.cache_clear()
-
-
-_ADDED: list[Method] = []
-
-
-@cache
-def _found() -> tuple[Mapping[str, Method], tuple[str, ...]]:
-    found, skipped = {method.name: method for method in BUILT_IN}, []
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
-        try:
-            given = entry.load()
-            method = given if isinstance(given, Method) else given()
-        except Exception as fault:
-            skipped.append(f"method {entry.name!r} skipped: {entry.value} fails with {type(fault).__name__}: {fault}")
-            continue
-        if not isinstance(method, Method) or method.name in found:
-            skipped.append(f"method {entry.name!r} skipped: {entry.value} gives no method of a new name")
-            continue
-        found[method.name] = method
-    found |= {method.name: method for method in _ADDED}
-    return MappingProxyType(found), tuple(skipped)
-
-
-def names() -> tuple[str, ...]:
-    """Of all methods, in order."""
-    return tuple(registry())
-
-
-def method(name: str) -> Method:
-    """InputError where there is no method of this name."""
-    if name not in registry():
-        raise InputError(
-            f"{name[:60]!r} is no method: choose from {', '.join(names())}, install the package that adds it, "
-            "or name its program by --external"
-        )
-    return registry()[name]
+REGISTRY = Registry(
+    "ispom.methods", Method, "method", BUILT_IN, "install the package that adds it, or name its program by --external"
+)
+"""Entry points of this group name a Method, or a function that gives one."""
+registry, names, method, add = REGISTRY.items, REGISTRY.names, REGISTRY.get, REGISTRY.add
 
 
 def in_order(wanted: Iterable[str]) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
@@ -19,6 +20,13 @@ class Range:
 
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Allowed names, of which packages may add some: `Annotated[str, Choices(front_ends)]`."""
+
+    names: Callable[[], tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,7 @@ def settings(config: type) -> tuple[Setting, ...]:
         if get_origin(kind) is Annotated:
             kind, *extras = get_args(kind)
             limits = next((e for e in extras if isinstance(e, Range)), None)
+            kind = next((Literal[e.names()] for e in extras if isinstance(e, Choices)), kind)
         found.append(Setting(f.name, kind, limits, docs.get(f.name, "")))
     return tuple(found)
 
@@ -54,6 +63,8 @@ def check(config: Any, where: str) -> None:
         elif setting.range and not setting.range.low <= value <= setting.range.high:
             low, high = setting.range.low, setting.range.high
             raise InputError(f"--{flag} is {value:g}, give a value from {low:g} to {high:g}")
+        elif get_origin(setting.type) is Literal and value not in (names := get_args(setting.type)):
+            raise InputError(f"--{flag} is {str(value)[:60]!r}, choose from {', '.join(map(str, names))}")
 
 
 def from_plain(config: type, values: Any, where: str) -> Any:

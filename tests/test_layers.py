@@ -15,10 +15,10 @@ LAYERS = (
     {"compiled_code", "registry"},
     {"cameras"},
     {"kernels", "settings", "types"},
-    {"estimator", "stopwatch", "persistent_list"},
+    {"estimator", "stopwatch", "persistent_list", "registry"},
     {"numerics"},
     {"solvers", "io"},
-    {"frontends", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
+    {"features", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
     {"estimators"},
     {"methods"},
     {"ensemble"},
@@ -26,7 +26,7 @@ LAYERS = (
     {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
-SIDEWAYS = {("sequences", "simulation"), ("calibration", "frontends")}
+SIDEWAYS = {("sequences", "simulation"), ("calibration", "features")}
 APP_LAYERS = (
     {"presentation"},
     {"engine"},

@@ -33,7 +33,7 @@ def test_what_type_checkers_see_is_what_there_is() -> None:
     }
     assert seen.keys() == set(ispom.__all__)
     for name, (module, own) in seen.items():
-        assert ispom._HOME_OF[name] == module and ispom._OWN_NAMES.get(name, name) == own
+        assert ispom._HOME_OF[name] == module and name == own
 
 
 def test_other_names_are_an_attribute_error() -> None:

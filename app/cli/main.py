@@ -14,9 +14,9 @@ from typing import Annotated, Union
 
 import tyro
 
-from ispom import methods, registry
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
+from ispom.registry import faults
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             options = tyro.cli(Union[choices], prog="ispom", description=description, args=arguments)  # type: ignore # noqa: UP007
         finally:
             sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
-        for fault in (*methods.faults(), *registry.faults()):
+        for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
         command = next(each for each in known.values() if each.Options is type(options))
         code = command.execute(options, Call(builder, arguments[1:]))

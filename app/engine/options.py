@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ispom.calibration.tracked.opened import self_calibrated
-from ispom.frontends.pair_look import with_look
+from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy

@@ -11,6 +11,8 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 
+MOST_SHOWN_PX = 1e4
+"""A point just behind the camera has no bound to its error."""
 MIN_COMMON = 8
 """With fewer points in common two frames show no parallax: a median of so few may be that of outliers."""
 

@@ -78,10 +78,7 @@ _STAMP = re.compile(r"(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)(?:\.(\d{1,9}))?", re.ASCI
 def read_calibrations(path: Path, cameras: tuple[str, ...]) -> list[dict[str, Array]]:
     """Reads, for each camera ("00", "01" ...), S (2,) and S_rect (2,) sizes [px], K (3, 3), D (5,), R_rect (3, 3)
     and P_rect (3, 4). Raises InputError that names the missing or invalid line."""
-    rows: dict[str, tuple[int, list[str]]] = {}
-    for line, text in enumerate(read_text(path).splitlines(), 1):
-        name, _, values = text.partition(":")
-        rows[name.strip()] = (line, values.split())
+    rows = _named_rows(path)
     return [
         {name: _values(path, rows, f"{name}_{camera}", shape) for name, shape in _SHAPES.items()} for camera in cameras
     ]
@@ -109,6 +106,15 @@ def read_timestamps(path: Path, ordered: bool = True) -> NDArray[np.int64]:
         if ordered and len(times_ns) > 1 and times_ns[-1] <= times_ns[-2]:
             raise InputError(f"{path} line {line}: time {text.strip()} is not after the one before: put them in order")
     return np.array(times_ns, np.int64)
+
+
+def _named_rows(path: Path) -> dict[str, tuple[int, list[str]]]:
+    """Returns the line number and the words of each row `NAME: ...`."""
+    rows: dict[str, tuple[int, list[str]]] = {}
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        name, _, values = text.partition(":")
+        rows[name.strip()] = (line, values.split())
+    return rows
 
 
 def _values(path: Path, rows: dict[str, tuple[int, list[str]]], name: str, shape: tuple[int, ...]) -> Array:
@@ -171,24 +177,11 @@ def read_oxts(folder: Path) -> Trajectory:
 def read_rigid(path: Path) -> Pose:
     """Reads the transformation of `calib_imu_to_velo.txt` (velo_from_imu) and the like, from its lines `R:` and
     `T:`."""
-    lines = {}
-    for line, text in enumerate(read_text(path).splitlines(), 1):
-        name, _, words = text.partition(":")
-        lines[name.strip()] = (line, words.split())
-    rotation, translation = (_oxts_values(path, lines, name, count) for name, count in (("R", 9), ("T", 3)))
-    rotation = rotation.reshape(3, 3)
+    rows = _named_rows(path)
+    rotation, translation = _values(path, rows, "R", (3, 3)), _values(path, rows, "T", (3,))
     if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
-        raise InputError(f"{path} line {lines['R'][0]}: R is not a rotation: correct that line")
+        raise InputError(f"{path} line {rows['R'][0]}: R is not a rotation: correct that line")
     return Pose(Rotation.from_matrix(rotation).as_matrix(), translation)
-
-
-def _oxts_values(path: Path, lines: dict[str, tuple[int, list[str]]], name: str, count: int) -> Array:
-    line, words = lines.get(name, (0, []))
-    if not line:
-        raise InputError(f"{path} has no line '{name}: ...': give the calibration of the drive's day")
-    if len(words) != count:
-        raise InputError(f"{path} line {line}: {name} needs {count} numbers, not {len(words)}: correct that line")
-    return numbers(path, line, words)
 
 
 def _sample(path: Path) -> Array:

@@ -18,6 +18,8 @@ from ispom.geometry import Array
 from ispom.kernels import kernel, part
 from ispom.solvers.window.prior import Evidence
 
+LEAST_DISPARITY = 1 / 2000
+"""Normalised; a smaller one says no more than that the point is far."""
 TERMS: tuple[str, ...] = (
     "both_k1", "both_k2", "offset_x", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "ahead",
     "lag", "offset_y", "down",

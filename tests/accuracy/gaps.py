@@ -22,8 +22,8 @@ from rich.table import Table
 
 from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble
-from ispom.frontends import corners
-from ispom.frontends.row_search import PointSearch
+from ispom.features.row_search import PointSearch
+from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
@@ -201,7 +201,7 @@ def driven(method: FilmedMethod, folder: Path) -> Iterator[Found]:
             seen = [e for e, s in zip(exposures, since, strict=True) if -1e-6 <= s - gap_s <= AFTER_S]
             last_ns = max(e.time_ns for e, s in zip(exposures, since, strict=True) if s < -1e-6)
             pair = pairs[last_ns]
-            uv = corners.detect(pair.left, 500)
+            uv = detect_corners(pair.left, 500)
             disparity = PointSearch().search(pair.left, pair.right, uv).disparity_px
             good = disparity > 1.0
             depth = camera.fx * sequence.rig.baseline_m / disparity[good]

@@ -17,7 +17,7 @@ from ispom_app.engine.run_folder.run_folder import MARKER, RunFolder
 from ispom_app.views.rerun import file_recording
 
 from ispom.ensemble import Ensemble, build
-from ispom.frontends.pair_look import EXCHANGED
+from ispom.features.pair_look import EXCHANGED
 from ispom.io import whole
 from ispom.io.trajectories import read_tum
 from ispom.methods import Config

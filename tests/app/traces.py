@@ -30,7 +30,7 @@ from tests import doubles
 from tests.app.helpers import started, wait_for
 
 ROOT = Path(__file__).parents[2]
-ESTIMATORS = ("estimators", "solvers", "frontends", "numerics", "calibration")
+ESTIMATORS = ("estimators", "solvers", "features", "numerics", "calibration")
 """Folders of the library that are the estimators' own."""
 METHODS = ("monocular", "stereo")
 

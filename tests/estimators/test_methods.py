@@ -7,12 +7,12 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
-from ispom import methods
+from ispom import registry
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.paper.stereo import StereoConfig
-from ispom.methods import Config, default_methods, in_order, method, names, possible_methods, with_asked
+from ispom.methods import REGISTRY, Config, default_methods, in_order, method, names, possible_methods, with_asked
 from ispom.types import Measurement, Sequence
 from tests.alone import ALL, METHODS, PAPER
 
@@ -20,12 +20,13 @@ from tests.alone import ALL, METHODS, PAPER
 @pytest.fixture
 def installed(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest):
     """With the marked entry points of another package."""
-    found = [EntryPoint(name, f"tests.estimators.test_methods:{value}", methods.GROUP) for name, value in request.param]
-    monkeypatch.setattr(methods, "entry_points", lambda group: found)
-    methods._found.cache_clear()
+    group = REGISTRY.group
+    found = [EntryPoint(name, f"tests.estimators.test_methods:{value}", group) for name, value in request.param]
+    monkeypatch.setattr(registry, "entry_points", lambda group: found if group == REGISTRY.group else [])
+    REGISTRY.refresh()
     yield
     monkeypatch.undo()
-    methods._found.cache_clear()
+    REGISTRY.refresh()
 
 
 ORB = Method("orb", frozenset({"stereo"}), StereoConfig, "metric", "a package of its own")
@@ -56,7 +57,7 @@ def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
 def test_another_packages_method_is_one_of_them(
     installed: None, flight: Sequence, exposures: list[Measurement]
 ) -> None:
-    assert names() == (*ALL, "orb") and not methods.faults()
+    assert names() == (*ALL, "orb") and not REGISTRY.faults()
     assert "orb" not in default_methods(flight.rig)
     ensemble = build(Config(), ("orb", "stereo.paper"), flight.rig)
     state = ensemble.start()
@@ -72,7 +73,7 @@ def test_another_packages_method_is_one_of_them(
 )
 def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
     assert names() == ALL
-    bad, two, worse = sorted(methods.faults())
+    bad, two, worse = sorted(REGISTRY.faults())
     assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.frontends.row_search import PointSearch
+from ispom.features.row_search import PointSearch
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cameras import Optics, simulated_rig
 from ispom.simulation.scenario.scenario import scenario_of_words

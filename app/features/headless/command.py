@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
-from ispom.frontends.pair_look import MIXED_UP
+from ispom.features.pair_look import MIXED_UP
 from ispom.methods import default_methods, in_order, require_sensors, with_asked
 from ispom.sequences.address import without_secrets
 from ispom.types import FRAME_KINDS, Sequence

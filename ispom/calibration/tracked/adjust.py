@@ -29,7 +29,7 @@ from ispom.calibration.tracked.bundle import (
     reduced,
 )
 from ispom.calibration.tracked.tracks import Tracks
-from ispom.frontends.patches import align
+from ispom.features.patches import align
 from ispom.geometry import Array
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved

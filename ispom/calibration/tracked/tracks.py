@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.buckets import detect_spread
-from ispom.frontends.corners import at_subpixel
-from ispom.frontends.klt import Klt
+from ispom.features.klt import Klt
+from ispom.features.shi_tomasi import at_subpixel, detect_spread
 from ispom.geometry import Array
 from ispom.types import Image, TrackStatus
 

@@ -40,6 +40,12 @@ class Lens:
         """Coordinates (N, 2) on the plane z = 1 of pixels (N, 2)."""
         return corrected(self.camera.normalise(uv), self.extra)
 
+    def in_image(self, xyz_in_camera: Array) -> Array:
+        """Returns the pixels (N, 2) of points (N, 3); NaN for those out of the image."""
+        uv, last = self.project(xyz_in_camera), (self.camera.width - 1, self.camera.height - 1)
+        inside = (xyz_in_camera[:, 2] > 0) & (uv > 0).all(axis=1) & (uv < last).all(axis=1)
+        return np.where(inside[:, None], uv, np.nan)
+
     def project(self, xyz_in_camera: Array) -> Array:
         """Pixels (N, 2) of points (N, 3); NaN for those not in front."""
         if not self.extra.any():

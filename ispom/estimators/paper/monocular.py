@@ -32,11 +32,11 @@ from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.paper import checks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
-from ispom.frontends import corners
-from ispom.frontends.klt import Klt
+from ispom.features.front_ends import CORNERS, front_end, front_ends
+from ispom.features.interfaces import Detector, FrontEnd, Tracker
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Choices, Range
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import Policy, PoseFit, locate, refine_pose
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, solve_triple, step_length
@@ -85,6 +85,8 @@ FIXED_KEYFRAMES = 2
 """Keyframes that fix the gauge and the scale of a bundle adjustment."""
 MIN_BUNDLE_POINTS = 10
 """With fewer points a bundle adjustment hardly improves the poses."""
+CORNER_DISTANCE_PX = 8.0
+"""Least distance of a new corner from other points: two thirds of a tracking window."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,8 @@ class MonocularConfig:
     """Keyframes adjusted together."""
     interpolation: Interpolation = "bspline"
     """Initial positions between keyframes; rotations are interpolated spherically."""
+    features: Annotated[str, Choices(front_ends)] = CORNERS.name
+    """What finds and tracks points: corners (the strongest, as published), klt, patches, sift, orb, or a package's."""
     max_tracks: Annotated[int, Range(50, 2000)] = 400
     """Points tracked at a time."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.5
@@ -139,7 +143,7 @@ class Monocular:
         watch, config, camera = Stopwatch(), self.config, self.rig.camera("video")
         grey = as_grey(exposure.image)
 
-        tracked = track_features(state, grey)
+        tracked = track_features(self._front_end.tracker, state, grey)
         frame = tracked.as_frame(camera, exposure.time_ns)
         watch.lap("track")
 
@@ -161,11 +165,17 @@ class Monocular:
         if localised.resection is not None or update.triple is not None:
             outliers = checks.OUTLIERS.of(n_tracked - tracked.alive.sum(), n_tracked)
             update = replace(update, decisions=(*update.decisions, outliers))
-        new_uv = detect_new_corners(update.window, grey, tracked, exposure.time_ns, config.max_tracks)
+        new_uv = detect_new_corners(
+            self._front_end.detector, update.window, grey, tracked, exposure.time_ns, config.max_tracks
+        )
         n_kept = config.bundle_key_frames if config.local_bundle else KEYFRAMES
         after, settled = next_state(state, grey, tracked, new_uv, update, camera, n_kept)
         watch.lap("new points")
         return after, as_step(exposure, after, tracked, new_uv, update, settled, watch.seconds)
+
+    @property
+    def _front_end(self) -> FrontEnd:
+        return front_end(self.config.features)
 
     @property
     def _max_error(self) -> float:
@@ -427,22 +437,22 @@ class TrackedFeatures:
         )
 
 
-def track_features(state: MonocularState, grey: Image) -> TrackedFeatures:
-    """Tracks by pyramidal KLT, checked forward and backward; returns no points for the first image."""
+def track_features(tracker: Tracker, state: MonocularState, grey: Image) -> TrackedFeatures:
+    """Tracks the points of the previous image into the new one; returns no points for the first image."""
     uv, status = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
     if state.grey is not None:
-        uv, status = Klt(levels=4).track(state.grey, grey, state.uv)
+        uv, status = tracker.track(state.grey, grey, state.uv)
     return TrackedFeatures(state.ids, state.uv, uv, status, np.full(len(status), np.nan, np.float32))
 
 
 def detect_new_corners(
-    window: KeyframeWindow, grey: Image, tracked: TrackedFeatures, time_ns: int, max_tracks: int
+    detector: Detector, window: KeyframeWindow, grey: Image, tracked: TrackedFeatures, time_ns: int, max_tracks: int
 ) -> NDArray[np.float32]:
     """Returns new corners (M, 2) [px], away from the tracked points, at a keyframe; none elsewhere."""
     if not window.is_key(time_ns):
         return np.zeros((0, 2), np.float32)
     alive = tracked.uv[tracked.alive]
-    return corners.detect(grey, max_tracks - len(alive), alive)
+    return detector.detect(grey, max_tracks, alive, CORNER_DISTANCE_PX)
 
 
 # A pose for every frame at once: resection from the points of the last triple (not in the paper)

@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, require_frame
 from ispom.estimators.paper import checks
-from ispom.frontends import corners, sift
-from ispom.frontends.disparity import RowSearch
-from ispom.frontends.klt import Klt
+from ispom.features.interfaces import Features
+from ispom.features.klt import Klt
+from ispom.features.row_search import RowSearch
+from ispom.features.shi_tomasi import detect_corners
+from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
@@ -48,6 +50,8 @@ from ispom.types import (
 )
 
 Matching = Literal["sift", "klt"]
+MATCHER = replace(SIFT_MATCHER, max_ratio=0.9**2)
+"""Takes more of the ambiguous matches than usual: RANSAC finds the motion, and matches must fit it in depth, too."""
 REFINE = Klt(window_px=15, levels=0, max_forward_backward_px=0.3)
 """A detector places the same point some tenths of a pixel differently in every image; this aligns it with the last."""
 MAX_REFINEMENT_PX = 1.0
@@ -184,7 +188,7 @@ class Cloud:
     grey: Image
     """The left image."""
     ids: NDArray[np.int64]
-    features: sift.Features
+    features: Features
     disparity_px: NDArray[np.float32]
     xyz_in_left: Array
     """(N, 3) [m]."""
@@ -212,7 +216,7 @@ class StereoState:
 class Matches:
     """The N points of one left image, and their matches in the reference."""
 
-    features: sift.Features
+    features: Features
     ids: NDArray[np.int64]
     previous: NDArray[np.int64]
     """(N,) index in the reference cloud, or -1."""
@@ -237,15 +241,15 @@ def match_left_images(
 
 def _match_descriptors(
     reference: Cloud | None, left: Image, max_points: int
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """Matches SIFT features and refines them. Points without descriptors, tracked before, are tracked once more."""
-    features = sift.detect_and_describe(left, max_points)
+    features = SIFT.detect_and_describe(left, max_points)
     if reference is not None and not reference.features.described:
         return _track_and_add(reference, left, lambda _: features)
     previous = np.full(len(features), -1, np.int64)
     if reference is None:
         return features, previous, np.zeros(0, np.uint8)
-    pairs, ended = sift.match(reference.features, features), np.full(len(reference), TrackStatus.UNMATCHED, np.uint8)
+    pairs, ended = MATCHER.match(reference.features, features), np.full(len(reference), TrackStatus.UNMATCHED, np.uint8)
     previous[pairs[:, 1]] = pairs[:, 0]
     ended[pairs[:, 0]] = TrackStatus.ALIVE
     return _refined(reference, left, features, pairs), previous, ended
@@ -253,19 +257,19 @@ def _match_descriptors(
 
 def _track(
     reference: Cloud | None, left: Image, max_points: int
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """Tracks the reference's points by KLT, and detects new corners between them."""
 
-    def new_corners(uv: NDArray[np.float32]) -> sift.Features:
-        new = corners.detect(left, max_points - len(uv), uv)
-        return sift.Features(new, np.zeros((len(new), 0), np.float32))
+    def new_corners(uv: NDArray[np.float32]) -> Features:
+        new = detect_corners(left, max_points - len(uv), uv)
+        return Features(new, np.zeros((len(new), 0), np.float32))
 
     return _track_and_add(reference, left, new_corners)
 
 
 def _track_and_add(
-    reference: Cloud | None, left: Image, new_features: Callable[[NDArray[np.float32]], sift.Features]
-) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+    reference: Cloud | None, left: Image, new_features: Callable[[NDArray[np.float32]], Features]
+) -> tuple[Features, NDArray[np.int64], NDArray[np.uint8]]:
     """Tracks the reference's points by KLT, and adds the features that `new_features` gives for their uv (M, 2)."""
     uv, ended, previous = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int64)
     if reference is not None:
@@ -276,7 +280,7 @@ def _track_and_add(
     return new.after(uv), np.concatenate([previous, np.full(len(new), -1, np.int64)]), ended
 
 
-def _refined(reference: Cloud, left: Image, features: sift.Features, pairs: NDArray[np.int64]) -> sift.Features:
+def _refined(reference: Cloud, left: Image, features: Features, pairs: NDArray[np.int64]) -> Features:
     """Aligns each matched feature with the patch around its match, unless that moves it far. `pairs` (M, 2)."""
     detected = features.uv[pairs[:, 1]]
     aligned, status = REFINE.track(reference.grey, left, reference.features.uv[pairs[:, 0]], detected)
@@ -293,7 +297,7 @@ def triangulate_cloud(rig: Rig, left: Image, right: Image, matches: Matches) -> 
     """Matches the points along the rows of the right image; returns the cloud, and which (N,) points are in it."""
     disparity, _ = RowSearch().disparity(left, right, matches.features.uv)
     has_depth = disparity >= MIN_DISPARITY_PX
-    features = sift.Features(matches.features.uv[has_depth], matches.features.descriptors[has_depth])
+    features = matches.features[has_depth]
     xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, features.uv, disparity[has_depth])
     return Cloud(left, matches.ids[has_depth], features, disparity[has_depth], xyz), has_depth
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
-from ispom.estimators.modern.loops.sight import Eye, Sight
+from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera
+from ispom.features.sift import SIFT_MATCHER
 from ispom.geometry import Array, Pose
 from ispom.simulation.places.town import SIDE_M, on_route, streets
 from ispom.types import Decision
 
 STEP_M = 4.0
-EYE = Eye(460.0, np.array([-0.69, -0.52]), np.array([0.69, 0.52]), 1 / 460.0, 0.4)
+CAMERA = LoopCamera(460.0, np.array([-0.69, -0.52]), np.array([0.69, 0.52]), 1 / 460.0, SIFT_MATCHER, 0.4)
 FARTHEST_M = 40.0
 SHOWN = 500
 
@@ -51,18 +52,18 @@ class Facades:
                 words.append(_unit(rng.uniform(size=(len(here), 128)) ** 4))
         return Facades(np.concatenate(places), np.concatenate(words))
 
-    def seen_from(self, world_from_camera: Pose, rng: np.random.Generator) -> Sight:
+    def seen_from(self, world_from_camera: Pose, rng: np.random.Generator) -> DescribedPoints:
         """With a pixel of noise, 3 % of depth, and descriptors that are a little different each time."""
         near = world_from_camera.inverse().apply(self.xyz)
-        x = EYE.in_sight(near)
+        x = CAMERA.in_sight(near)
         seen = np.flatnonzero(np.isfinite(x[:, 0]) & (near[:, 2] < FARTHEST_M))
         seen = np.sort(rng.permutation(seen)[:SHOWN])
         depth = near[seen, 2] * (1 + 0.03 * rng.standard_normal(len(seen)))
-        x = x[seen] + EYE.sigma * 0.7 * rng.standard_normal((len(seen), 2))
+        x = x[seen] + CAMERA.sigma * 0.7 * rng.standard_normal((len(seen), 2))
         words = _unit(np.abs(self.descriptors[seen] + 0.02 * rng.standard_normal((len(seen), 128))))
         xyz = np.column_stack([x, np.ones(len(x))]) * depth[:, None]
         looks = np.zeros((30, 40), np.float32)
-        return Sight(
+        return DescribedPoints(
             x.astype(np.float32), np.rint(255 * words).astype(np.uint8), xyz.astype(np.float32), looks, depth=15.0
         )
 
@@ -86,7 +87,7 @@ def driven(
     facades: Facades,
     length_m: float,
     seed: int,
-    eye: Eye = EYE,
+    camera: LoopCamera = CAMERA,
     drift: float = 1.0,
     blind_at: int = -1,
     begun_with: int = 1,
@@ -104,7 +105,7 @@ def driven(
     truth = [on_route(along) for along in np.arange(0.0, length_m, STEP_M)]
     truth = [truth[0].inverse() @ pose for pose in truth]
     world = Facades(on_route(0.0).inverse().apply(facades.xyz), facades.descriptors)
-    single, loops, told = not eye.baseline, Loops(), tuple[Decision, ...]()
+    single, loops, told = not camera.baseline, Loops(), tuple[Decision, ...]()
     odometry, unit = [truth[0]], 1.0
     turn = drift * np.radians(0.12) * np.array([0.2, 1.0, 0.2])
     noise = np.concatenate([np.full(3, 0.01 * drift), turn])
@@ -130,10 +131,10 @@ def driven(
         key = KeyFrameSeen(
             i, odometry[-1], covariance, variance, window, lambda seen=seen: seen, joined=blind_at < 0 or i != begins
         )
-        loops, new = seen_again(loops, eye, None if blind_at <= i < begins else key, i + 1)
+        loops, new = seen_again(loops, camera, None if blind_at <= i < begins else key, i + 1)
         told += new
         for _ in range(3):
-            loops, new = seen_again(loops, eye, None, i + 1)
+            loops, new = seen_again(loops, camera, None, i + 1)
             told += new
     return Driven(loops, told, tuple(truth), tuple(odometry))
 

@@ -14,9 +14,8 @@ from ispom.estimators.modern.loops.find import SINGLE_DRIFT as SINGLE_DRIFT_SHAR
 from ispom.estimators.modern.loops.find import agreeing, possible
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Known, Loops, covariance_at, seen_again
 from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned, with_poses
-from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.loops.told import AT_ONCE, Correction, next_range
-from ispom.estimators.modern.loops.verify import way_between
+from ispom.estimators.modern.loops.output_correction import AT_ONCE, Correction, next_range
+from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera, relative_pose
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose, Similarity, so3_exp
 from ispom.simulation.cameras import simulated_rig
@@ -24,9 +23,9 @@ from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town, on_route
 from ispom.simulation.rendering.renderer import Renderer, exposed
 from ispom.simulation.source import NOISE_SIGMA
 from ispom.types import Frame
-from tests.estimators.modern.loop_bench import EYE, STEP_M, Driven, Facades, driven, wrong
+from tests.estimators.modern.loop_bench import CAMERA, STEP_M, Driven, Facades, driven, wrong
 
-SINGLE = replace(EYE, baseline=0.0)
+SINGLE = replace(CAMERA, baseline=0.0)
 SINGLE_DRIFT = 0.4
 """One camera's depths are met between its nodes, 4 m apart: with 0.05 degrees from one to the next, as odometry has."""
 TERRACE_M = 12.0
@@ -36,25 +35,25 @@ def closed(found: Driven) -> bool:
     return bool(found.loops.closed)
 
 
-@pytest.mark.parametrize("eye", [EYE, SINGLE], ids=["pair", "single"])
+@pytest.mark.parametrize("camera", [CAMERA, SINGLE], ids=["pair", "single"])
 @pytest.mark.parametrize("seed", range(2))
-def test_a_lap_ends_where_it_began(eye: Eye, seed: int) -> None:
+def test_a_lap_ends_where_it_began(camera: LoopCamera, seed: int) -> None:
     """541 m: 0.1 % at the return, of one to three metres without the loop."""
-    found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, eye, 1.0 if eye.baseline else SINGLE_DRIFT)
+    found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, camera, 1.0 if camera.baseline else SINGLE_DRIFT)
     before, after = found.ends
     assert closed(found) and not wrong(found)
     assert after < 0.001 * 1.06 * LAP_M < before
 
 
-@pytest.mark.parametrize(("eye", "keys", "seeds"), [(EYE, 1, (1,)), (SINGLE, 2, (1, 2))], ids=["pair", "single"])
+@pytest.mark.parametrize(("camera", "keys", "seeds"), [(CAMERA, 1, (1,)), (SINGLE, 2, (1, 2))], ids=["pair", "single"])
 def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
-    eye: Eye, keys: int, seeds: tuple[int, ...]
+    camera: LoopCamera, keys: int, seeds: tuple[int, ...]
 ) -> None:
     """A stretch is put right as well as odometry over the lap is known: to 1 m of 3, of one camera on average."""
-    begun, drift, worst = 50, 1.0 if eye.baseline else SINGLE_DRIFT, list[float]()
+    begun, drift, worst = 50, 1.0 if camera.baseline else SINGLE_DRIFT, list[float]()
     blind = begun + keys - 1
     for seed in seeds:
-        found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, eye, drift, begun, keys)
+        found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, camera, drift, begun, keys)
         assert closed(found) and found.ends[1] < 0.001 * 1.06 * LAP_M
         off = {
             n.time_ns: float(np.linalg.norm(n.corrected.pose.translation - found.truth[n.time_ns].translation))
@@ -66,26 +65,26 @@ def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
     assert np.mean(worst) < 1.0, "of 3 m"
 
 
-@pytest.mark.parametrize(("eye", "scale"), [(EYE, 1.0), (SINGLE, 3.0)], ids=["pair", "single"])
-def test_a_segment_that_begins_anywhere_is_joined_where_it_sees_an_earlier_one(eye: Eye, scale: float) -> None:
-    keys, drift = (1, 1.0) if eye.baseline else (2, SINGLE_DRIFT)
-    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, eye, drift, 50, keys, blind_m=200.0, blind_scale=scale)
+@pytest.mark.parametrize(("camera", "scale"), [(CAMERA, 1.0), (SINGLE, 3.0)], ids=["pair", "single"])
+def test_a_segment_that_begins_anywhere_joins_the_one_that_it_sees_again(camera: LoopCamera, scale: float) -> None:
+    keys, drift = (1, 1.0) if camera.baseline else (2, SINGLE_DRIFT)
+    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, camera, drift, 50, keys, blind_m=200.0, blind_scale=scale)
     assert closed(found) and not wrong(found)
     assert {n.segment for n in found.loops.nodes} == {0}
     last = found.loops.nodes[-1]
     assert np.linalg.norm(last.corrected.pose.translation - found.truth[last.time_ns].translation) < 1.0, "of 200 m"
 
 
-def test_without_noise_the_way_between_two_sights_is_exact() -> None:
+def test_without_noise_the_relative_pose_of_two_keyframes_is_exact() -> None:
     rng = np.random.default_rng(0)
     facades = Facades.seeded(0)
     first, then = (facades.seen_from(Pose(translation=np.array([x, 0.0, 10.0 + x])), rng) for x in (0.0, 1.0))
-    found = way_between(EYE, first, then)
+    found = relative_pose(CAMERA, first, then)
     assert found is not None
     off = found.first_from_then.pose.translation - (1.0, 0.0, 1.0)
     assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(found.covariance[:3, :3])) < 0.2
     nowhere = facades.seen_from(Pose(translation=np.array([0.0, 0.0, 90.0])), rng)
-    assert way_between(EYE, first, nowhere) is None
+    assert relative_pose(CAMERA, first, nowhere) is None
 
 
 def test_what_is_seen_around_a_place_is_where_it_is_from_there() -> None:
@@ -117,8 +116,8 @@ def test_one_camera_turned_away_knows_a_place_by_what_lies_around_it() -> None:
         for i, (pose, sight) in enumerate(zip(poses, few, strict=True))
     )
     then = facades.seen_from(turned, rng)
-    assert way_between(SINGLE, few[2], then) is None
-    found = way_between(SINGLE, surroundings(nodes, nodes[2]), then, together=True)
+    assert relative_pose(SINGLE, few[2], then) is None
+    found = relative_pose(SINGLE, surroundings(nodes, nodes[2]), then, together=True)
     assert found is not None
     off = found.first_from_then.pose.translation - (poses[2].inverse() @ turned).translation
     assert np.linalg.norm(off) < 4 * np.sqrt(np.trace(found.covariance[:3, :3])) < 0.4
@@ -152,19 +151,19 @@ def test_rows_of_equal_houses_are_no_loop(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("eye", [EYE, SINGLE], ids=["pair", "single"])
-def test_twenty_seeds(eye: Eye) -> None:
+@pytest.mark.parametrize("camera", [CAMERA, SINGLE], ids=["pair", "single"])
+def test_twenty_seeds(camera: LoopCamera) -> None:
     """Found in 19 of 20 at least; of 20 routes by equal houses without a loop none is one, and no loop is wrong."""
-    drift = 1.0 if eye.baseline else SINGLE_DRIFT
-    laps = [driven(Facades.seeded(s), 1.06 * LAP_M, s, eye, drift) for s in range(20)]
+    drift = 1.0 if camera.baseline else SINGLE_DRIFT
+    laps = [driven(Facades.seeded(s), 1.06 * LAP_M, s, camera, drift) for s in range(20)]
     assert sum(closed(f) and f.ends[1] < 0.001 * 1.06 * LAP_M for f in laps) >= 19
     assert not sum(wrong(f) for f in laps)
-    rows = [driven(Facades.seeded(s, TERRACE_M), 0.9 * LAP_M, s, eye, drift) for s in range(20)]
+    rows = [driven(Facades.seeded(s, TERRACE_M), 0.9 * LAP_M, s, camera, drift) for s in range(20)]
     assert not any(closed(f) for f in rows)
 
 
-def blank() -> Sight:
-    return Sight(
+def blank() -> DescribedPoints:
+    return DescribedPoints(
         np.zeros((1, 2), np.float32),
         np.zeros((1, 128), np.uint8),
         np.full((1, 3), 10, np.float32),
@@ -262,7 +261,7 @@ def test_how_sure_a_pose_is_follows_its_window_as_that_is_adjusted() -> None:
     moved = nodes[-1].odometry @ Pose(translation=np.array([3.0, 0.0, 0.0]))
     last = nodes[-1]
     key = KeyFrameSeen(40, moved, last.covariance, 0.0, {39: moved, 40: moved}, blank)
-    loops, _ = seen_again(loops, EYE, key, 41)
+    loops, _ = seen_again(loops, CAMERA, key, 41)
     np.testing.assert_allclose(covariance_at(loops, moved, last.covariance, 0.0), adjusted, atol=1e-5)
 
 

@@ -11,7 +11,7 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.other_motion import other_motion
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.frontends.klt import Klt
+from ispom.features.klt import Klt
 from ispom.geometry import Pose
 from ispom.types import Camera, Decision, Frame, Rig, Status, Step, TrackStatus
 from tests.estimators.modern import waved_card

@@ -148,7 +148,7 @@ def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, expos
         assert remembered(setup, state, frames[i].time_ns) is state
     after = remembered(setup, state, frames[41].time_ns)
     assert after.map is not None and after.map.keys[-1].time_ns == last_ns
-    assert after.places.kept[-1].time_ns == last_ns
+    assert after.database.keyframes[-1].time_ns == last_ns
     assert remembered(setup, after, frames[41].time_ns) is after
     before, now = (np.isfinite(m.known(state.live.ids)[:, 0]).sum() for m in (world, after.map))
     assert now > before + 20

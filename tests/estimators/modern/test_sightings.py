@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.recognise import Recognised
+from ispom.estimators.modern.monocular.recognise import Recognised, resighted
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.sightings import resighted
-from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
@@ -23,7 +22,7 @@ DEPTH, SHIFTS_PX = 5.0, (0, 6, 14)
 COUNT = 50
 PLAIN = replace(simulated_rig(0.5).camera("video"), distortion=())
 
-Wall = tuple[Setup, Places, np.ndarray, np.ndarray]
+Wall = tuple[Setup, KeyframeDatabase, np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +32,7 @@ def wall() -> Wall:
     paint = cv2.GaussianBlur(random.uniform(0, 255, (PLAIN.height, width + SHIFTS_PX[-1])), (0, 0), 1.5)
     paint = np.clip(4 * (paint - 127) + 127, 0, 255).astype(np.uint8)
     places = tuple(
-        Place.of(
+        Keyframe.of(
             i, Pose(np.eye(3), np.array([-px * DEPTH / PLAIN.fx, 0, 0])), (paint[:, px : px + width].copy(),), None
         )
         for i, px in enumerate(SHIFTS_PX)
@@ -41,15 +40,15 @@ def wall() -> Wall:
     uv = np.column_stack([random.uniform(40, width - 40, COUNT), random.uniform(20, PLAIN.height - 20, COUNT)])
     rays = np.column_stack([PLAIN.normalise(uv), np.ones(COUNT)])
     setup = replace(ModernMonocularConfig().build(simulated_rig(0.5))._setup, camera=PLAIN)
-    return setup, Places(places), places[-1].camera_from_world.inverse().apply(DEPTH * rays), uv
+    return setup, KeyframeDatabase(places), places[-1].camera_from_world.inverse().apply(DEPTH * rays), uv
 
 
 def test_points_are_intersected_from_patches_in_all_key_frames_of_the_window(wall: Wall) -> None:
     (setup, places, xyz, uv), random = wall, np.random.default_rng(2)
-    before, last = places.kept[0], places.kept[-1]
+    before, last = places.keyframes[0], places.keyframes[-1]
     keys = tuple(
         TrackedFrame(p.time_ns, np.zeros(0, np.int64), np.zeros((0, 2)), p.camera_from_world.inverse())
-        for p in places.kept
+        for p in places.keyframes
     )
     guessed = last.camera_from_world.apply(xyz) * random.normal(1, 0.05, (COUNT, 1))
     views = (before, np.add(uv, (SHIFTS_PX[-1], 0)) + random.normal(0, 0.7, uv.shape)), (last, uv)
@@ -66,11 +65,11 @@ def test_points_are_intersected_from_patches_in_all_key_frames_of_the_window(wal
 
 def test_where_another_key_frame_shows_something_else_it_stays_as_descriptors_say(wall: Wall) -> None:
     setup, places, xyz, uv = wall
-    before, last = places.kept[0], places.kept[-1]
+    before, last = places.keyframes[0], places.keyframes[-1]
     other = replace(before, images=(before.images[0][::-1].copy(),))
     views = (other, np.add(uv, (SHIFTS_PX[-1], 0))), (last, uv)
     given = Recognised(views, xyz, uv.astype(np.float32), last.camera_from_world.inverse())
-    found = resighted(setup, Places((other, last)), Map((), ScenePoints(), None, 1e-3), given)
+    found = resighted(setup, KeyframeDatabase((other, last)), Map((), ScenePoints(), None, 1e-3), given)
     same = (found.xyz == xyz).all(axis=1)
     assert same.mean() > 0.9
     np.testing.assert_array_equal(found.views[0][1][same], views[0][1][same])

@@ -10,7 +10,7 @@ import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.evaluation.relative_error import kitti_errors
-from ispom.frontends import sift
+from ispom.features.descriptors import OpenCvFeatures
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Measurement, Sequence, Status, Step, TrackStatus, Trajectory, is_stereo
 
@@ -228,8 +228,8 @@ def test_in_the_dark_nothing_is_described(
     flight: Sequence, exposures: list[Measurement], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pairs, described = pairs_of(exposures), []
-    rng, describe = np.random.default_rng(0), sift.detect_and_describe
-    monkeypatch.setattr(sift, "detect_and_describe", lambda image, most: described.append(1) or describe(image, most))
+    rng, describe = np.random.default_rng(0), OpenCvFeatures.detect_and_describe
+    monkeypatch.setattr(OpenCvFeatures, "detect_and_describe", lambda *call: described.append(1) or describe(*call))
     shape = pairs[0].left.shape
     night = [np.clip(rng.normal(6, 1.5, shape), 0, 255).astype(np.uint8) for _ in range(4)]
     dark = [Frame.stereo(pairs[i].time_ns, night[0], night[i - 3]) for i in (3, 4, 5, 6)]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.estimators.modern.monocular.surfaces import REACH, slopes
-from ispom.frontends.patches import warps_of
+from ispom.features.patches import warps_of
 from ispom.geometry import Array, Pose
 from ispom.types import Camera
 

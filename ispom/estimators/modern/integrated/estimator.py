@@ -25,7 +25,7 @@ from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
 from ispom.estimators.modern.integrated.view import RigNoise
-from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
+from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
-from ispom.solvers.right_camera import LAG, drift, without_errors
+from ispom.solvers.right_camera import LAG, LEAST_DISPARITY, drift, without_errors
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
 
-LEAST_DISPARITY = 1 / 2000
-"""Normalised; a smaller one says no more than that the point is far."""
 LEAST_APART_S = 1e-6
 """Of two exposures at one time only one is a point of a spline."""
 

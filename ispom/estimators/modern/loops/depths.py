@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
-from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.places import MIN_ALIKE
-from ispom.geometry import Array, skew
+from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera
+from ispom.estimators.modern.verification import on_epipolar_lines
+from ispom.geometry import Array
 from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import intersect
 
@@ -24,7 +24,7 @@ MIN_SIGNIFICANCE = 3.0
 """Deviations of its inverse depth from which on a feature has one: far ones still say how the camera is turned."""
 
 
-def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+def with_depths(camera: LoopCamera, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     """With those of the newest node's features, and those that it gives earlier ones.
 
     The node OTHERS before it is met with all that came since, too: that knows another half of its features. So is its
@@ -34,11 +34,11 @@ def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     newest, before = nodes[-1], _before(nodes)
     if not before:
         return nodes
-    found = {newest.time_ns: _met(eye, newest, before)}
+    found = {newest.time_ns: _met(camera, newest, before)}
     if len(before) == OTHERS:
-        found[before[-1].time_ns] = _met(eye, before[-1], [newest, *before[:-1]])
+        found[before[-1].time_ns] = _met(camera, before[-1], [newest, *before[:-1]])
     elif not np.isfinite(before[0].sight.xyz).any():
-        found[before[0].time_ns] = _met(eye, before[0], [newest])
+        found[before[0].time_ns] = _met(camera, before[0], [newest])
     return tuple(replace(n, sight=found[n.time_ns]) if n.time_ns in found else n for n in nodes)
 
 
@@ -52,7 +52,7 @@ def _before(nodes: tuple[Node, ...]) -> list[Node]:
     return found
 
 
-def surroundings(nodes: tuple[Node, ...], place: Node) -> Sight:
+def surroundings(nodes: tuple[Node, ...], place: Node) -> DescribedPoints:
     """What a place shows and the AROUND nodes before and after it do, all that has a depth, in the place's camera."""
     at = next(i for i, n in enumerate(nodes) if n.time_ns == place.time_ns)
     others, last = _before(nodes[: at + 1])[:AROUND], place
@@ -71,33 +71,26 @@ def surroundings(nodes: tuple[Node, ...], place: Node) -> Sight:
     )
 
 
-def _met(eye: Eye, node: Node, others: list[Node]) -> Sight:
+def _met(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
     """The node's with the points that it has in common with the others, beside those that were known."""
     sight = node.sight
-    seen = [sight.x.astype(float), *(_seen(eye, node, other) for other in others)]
+    seen = [sight.x.astype(float), *(_seen(camera, node, other) for other in others)]
     stacked = np.stack(seen)
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [n.odometry.inverse() for n in (node, *others)]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
-    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), Noise(eye.sigma))
-    good = (found.depth > 0) & (found.worst < INLIER * eye.sigma) & (found.significance > MIN_SIGNIFICANCE)
+    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), Noise(camera.sigma))
+    good = (found.depth > 0) & (found.worst < INLIER * camera.sigma) & (found.significance > MIN_SIGNIFICANCE)
     xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), sight.xyz)
     return replace(sight, xyz=xyz.astype(np.float32))
 
 
-def _seen(eye: Eye, node: Node, other: Node) -> Array:
+def _seen(camera: LoopCamera, node: Node, other: Node) -> Array:
     """(N, 2) normalised, where another node has a node's features: the most alike on their epipolar lines, or NaN."""
-    here, there = node.sight.features(eye.fx), other.sight.features(eye.fx)
+    here, there = node.sight.features(camera.fx), other.sight.features(camera.fx)
     motion = other.odometry.inverse() @ node.odometry
-    rays = np.column_stack([node.sight.x, np.ones(len(here))])
-    lines = rays @ (skew(motion.translation) @ motion.rotation).T
-    lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
-    alike = here.descriptors @ there.descriptors.T
-    off = np.abs(lines @ np.column_stack([other.sight.x, np.ones(len(there))]).T)
-    alike[off >= MAX_OFF * eye.sigma] = -1
+    allowed = on_epipolar_lines(motion, node.sight.x, other.sight.x, MAX_OFF * camera.sigma)
+    pairs, _ = camera.matcher.match_where(here, there, allowed)
     out = np.full((len(here), 2), np.nan)
-    if len(there):
-        best = alike.argmax(axis=1)
-        found = alike[np.arange(len(alike)), best] > MIN_ALIKE
-        out[found] = other.sight.x[best[found]]
+    out[pairs[:, 0]] = other.sight.x[pairs[:, 1]]
     return out

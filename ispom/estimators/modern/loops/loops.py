@@ -36,8 +36,7 @@ from ispom.estimators.modern.loops.nodes import (
     thinned,
     with_poses,
 )
-from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.loops.verify import FEWEST, Way, way_between
+from ispom.estimators.modern.loops.relative_pose import FEWEST, DescribedPoints, LoopCamera, RelativePose, relative_pose
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import carried, spread
 from ispom.types import Decision
@@ -60,7 +59,7 @@ class KeyFrameSeen:
     window: Mapping[int, Pose]
     """world_from_camera of what is still adjusted, or was with this key frame for the last time; itself included,
     oldest first."""
-    sight: Callable[[], Sight]
+    sight: Callable[[], DescribedPoints]
     """What it shows; made only where it is needed."""
     joined: bool = True
     """Whether some observation joins it to the key frames before: else it is where a blind start was held to be."""
@@ -105,16 +104,18 @@ class Loops:
         return self.nodes[-1].correction if self.closed else Similarity()
 
 
-def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> tuple[Loops, tuple[Decision, ...]]:
+def seen_again(
+    loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int
+) -> tuple[Loops, tuple[Decision, ...]]:
     """After an exposure, of which `key` is told where it was a key frame; `poses` were given so far."""
-    drift, loops = PAIR_DRIFT if eye.baseline else SINGLE_DRIFT, replace(loops, joins=None)
+    drift, loops = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT, replace(loops, joins=None)
     if key is not None:
-        loops = _with_key(loops, eye, key, drift)
+        loops = _with_key(loops, camera, key, drift)
     if not loops.waiting:
         return loops, ()
     then = loops.nodes[-1]
     places = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
-    ways = _ways(eye, loops.nodes, places, then)
+    ways = _relative_poses(camera, loops.nodes, places, then)
     loops = replace(loops, waiting=loops.waiting[AT_A_TIME:])
     found = [(p, way) for p, way in ways if possible(p, then, way.first_from_then, drift)]
     points = LOOP_POINTS.of(max((way.count for _, way in found or ways), default=0), FEWEST)
@@ -128,22 +129,24 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     views = LOOP_VIEWS.of(len(same), max(VIEWS, np.ceil(MAJORITY * len(loops.proposed))))
     if not views.passed:
         return loops, (points, views)
-    return _closed(loops, same, drift, bool(eye.baseline), poses, (points, views))
+    return _closed(loops, same, drift, bool(camera.baseline), poses, (points, views))
 
 
-def _ways(eye: Eye, nodes: tuple[Node, ...], places: list[Node], then: Node) -> list[tuple[Node, Way]]:
+def _relative_poses(
+    camera: LoopCamera, nodes: tuple[Node, ...], places: list[Node], then: Node
+) -> list[tuple[Node, RelativePose]]:
     """To those places that a node shows again: of a pair by all that they show, of one camera, which knows the depth of
     a third of it, also by what is seen around them."""
-    found = list[tuple[Node, Way]]()
+    found = list[tuple[Node, RelativePose]]()
     for place in places:
-        shown = place.sight if eye.baseline else surroundings(nodes, place)
-        way = way_between(eye, shown, then.sight, together=not eye.baseline)
+        shown = place.sight if camera.baseline else surroundings(nodes, place)
+        way = relative_pose(camera, shown, then.sight, together=not camera.baseline)
         if way is not None:
             found.append((place, way))
     return found
 
 
-def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
+def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float) -> Loops:
     """With a node, where it is some way from the last one, and what that is to be compared with."""
     nodes = with_poses(loops.nodes, key.window, None if loops.known is None else loops.known.node.time_ns)
     known = None if loops.known is None else loops.known.within(nodes)
@@ -177,7 +180,7 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
         step=between,
     )
     waiting = candidates(nodes, node, drift)
-    nodes = (*nodes, node) if eye.baseline else with_depths(eye, (*nodes, node))
+    nodes = (*nodes, node) if camera.baseline else with_depths(camera, (*nodes, node))
     nodes, closed = thinned(nodes, loops.closed)
     kept = {n.time_ns for n in nodes}
     late = {n.time_ns for n in nodes[-WITHIN:]}

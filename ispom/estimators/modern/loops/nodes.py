@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.estimators.modern.loops.sight import Sight
+from ispom.estimators.modern.keyframe_database import most_crowded
+from ispom.estimators.modern.loops.relative_pose import DescribedPoints
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
@@ -39,7 +40,7 @@ class Node:
     """Length of the way up to here."""
     corrected: Similarity
     """world_from_node, with the loops."""
-    sight: Sight
+    sight: DescribedPoints
     seen: bool = True
     """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
     segment: int = 0
@@ -112,8 +113,7 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
     """
     if len(nodes) <= MAX_NODES:
         return nodes, loops
-    paths = np.array([n.path for n in nodes[: MAX_NODES - RECENT]])
-    gone = nodes[1 + int(np.argmin(paths[2:] - paths[:-2]))]
+    gone = nodes[most_crowded([n.path for n in nodes[: MAX_NODES - RECENT]])]
     parent = node_at(nodes, gone.parent_ns)
     way, covariance = step_between(parent, gone)
     down = Edge(0, 1, way, covariance)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.monocular.key_frame import with_key_frame
 from ispom.estimators.modern.monocular.marginalise import shortened
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState
 from ispom.estimators.modern.monocular.tracks import moving, unrolled
-from ispom.estimators.modern.places import Place
 from ispom.estimators.tracked_frame import TrackedFrame
 
 MISSING = 5.5
@@ -35,5 +35,7 @@ def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> Moder
     world = with_key_frame(setup, replace(world, relative_frames=others), frame).map
     world, settled = shortened(world, live.ids, setup.key_frames)
     moved = moving(setup.camera, live.uv, live.speed)
-    place = Place.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
-    return replace(state, map=world, settled=state.settled.extended(settled), places=state.places.with_place(place))
+    database = state.database.with_keyframe(
+        Keyframe.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
+    )
+    return replace(state, map=world, settled=state.settled.extended(settled), database=database)

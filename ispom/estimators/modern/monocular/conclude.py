@@ -7,12 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
-from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends.buckets import detect_spread
 from ispom.types import (
     Corrections,
     Frame,
@@ -38,7 +37,7 @@ def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float
         return np.zeros((0, 2), np.float32)
     alive = outcome.followed.status == TrackStatus.ALIVE
     distance_px = CORNER_DISTANCE * setup.camera.longer_side_px
-    return detect_spread(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
+    return setup.front_end.detector.detect(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
 
 
 def _late(setup: Setup, outcome: Outcome, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -68,7 +67,7 @@ def next_state(
     moved = [(new.time_ns, outcome.pose)] if outcome.pose is not None else []
     if state.map is None and world is not None:
         moved = sorted(world.trajectory(), key=lambda item: item[0])
-    places = _places(setup, state.places, outcome, new, segment)
+    database = _database(setup, state.database, outcome, new, segment)
     # Another world says nothing of the motion from the last pose.
     recent = moved if outcome.restarted and moved else [*state.recent, *moved]
     return ModernMonocularState(
@@ -82,7 +81,7 @@ def next_state(
         depth_sigmas=_depth_sigmas(setup, state, outcome),
         covariance=state.covariance if outcome.covariance is None else outcome.covariance,
         settled=state.settled.extended(outcome.settled),
-        places=places,
+        database=database,
         segments=segments,
         segment=segment,
         disagreeing=outcome.disagreeing,
@@ -103,18 +102,20 @@ def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
     return state.segments + 1, state.segments if outcome.segment is None else outcome.segment
 
 
-def _places(setup: Setup, places: Places, outcome: Outcome, new: NewImage, segment: int) -> Places:
-    """With what a key frame of the map saw, and the others' poses as they are now."""
+def _database(
+    setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage, segment: int
+) -> KeyframeDatabase:
+    """With what a keyframe of the map saw, and the others' poses as they are now."""
     world, pose = outcome.map, outcome.pose
     if outcome.restarted and outcome.start is not None and outcome.start.lost is None:
-        return Places()
+        return KeyframeDatabase()
     if world is None or pose is None or not outcome.key_frame:
-        return places
+        return database
     known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
     alive = outcome.followed.status == TrackStatus.ALIVE
     moved = moving(setup.camera, outcome.followed.uv[alive], outcome.followed.speed[alive])
-    return places.revised(known).with_place(
-        Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved, segment=segment)
+    return database.with_poses(known).with_keyframe(
+        Keyframe.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved, segment=segment)
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.modern.motions import LEAST
-from ispom.frontends.patches import align
+from ispom.features.patches import align
 from ispom.numerics.places import places
 from ispom.numerics.reductions import lengths
 from ispom.types import Image, Tracks, TrackStatus

@@ -22,10 +22,11 @@ from ispom.estimators.modern.monocular.track_map import found_after_loss, track_
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
+from ispom.features.front_ends import KLT, front_end, front_ends
+from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise
-from ispom.settings import Range
+from ispom.settings import Choices, Range
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
 from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
@@ -51,6 +52,8 @@ class ModernMonocularConfig:
     """Median displacement, rotation taken away, from which the first map is attempted."""
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Points seen under a smaller angle get no place in the map yet."""
+    features: Annotated[str, Choices(front_ends)] = KLT.name
+    """What finds, tracks and recognises points: klt (corners), patches, sift, orb, or what a package adds."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
     """Deviation of a tracked place after some key frames, by which what is far off is dropped, and the loss is set
     until residuals say that it can be narrower; covariances take it for that until residuals say more (`noise`)."""
@@ -146,6 +149,7 @@ class ModernMonocular:
             max_interval_s=c.max_interval_s,
             relocalise=c.relocalise,
             follow=c.follow,
+            front_end=front_end(c.features),
         )
 
 
@@ -154,10 +158,10 @@ def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Ima
     live = state.live
     if state.map is None:
         nowhere = np.full((len(live.ids), 3), np.nan)
-        return NewImage(time_ns, grey, None, follow(setup.camera, live, time_ns, grey, None), nowhere)
+        return NewImage(time_ns, grey, None, follow(setup.front_end, setup.camera, live, time_ns, grey, None), nowhere)
     predicted, lens = coasted(state.recent, time_ns), Lens(setup.camera, state.map.extra)
     late = late_px(setup.camera, live.uv, live.speed)
     scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
     expected = projected(lens, scene, predicted, live.uv - late) + late
-    followed = follow(setup.camera, live, time_ns, grey, expected, state.disagreeing.expected)
+    followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.disagreeing.expected)
     return NewImage(time_ns, grey, predicted, followed, scene)

@@ -21,7 +21,6 @@ from ispom.estimators.modern.monocular.tracks import (
     unrolled,
 )
 from ispom.estimators.modern.monocular.unplaced import Unplaced, with_unplaced
-from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
@@ -84,8 +83,9 @@ class Localisation:
 def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
     """From the tracks as followed; where that fails, from tracks displaced as the image's features are."""
     found = _located(setup, live, world, new, new.followed)
-    if not found.agreeing and (jumped := displaced_by_features(live, new.grey)) is not None:
-        found = _located(setup, live, world, new, follow(setup.camera, live, new.time_ns, new.grey, jumped))
+    if not found.agreeing and (jumped := displaced_by_features(setup.front_end, live, new.grey)) is not None:
+        followed = follow(setup.front_end, setup.camera, live, new.time_ns, new.grey, jumped)
+        found = _located(setup, live, world, new, followed)
     return found
 
 
@@ -157,7 +157,7 @@ def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation
         return False
     near = found.motion.camera_from_world.apply(world.known(live.ids))
     near = near[np.isfinite(near[:, 0])]
-    shown = in_sight(setup.camera, near, Lens(setup.camera, world.extra).project(near))
+    shown = Lens(setup.camera, world.extra).in_image(near)
     if found.count < MOST * np.isfinite(shown[:, 0]).sum():
         return False
     return found.error_of(again.motion.camera_from_world) > TOO_FAR * found.error_of(found.motion.camera_from_world)

@@ -9,16 +9,15 @@ import numpy as np
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
-from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, covariance_at, seen_again
-from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
-from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
+from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
+from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, speed_where
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends import sift
 from ispom.geometry import Pose
 from ispom.types import Image, Step, Trajectory
 
@@ -32,13 +31,13 @@ def with_loops(
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
-    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.noise.sigma), None
+    camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.noise.sigma, setup.front_end.matcher), None
     if outcome.key_frame and after.map is not None:
         joined = outcome.segment is not None or (
             not outcome.restarted and (before.start is None or before.start.joined)
         )
         key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)
-    loops, decisions = seen_again(before.loops, eye, key, len(after.settled))
+    loops, decisions = seen_again(before.loops, camera, key, len(after.settled))
     joins = step.joins if loops.joins is None else loops.joins
     step = replace(step, decisions=(*step.decisions, *decisions), joins=joins)
     if loops.closed:
@@ -52,29 +51,14 @@ def corrected(loops: Loops, poses: Trajectory) -> Trajectory:
 
 
 def _corrected(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[Loops, Step]:
-    newest, correction = loops.correction, Correction.of(loops)
-    seen, again = next_range(loops, len(after.settled))
+    loops, again = next_range(loops, len(after.settled))
     earlier = after.settled.part(again.start, again.stop)
     if after.map is not None and any(d.key == LOOP_SHIFT.key for d in step.decisions):
         earlier += after.map.trajectory()
-    earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
-    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
-    pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
-    if pose is not None:
-        if step.covariance is not None:
-            variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-            own = covariance_at(seen, pose, step.covariance, variance)
-            covariance = in_frame(own, Pose(), newest.scale)
-            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
-        pose = newest.apply_pose(pose)
-    return seen, replace(
-        step,
-        world_from_frame=pose,
-        covariance=covariance,
-        landmarks=landmarks_at(step.landmarks, newest),
-        revised=correction.of_trajectory(revised),
-        scale_sigma=scale_sigma,
-    )
+    odometry, variance = None, 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+    if step.world_from_frame is not None and step.covariance is not None:
+        odometry = step.world_from_frame, step.covariance, variance
+    return loops, corrected_step(loops, step, earlier, odometry, Pose())
 
 
 def _key_frame_seen(
@@ -84,7 +68,7 @@ def _key_frame_seen(
     window = dict(sorted((*outcome.settled, *world.trajectory()), key=lambda told: told[0]))
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-    sight = partial(_sight, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
+    sight = partial(_sight, setup, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
     return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined, after.segment)
 
 
@@ -95,8 +79,8 @@ def _depth(world: Map, pose: Pose) -> float:
     return float(np.median(near)) if len(near) else float("nan")
 
 
-def _sight(lens: Lens, followed: Followed, grey: Image, depth: float) -> Sight:
+def _sight(setup: Setup, lens: Lens, followed: Followed, grey: Image, depth: float) -> DescribedPoints:
     """Of a rolling shutter where the middle row would have seen the features, which move as the nearest tracks do."""
-    found = sift.detect_and_describe(grey, FEATURES)
+    found = setup.front_end.descriptor.detect_and_describe(grey, FEATURES)
     uv = found.uv - late_px(lens.camera, found.uv, speed_where(followed, found.uv))
-    return Sight.of(grey, lens.normalise(uv), found.descriptors, depth=depth)
+    return DescribedPoints.of(grey, lens.normalise(uv), found, depth=depth)

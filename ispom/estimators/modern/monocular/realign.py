@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.patches import align, warps_of
+from ispom.features.images import as_bright
+from ispom.features.klt import Klt
+from ispom.features.patches import align, warps_of
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.reductions import both, lengths
@@ -109,3 +110,25 @@ def _aligned(
                 image, origin_uv[some], grey, expected[some], warps[some], bends=bends[some], taper_px=TAPER_PX
             )
     return found, score
+
+
+def patches_found(
+    lens: Lens,
+    place: Keyframe,
+    seen: Array,
+    place_from_camera: Pose,
+    near: Array,
+    image: Image,
+    expected: Array,
+    reduction: float = 1.0,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Where an image has the patches that a place has at `seen` (N, 2) [px], looked for around `expected` (N, 2) [px];
+    and which (N,) it has. `near` (N, 3): their points in the image's camera; `reduction`: its pixels per the camera's.
+    """
+    turn, way = place_from_camera.rotation[None], place_from_camera.translation[None]
+    warps, bends = warps_of(lens.camera, turn, way, near, slopes(near))
+    warps, bends = place.reduction / reduction * warps, bends / reduction
+    start = (expected + 0.5) * reduction - 0.5
+    found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends, taper_px=TAPER_PX)
+    found = (found + 0.5) / reduction - 0.5
+    return found, (score > MIN_CORRELATION) & (np.linalg.norm(found - expected, axis=1) < MAX_SHIFT_PX)

@@ -14,7 +14,7 @@ from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Star
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame, unrolled
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.frontends.contrast import has_contrast
+from ispom.features.images import has_contrast
 from ispom.geometry import Pose
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.types import Decision, Status

@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map, views
-from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised
+from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised, resighted
 from ispom.estimators.modern.monocular.setup import LOSS, Setup
-from ispom.estimators.modern.monocular.sightings import resighted
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, moving
-from ispom.estimators.modern.places import FEATURES, Place
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.frontends import sift
-from ispom.frontends.contrast import has_contrast
+from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from ispom.types import TrackStatus
@@ -46,8 +44,8 @@ def relocated(
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, None
     moved = moving(setup.camera, state.live.uv, state.live.speed)
-    newest = Place.of(last_ns, last.inverse(), (grey,), None, moving=moved, segment=state.segment)
-    before = (state.places.at(last_ns) or newest).described()
+    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved, segment=state.segment)
+    before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
     return _relocated(setup, state, world, new, before, state.missed)
 
 
@@ -56,7 +54,7 @@ def relocated_after_loss(
 ) -> tuple[ModernMonocularState, Relocated | None]:
     """Finds a frame in the keyframes of the segments before, while a new map is still to begin."""
     start, live = state.start, state.live
-    if start is None or start.lost is None or not setup.relocalise or not state.places.kept:
+    if start is None or start.lost is None or not setup.relocalise or not state.database.keyframes:
         return state, None
     if live.grey is None or not has_contrast(new.grey, live.grey):
         return state, None
@@ -65,18 +63,18 @@ def relocated_after_loss(
     other = replace(state, live=none, settled=state.settled.extended(start.held if start.joined else ()))
     new = replace(new, scene=np.zeros((0, 3)))
     before, found = _relocated(setup, other, start.lost, new, None, len(start.frames))
-    return replace(state, places=before.places), found
+    return replace(state, database=before.database), found
 
 
 def _relocated(
-    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, before: Place | None, turn: int
+    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, before: Keyframe | None, turn: int
 ) -> tuple[ModernMonocularState, Relocated | None]:
-    now = sift.detect_and_describe(new.grey, FEATURES)
-    places, found = recognised(setup, state.places, world.extra, new, now, before, turn)
-    state = replace(state, places=places)
+    now = setup.front_end.descriptor.detect_and_describe(new.grey, FEATURES)
+    database, found = recognised(setup, state.database, world.extra, new, now, before, turn)
+    state = replace(state, database=database)
     if found is None:
         return state, None
-    found = resighted(setup, places, world, found)
+    found = resighted(setup, database, world, found)
     joint, grown, again = _by_points(setup, state, world, new, found)
     place, _ = found.views[-1]
     return state, Relocated(joint, grown, again, place.segment) if again.count >= SURE else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ispom.estimators.modern.motions import Follow
+from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise
 from ispom.types import Camera
@@ -44,6 +45,7 @@ class Setup:
     max_interval_s: float
     relocalise: bool
     follow: Follow
+    front_end: FrontEnd
 
     @cached_property
     def noise(self) -> Noise:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.disagreeing import Disagreeing
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
-from ispom.estimators.modern.places import Places
 from ispom.estimators.modern.rolling import Sight
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
@@ -40,7 +40,7 @@ class ModernMonocularState:
     """(6, 6) of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
-    places: Places = Places()
+    database: KeyframeDatabase = KeyframeDatabase()
     """Where a lost frame is looked for."""
     segments: int = 1
     """How many have begun."""

@@ -27,7 +27,7 @@ from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, WIDTH, S
 from ispom.estimators.modern.monocular.shutter import by_motions
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
-from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.estimators.tracked_frame import MOST_SHOWN_PX, TrackedFrame
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Status, TrackStatus
 
@@ -36,8 +36,6 @@ MAX_SCALE_GROWTH = 0.3
 way two parts of a path are no longer of one size."""
 LASTING = 3
 """Keyframes in a row at which it must be lost."""
-MOST_SHOWN_PX = 1e4
-"""A point just behind the camera has no bound to its error."""
 
 
 def track_map(

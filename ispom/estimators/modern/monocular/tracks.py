@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.rolling import Flow, Sight, Speeds, late_px
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.frontends.contrast import has_contrast
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.sift import detect_and_describe, match
+from ispom.features.images import as_bright, has_contrast
+from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.reductions import both, squares
 from ispom.types import Camera, Image, Tracks, TrackStatus
@@ -80,14 +78,12 @@ class Followed:
     """The new image as bright as the last one; None where nothing was followed."""
 
 
-GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
 FEATURES, MIN_FEATURES = 1000, 15
 """How many are compared where tracking lost its way, and how many must agree: as many as for a pose."""
-MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 
 
 def follow(
+    front_end: FrontEnd,
     camera: Camera,
     live: LiveTracks,
     time_ns: int,
@@ -95,7 +91,7 @@ def follow(
     predicted: NDArray[np.float32] | None,
     others: Moved = Moved(),
 ) -> Followed:
-    """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued.
+    """Tracks points from where each is expected: `predicted` (N, 2) [px], else its last motion continued.
 
     `others` are followed along with them: most of the time goes into the images' pyramids.
 
@@ -104,9 +100,9 @@ def follow(
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
     bright = as_bright(grey, live.grey)
-    klt, expected = (UNGUIDED, live.uv + live.flow) if predicted is None else (GUIDED, predicted)
+    tracker, expected = (front_end.tracker, live.uv + live.flow) if predicted is None else (front_end.guided, predicted)
     starts, goals = np.concatenate([live.uv, others.before]), np.concatenate([expected, others.now])
-    uv, status = klt.track(live.grey, bright, starts, goals)
+    uv, status = tracker.track(live.grey, bright, starts, goals)
     n = len(live.uv)
     others, uv, status = Moved(others.before, uv[n:], status[n:]), uv[:n], status[:n]
     if not camera.line_delay_s:
@@ -135,15 +131,15 @@ def seen_anew(camera: Camera, live: LiveTracks, followed: Followed) -> tuple[tup
     )
 
 
-def displaced_by_features(live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
+def displaced_by_features(front_end: FrontEnd, live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
     """Where points (N, 2) [px] may be after a jump: each moves with the nearest feature that both images show.
 
     None where the images have too little in common.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids) or not has_contrast(grey, live.grey):
         return None
-    before, now = detect_and_describe(live.grey, FEATURES), detect_and_describe(grey, FEATURES)
-    pairs = match(before, now, MAX_RATIO)
+    before, now = (front_end.descriptor.detect_and_describe(image, FEATURES) for image in (live.grey, grey))
+    pairs = front_end.matcher.match(before, now)
     if len(pairs) < MIN_FEATURES:
         return None
     at, motion = before.uv[pairs[:, 0]], now.uv[pairs[:, 1]] - before.uv[pairs[:, 0]]

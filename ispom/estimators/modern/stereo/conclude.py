@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.places import Place, Places
+from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo.key_frame import Current
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
@@ -15,12 +15,10 @@ from ispom.estimators.modern.stereo.rolling_window import with_pair
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
+from ispom.estimators.tracked_frame import MOST_SHOWN_PX
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Corrections, Frame, Landmarks, PairCorrection, Step, Tracks, TrackStatus, Trajectory, colours_at
-
-MOST_SHOWN_PX = 1e4
-"""A point just behind the camera has no bound to its error."""
 
 
 def next_state(
@@ -47,15 +45,15 @@ def next_state(
         _covariance(setup, state, now, sighting, is_key),
     )
     relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())
-    places = _with_place(setup, state, now) if is_key else state.places
-    return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative), places=places)
+    database = _with_keyframe(state, now) if is_key else state.database
+    return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative), database=database)
 
 
-def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
-    """With what this key frame saw, and the others' poses as they are now."""
+def _with_keyframe(state: ModernStereoState, now: Current) -> KeyframeDatabase:
+    """With what this keyframe saw, and the others' poses as they are now."""
     here = (now.new.left, now.new.right)
-    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.motion)
-    return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
+    keyframe = Keyframe.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.motion)
+    return state.database.with_poses({k.time_ns: k.left_from_world for k in state.map.keys}).with_keyframe(keyframe)
 
 
 def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool) -> Array | None:

@@ -18,11 +18,11 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
 from ispom.estimators.modern.stereo.other_motion import motions
 from ispom.estimators.modern.stereo.pair import NewPair, Sighting
-from ispom.estimators.modern.stereo.recover import recover
+from ispom.estimators.modern.stereo.relocate import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
-from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
+from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
 from ispom.settings import Range
@@ -142,7 +142,7 @@ class ModernStereo:
         setup = self._setup
         before, sighting, decisions = sight(setup, state, new)
         watch.lap("track")
-        state = replace(state, places=before.places)
+        state = replace(state, database=before.database)
         wrong = exchanged_since(setup, new, sighting)
         if wrong is not None:
             before, sighting, decisions = state, Sighting.nothing(), (*decisions, wrong)

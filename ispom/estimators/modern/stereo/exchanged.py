@@ -9,7 +9,7 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.key_frame import corners
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.frontends.row_search import PointSearch
+from ispom.features.row_search import PointSearch
 from ispom.types import Decision, TrackStatus
 
 CLEAR_PX = 1.0

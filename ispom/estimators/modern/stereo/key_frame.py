@@ -18,9 +18,8 @@ from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, with_key
-from ispom.frontends.buckets import detect_spread
-from ispom.frontends.corners import at_subpixel
-from ispom.frontends.row_search import PointSearch
+from ispom.features.row_search import PointSearch
+from ispom.features.shi_tomasi import at_subpixel, detect_spread
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.numerics.reductions import lengths, median

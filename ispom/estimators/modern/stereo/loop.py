@@ -8,19 +8,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
-from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
-from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, seen_again
+from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
+from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.rolling import steady
-from ispom.estimators.modern.stereo.loop_state import StereoLoops
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
+from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome, StereoLoops
 from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
-from ispom.frontends import sift
-from ispom.frontends.row_search import PointSearch
+from ispom.features.descriptors import SEARCH_SIDE_PX
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array
 from ispom.types import Step, Trajectory
 
@@ -35,7 +34,7 @@ def with_loops(
     after, loops = outcome.after, before.loops
     settled = after.settled.part(len(before.settled), len(after.settled))
     key = _key_frame_seen(setup, outcome, new) if outcome.key_frame else None
-    seen, decisions = seen_again(loops.loops, eye_of(setup), key, len(after.poses))
+    seen, decisions = seen_again(loops.loops, loop_camera(setup), key, len(after.poses))
     loops = replace(loops.with_settled(settled), loops=seen)
     step = replace(step, decisions=(*step.decisions, *decisions), joins=seen.joins)
     if seen.closed:
@@ -49,29 +48,15 @@ def corrected(loops: StereoLoops, poses: Trajectory) -> Trajectory:
 
 
 def _corrected(setup: Setup, loops: StereoLoops, after: ModernStereoState, step: Step) -> tuple[StereoLoops, Step]:
-    newest = loops.loops.correction
-    correction = Correction.of(loops.loops)
     seen, again = next_range(loops.loops, len(after.poses))
     earlier = [
         (t, (pose @ loops.key_pose(after.map, key)).inverse() @ setup.left_from_rig)
         for t, key, pose in after.poses.part(again.start, again.stop)
-        if t < step.time_ns
     ]
-    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
-    pose, covariance = step.world_from_frame, None
-    if pose is not None:
-        if after.last.covariance is not None:
-            own = covariance_at(seen, after.last.left_from_world.inverse(), after.last.covariance, 0.0)
-            covariance = in_frame(own, setup.left_from_rig, 1.0)
-        pose = newest.apply_pose(pose)
-    step = replace(
-        step,
-        world_from_frame=pose,
-        covariance=covariance,
-        landmarks=landmarks_at(step.landmarks, newest),
-        revised=correction.of_trajectory(revised),
-    )
-    return replace(loops, loops=seen), step
+    last, odometry = after.last, None
+    if last.covariance is not None:
+        odometry = last.left_from_world.inverse(), last.covariance, 0.0
+    return replace(loops, loops=seen), corrected_step(seen, step, earlier, odometry, setup.left_from_rig)
 
 
 def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSeen:
@@ -89,14 +74,14 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
     )
 
 
-def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> Sight:
-    found = sift.detect_and_describe(new.left, FEATURES)
+def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> DescribedPoints:
+    found = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES)
     disparity = PointSearch().search(new.left, new.right, found.uv).disparity_px
     good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)
     xyz[good] = intersected(setup, world, points, motion)
-    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, motion), found.descriptors, xyz)
+    return DescribedPoints.of(new.left, _at_middle(setup, found.uv, disparity, motion), found, xyz)
 
 
 def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], motion: Array) -> Array:
@@ -106,6 +91,6 @@ def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.f
     return setup.shutter.at_middle(seen, motion, setup.baseline_m)[:, :2]
 
 
-def eye_of(setup: Setup) -> Eye:
-    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / sift.SEARCH_SIDE_PX)
-    return Eye.of(setup.camera, error_px / setup.camera.fx, setup.baseline_m)
+def loop_camera(setup: Setup) -> LoopCamera:
+    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / SEARCH_SIDE_PX)
+    return LoopCamera.of(setup.camera, error_px / setup.camera.fx, setup.front_end.matcher, setup.baseline_m)

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.halved import factor_of, halved
+from ispom.features.images import as_bright, factor_of, halved
 from ispom.geometry import Array
 from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
@@ -51,7 +50,7 @@ class PairPoints:
     disparity_px: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     """(N,) NaN where unknown."""
     slants: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """(N, 2) of their surfaces, see frontends.slanted; 0 where unknown."""
+    """(N, 2) of their surfaces, see features.slanted; 0 where unknown."""
 
     def __len__(self) -> int:
         return len(self.ids)

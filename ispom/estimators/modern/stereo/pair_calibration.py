@@ -11,10 +11,7 @@ from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap, known_of_pair
 from ispom.geometry import Array
-from ispom.solvers.right_camera import LAG, by_row, drift, row_evidence, without_errors
-
-LEAST_DISPARITY = 1 / 2000
-"""Normalised; a smaller one says no more than that the point is far."""
+from ispom.solvers.right_camera import LAG, LEAST_DISPARITY, by_row, drift, row_evidence, without_errors
 
 
 def ideal(world: StereoMap, baseline_m: float, near: Array, seen: Array, rate: Array) -> Array:

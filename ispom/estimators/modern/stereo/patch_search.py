@@ -11,9 +11,9 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends.klt import Klt
-from ispom.frontends.patches import align, warps_of
-from ispom.frontends.slanted import slanted_warps
+from ispom.features.klt import Klt
+from ispom.features.patches import align, warps_of
+from ispom.features.slanted import slanted_warps
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.types import Image, TrackStatus

@@ -1,32 +1,30 @@
-"""Finding a pair again that tracking lost: by descriptors of the key frames' images, then by patches warped between."""
+"""Relocalises a pair that tracking lost: by descriptors of the keyframes' images, then by patches; or starts again."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, matches_by_chance, plausible
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
+from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe, KeyframeDatabase
+from ispom.estimators.modern.stereo import checks
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
-from ispom.frontends import sift
-from ispom.frontends.patches import align
-from ispom.frontends.row_search import PointSearch
+from ispom.estimators.modern.verification import Candidate, Verification, View
+from ispom.features.interfaces import Features
+from ispom.features.patches import align
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.solvers.localisation import PoseFit, refine_pose, resect, resect_optimised
+from ispom.solvers.localisation import resect, resect_optimised
+from ispom.types import Decision
 
 MIN_DISPARITY_PX = 1.0
 """Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
-MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 FEWEST = 8
 """Points that agree with a pose, from which the others that it tells where to look for are looked for."""
 AROUND = (8, 4, 2)
@@ -43,7 +41,7 @@ MAX_SHIFT_PX = 3.0
 class Recognised:
     """A pair that shows what a key frame saw."""
 
-    place: Place
+    place: Keyframe
     points: PairPoints
     """What both show, as the key frame saw it."""
     xyz: Array
@@ -58,12 +56,12 @@ class Recognised:
 
 
 def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[ModernStereoState, Recognised | None]:
-    """The key frame that shows most of what the pair shows, if it shows anything; and the state, with descriptions."""
-    now, best = sift.detect_and_describe(new.left, FEATURES), None
-    for place in state.places.alike(new.left, state.lost_pairs):
-        described = place.described()
-        if described is not place:
-            state = replace(state, places=state.places.with_features(described))
+    """The keyframe that shows most of what the pair shows, if it shows anything; and the state, with descriptions."""
+    now, best = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES), None
+    for keyframe in state.database.query(new.left, state.lost_pairs):
+        described = keyframe.described(setup.front_end.descriptor)
+        if described is not keyframe:
+            state = replace(state, database=state.database.with_features(described))
         found = _compared(setup, state, described, new, now)
         if found is not None and (best is None or len(found.points) > len(best.points)):
             best = found
@@ -73,84 +71,40 @@ def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[Mo
 
 
 def _compared(
-    setup: Setup, state: ModernStereoState, place: Place, new: NewPair, now: sift.Features
+    setup: Setup, state: ModernStereoState, place: Keyframe, new: NewPair, now: Features
 ) -> Recognised | None:
-    """The pose by resection from what both images show, and the points that agree with it; None for too few points.
-
-    PoseFit is tried in two ways, as either may end where only points that lie close together agree: the right one
-    lets more points be found where it puts them.
-    """
+    """The pose by resection from what both images show, and the points that agree with it; None for too few points."""
     assert place.features is not None
-    points, descriptors, xyz = _intersected(setup, state, place, place.features)
-    then, best = replace(place.features, uv=points.uv, descriptors=descriptors), None
-    pairs = sift.match(then, now, MAX_RATIO)
+    points, then, xyz = _intersected(setup, state, place, place.features)
     left = state.map.left(setup.camera)
-    for way in (resect, resect_optimised):
-        found = _agreeing(setup, left, xyz, now.uv, pairs, way)
-        if found is None or found[1].sum() < FEWEST:
-            continue
-        looked_for = _looked_for(setup, left, xyz, then, now, found[0])
-        if looked_for is not None and (best is None or looked_for[2].sum() > best[2].sum()):
-            best = looked_for
-    if best is None:
+    # A pose by points that lie close together is off for the others: they are looked for farther around at first.
+    around_px = tuple(around * setup.max_error_px for around in AROUND)
+    solvers = resect, resect_optimised
+    verification = Verification(setup.front_end.matcher, 2 * setup.limit, around_px, FEWEST, FEWEST, solvers)
+    view = View(now, lambda index: left.normalise(now.uv[index].astype(float)), left.in_image)
+    found = verification.verify(Candidate(then, lambda index: xyz[index]), view)
+    if found is None:
         return None
-    pose, both, good = best
-    i, j = both[good].T
+    (i, j), pose = found.pairs.T, found.camera_from_world
     points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i], points.slants[i])
-    return Recognised(place, points, xyz[i], _aligned(setup, place, points, xyz[i], now.uv[j], pose, new), pose)
-
-
-def _looked_for(
-    setup: Setup, left: Lens, xyz: Array, then: sift.Features, now: sift.Features, pose: Pose
-) -> tuple[Pose, NDArray[np.int64], NDArray[np.bool_]] | None:
-    """left_from_place by all that is found where a pose puts it: pairs (M, 2), and which (M,) agree; None for too few.
-
-    A pose by points that lie close together is off for the others: they are looked for farther around at first.
-    """
-    for around in AROUND:
-        near = pose.apply(xyz)
-        expected = in_sight(setup.camera, near, left.project(near))
-        pairs = sift.match_near(then, now, expected, around * setup.max_error_px, MIN_ALIKE)
-        found = _agreeing(setup, left, xyz, now.uv, pairs, partial(refine_pose, camera_from_world=pose))
-        if found is None:
-            return None
-        pose, good = found
-    chance = partial(matches_by_chance, then, now, expected, AROUND[-1] * setup.max_error_px)
-    return (pose, pairs, good) if confirmed(pairs[good, 0], expected, FEWEST, chance) else None
+    return Recognised(place, points, found.xyz, _aligned(setup, place, points, found.xyz, now.uv[j], pose, new), pose)
 
 
 def _intersected(
-    setup: Setup, state: ModernStereoState, place: Place, features: sift.Features
-) -> tuple[PairPoints, NDArray[np.float32], Array]:
-    """The features of a key frame that have a depth, their descriptors, and points (N, 3) in its left camera."""
+    setup: Setup, state: ModernStereoState, place: Keyframe, features: Features
+) -> tuple[PairPoints, Features, Array]:
+    """The features of a keyframe that have a depth: as points of a pair, as features, and in its left camera (N, 3)."""
     left, right = place.images
     reduced = PointSearch().search(left, right, place.reduced(features.uv).astype(np.float32))
     disparity = (reduced.disparity_px / place.reduction).astype(np.float32)
     good = disparity >= MIN_DISPARITY_PX
     points = PairPoints(np.arange(int(good.sum())), features.uv[good], disparity[good], reduced.slants[good])
     motion = np.zeros(12) if place.motion is None else place.motion
-    return points, features.descriptors[good], intersected(setup, state.map, points, motion)
-
-
-def _agreeing(
-    setup: Setup,
-    left: Lens,
-    xyz: Array,
-    uv: NDArray[np.float32],
-    pairs: NDArray[np.int64],
-    solve: Callable[..., PoseFit | None],
-) -> tuple[Pose, NDArray[np.bool_]] | None:
-    """left_from_place by which points and places are pairs (M, 2), and which (M,) agree."""
-    xyz, x = xyz[pairs[:, 0]], left.normalise(uv[pairs[:, 1]].astype(float))
-    found = solve(xyz, x, threshold=2 * setup.limit)
-    if found is None:
-        return None
-    pose = found.camera_from_world
-    return pose, plausible(found.inliers, xyz[:, 2], pose.apply(xyz)[:, 2])
+    return points, features[good], intersected(setup, state.map, points, motion)
 
 
 def _aligned(
-    setup: Setup, place: Place, points: PairPoints, xyz: Array, uv: NDArray[np.float32], pose: Pose, new: NewPair
+    setup: Setup, place: Keyframe, points: PairPoints, xyz: Array, uv: NDArray[np.float32], pose: Pose, new: NewPair
 ) -> NDArray[np.float32]:
     """Places (N, 2) [px] in the left image, set right by the key frame's patches as seen from `pose`."""
     warps, bends = warps_from(setup, pose, xyz[:, :2] / xyz[:, 2:], xyz[:, 2], points.slants)
@@ -194,3 +148,17 @@ def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -
         for k in world.keys
     )
     return replace(world, keys=keys)
+
+
+def recover(
+    setup: Setup, state: ModernStereoState, sighting: Sighting
+) -> tuple[ModernStereoState, Sighting, tuple[Decision, ...]]:
+    """The state with one more lost pair; after too many of them without a map, and why: a start from the prediction."""
+    state = replace(state, lost_pairs=state.lost_pairs + 1)
+    if state.lost_pairs <= setup.max_lost_pairs:
+        return state, sighting, ()
+    settled = state.settled.extended((k.time_ns, k.left_from_world) for k in state.map.keys)
+    last = replace(state.last, points=PairPoints())
+    state = replace(state, last=last, map=emptied(state.map), settled=settled, database=KeyframeDatabase())
+    restart = checks.LOST_PAIRS.of(state.lost_pairs, setup.max_lost_pairs, "a new segment starts at the prediction")
+    return state, Sighting.nothing(), (restart,)

@@ -19,15 +19,16 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Believed, pair_reprojected
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, variance_factor
 from ispom.geometry import Array, Pose
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.robust import cauchy_cost, cauchy_weights
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, PAIR, by_column, drift
-from ispom.solvers.window.prior import POSE
+from ispom.solvers.window.observation import MIN_DEPTH
+from ispom.solvers.window.prior import POSE, Prior
 
-STEPS = 3
+ITERATIONS, TOLERANCE = 8, 1e-3
+"""Steps, at most, and the relative decrease of the cost that ends them: bundle adjustment follows."""
 MOVES = 18
 """Unknowns of a key frame: the left twist of its pose, and its motion."""
-HELD = 1e30
-"""Information of what is not to be estimated."""
 LEAST = 1e-9
 """Added to the information of each unknown: far points say nothing of their depth, and nothing may be left to see of a
 key frame's points."""
@@ -38,9 +39,44 @@ def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
     if len(world.keys) < 2 or not setup.shutter.rolls:
         return world
     believed = believed_motions(world.keys, setup.baseline_m)
-    for _ in range(STEPS):
-        world = _stepped(setup, world, believed)
-    return world
+    return minimise(
+        world,
+        lambda values: _cost(setup, values, believed),
+        lambda values, damping: _stepped(setup, values, believed, damping),
+        ITERATIONS,
+        TOLERANCE,
+    ).values
+
+
+def _cost(setup: Setup, world: StereoMap, believed: list[Believed]) -> float:
+    """That of which `Joint` has the derivatives; observations beyond the limit cost as much as those at it."""
+    places, count = _places(world)
+    total, variance = 0.0, variance_factor(world, setup.noise)
+    for key, place, known in zip(world.keys, places, believed, strict=True):
+        seen = np.flatnonzero((place >= 0) & (count[place] >= 2))
+        near = key.left_from_world.apply(world.xyz[place[seen]])
+        exact = ideal(world, setup.baseline_m, near, key.at_middle(setup.baseline_m)[seen], key.rate)
+        squares = np.full(len(seen), setup.limit**2)
+        front = near[:, 2] > MIN_DEPTH
+        error = pair_reprojected(near[front], exact[front], setup.baseline_m)[2]
+        squares[front] = np.minimum((error**2).sum(axis=1), setup.limit**2)
+        total += cauchy_cost(squares, setup.noise.width)
+        total += 0.5 * variance * float((((known.motion - key.motion) / known.sigma) ** 2).sum())
+    return total if world.prior is None else total + world.prior.cost(_shift(world, world.prior))
+
+
+def _places(world: StereoMap) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
+    """Places of each key frame's points in the map, -1 where it has none, and how often each of the map's is seen."""
+    places = [world.places(k.ids) for k in world.keys]
+    every = np.concatenate(places)
+    return places, np.bincount(every[every >= 0], minlength=len(world.ids))
+
+
+def _shift(world: StereoMap, prior: Prior) -> Array:
+    """Of poses and pair since the prior's linearisation."""
+    poses = [k.left_from_world for k in world.keys]
+    rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+    return prior.shifted(rotations, translations, world.extra)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +99,7 @@ class _Observed:
         """Where its points have places (N,) in the map, whose points are seen (M,) times; without those beyond the
         limit."""
         near = key.left_from_world.apply(world.xyz[place])
-        good = np.flatnonzero((place >= 0) & (count[place] >= 2) & (near[:, 2] > 1e-6))
+        good = np.flatnonzero((place >= 0) & (count[place] >= 2) & (near[:, 2] > MIN_DEPTH))
         middle, near = key.at_middle(setup.baseline_m)[good], near[good]
         exact = ideal(world, setup.baseline_m, near, middle, key.rate)
         by_twist, by_point, error = pair_reprojected(near, exact, setup.baseline_m)
@@ -103,11 +139,10 @@ class Joint:
     """(U, 3, D) what they share with the others."""
 
     @staticmethod
-    def of(setup: Setup, world: StereoMap, believed: list[Believed]) -> Joint:
-        """`believed` of each key frame. Of points that one key frame sees, nothing."""
-        places = [world.places(k.ids) for k in world.keys]
-        every = np.concatenate(places)
-        count = np.bincount(every[every >= 0], minlength=len(world.ids))
+    def of(setup: Setup, world: StereoMap, believed: list[Believed], damping: float = 0.0) -> Joint:
+        """`believed` of each key frame; `damping` raises the points' diagonal entries. Of points that one key frame
+        sees, nothing."""
+        places, count = _places(world)
         observed = [_Observed.of(setup, world, *each, count) for each in zip(world.keys, places, strict=True)]
         used = np.unique(np.concatenate([seen.point for seen in observed]))
         first = len(observed) * MOVES
@@ -128,14 +163,13 @@ class Joint:
             rows[point, :, MOVES * c : MOVES * (c + 1)] = shared[:, :, :MOVES]
             rows[point, :, first:] += shared[:, :, MOVES:]
         _add_known(setup, world, believed, hessian, right)
-        inverse = np.linalg.inv(own + LEAST * np.eye(3))
+        inverse = np.linalg.inv(own * (1 + damping * np.eye(3)) + LEAST * np.eye(3))
         carried, flat = (inverse @ rows).reshape(-1, len(right)), rows.reshape(-1, len(right))
         reduced = hessian - flat.T @ carried
         return Joint((reduced + reduced.T) / 2, right - carried.T @ side.ravel(), used, inverse, side, rows)
 
     def without_motions(self, first_poses: int = 0) -> tuple[Array, Array]:
         """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, without the motions, and so many of the first poses."""
-        count = (len(self.right) - PAIR) // MOVES
         pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
         pose[: first_poses * MOVES] = False
         h, g = self.hessian, self.right
@@ -144,14 +178,16 @@ class Joint:
         scaled = scale[:, None] * h * scale
         gain = np.linalg.solve(scaled[np.ix_(~pose, ~pose)], scaled[np.ix_(~pose, pose)]).T
         rest = scaled[np.ix_(pose, pose)] - gain @ scaled[np.ix_(~pose, pose)]
-        assert len(rest) == POSE * (count - first_poses) + PAIR
         back = 1 / scale[pose]
         return back[:, None] * (rest + rest.T) / 2 * back, g[pose] - back * (gain @ (scale * g)[~pose])
 
 
-def _stepped(setup: Setup, world: StereoMap, believed: list[Believed]) -> StereoMap:
-    joint = Joint.of(setup, world, believed)
-    step = np.linalg.solve(joint.hessian, joint.right)
+def _stepped(setup: Setup, world: StereoMap, believed: list[Believed], damping: float) -> StereoMap:
+    """One damped step; corrections of the pair that are held are no unknowns of it."""
+    joint = Joint.of(setup, world, believed, damping)
+    free = np.append(np.ones(len(joint.right) - PAIR, bool), setup.extra_sigma > 0)
+    step, matrix = np.zeros(len(free)), joint.hessian[np.ix_(free, free)]
+    step[free] = np.linalg.solve(matrix + damping * np.diag(matrix.diagonal()), joint.right[free])
     xyz = world.xyz.copy()
     xyz[joint.used] += (joint.inverse @ (joint.side - joint.rows @ step)[:, :, None])[:, :, 0]
     keys = tuple(
@@ -168,15 +204,11 @@ def _add_known(setup: Setup, world: StereoMap, believed: list[Believed], hessian
         here, information = MOVES * c + np.arange(POSE, MOVES), variance * known.sigma**-2
         hessian[here, here] += information
         right[here] += information * (known.motion - key.motion)
-    assert world.prior is not None
+    prior = world.prior
+    if prior is None:
+        return
     first = len(right) - PAIR
-    of_poses = (MOVES * np.arange(len(world.prior.rotations))[:, None] + np.arange(POSE)).ravel()
+    of_poses = (MOVES * np.arange(len(prior.rotations))[:, None] + np.arange(POSE)).ravel()
     here = np.concatenate([of_poses, np.arange(first, first + PAIR)])
-    poses = [k.left_from_world for k in world.keys]
-    shift = world.prior.shifted(
-        np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]), world.extra
-    )
-    hessian[np.ix_(here, here)] += world.prior.hessian
-    right[here] -= world.prior.gradient + world.prior.hessian @ shift
-    held = first + np.flatnonzero(setup.extra_sigma <= 0)
-    hessian[held, held] += HELD
+    hessian[np.ix_(here, here)] += prior.hessian
+    right[here] -= prior.gradient + prior.hessian @ _shift(world, prior)

@@ -7,6 +7,8 @@ from functools import cached_property
 
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo.shutter import Shutter
+from ispom.features.front_ends import KLT
+from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
 from ispom.types import Camera
@@ -36,6 +38,8 @@ class Setup:
     iterations: int
     relocalise: bool
     follow: Follow
+    front_end: FrontEnd = KLT
+    """Whose descriptors find lost pairs and loops again."""
 
     @cached_property
     def left_from_rig(self) -> Pose:

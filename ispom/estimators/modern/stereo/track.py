@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
@@ -18,10 +17,9 @@ from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognis
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends.contrast import has_contrast
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
-from ispom.frontends.row_search import PointSearch
+from ispom.features.images import as_bright, has_contrast
+from ispom.features.klt import Klt
+from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus
@@ -156,7 +154,7 @@ def _where_located(setup: Setup, last: LastPair, world: StereoMap, new: NewPair,
 
 def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
-    uv = in_sight(setup.camera, near, world.left(setup.camera).project(near))
+    uv = world.left(setup.camera).in_image(near)
     inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
     return np.where(inside[:, None], uv, 0.0).astype(np.float32), status

@@ -37,7 +37,7 @@ class KeyFrame:
     motion: Array
     """(12,) of left_from_world, as of rolling.mean_rates; its change is known of a rolling shutter only."""
     slants: Array
-    """(N, 2) of the points' surfaces, see frontends.slanted; 0 where unknown."""
+    """(N, 2) of the points' surfaces, see features.slanted; 0 where unknown."""
     shutter: Shutter = Shutter()
 
     @property

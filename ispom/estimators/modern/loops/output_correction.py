@@ -1,0 +1,90 @@
+"""Poses, points and Steps as they are with the loops, from those of the odometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ispom.estimators.modern.loops.loops import Loops, covariance_at
+from ispom.geometry import Array, Pose, Similarity, slerp
+from ispom.types import Step, Trajectory
+
+AT_ONCE = 200
+"""Poses told anew in one exposure."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """corrected_world_from_world over time: those of the nodes, and between two of them a mean of what they say."""
+
+    times_ns: np.ndarray
+    """(N,)."""
+    values: tuple[Similarity, ...]
+    follows: tuple[bool, ...]
+    """Of each whether its pose was found from the one before: else nothing is between them."""
+
+    @staticmethod
+    def of(loops: Loops) -> Correction:
+        nodes = loops.nodes
+        parents = [False, *(n.seen and n.parent_ns == b.time_ns for b, n in pairwise(nodes))]
+        return Correction(
+            np.array([n.time_ns for n in nodes], np.int64), tuple(n.correction for n in nodes), tuple(parents)
+        )
+
+    def applied(self, time_ns: int, world_from_frame: Pose) -> Pose:
+        """The pose in the corrected world, in its unit."""
+        i = max(int(np.searchsorted(self.times_ns, time_ns, side="right")) - 1, 0)
+        before = self.values[i].apply_pose(world_from_frame)
+        if i + 1 == len(self.values) or not self.follows[i + 1] or time_ns <= self.times_ns[i]:
+            return before
+        after = self.values[i + 1].apply_pose(world_from_frame)
+        share = (time_ns - self.times_ns[i]) / (self.times_ns[i + 1] - self.times_ns[i])
+        turn = slerp(before.rotation, after.rotation, np.array([share]))[0]
+        return Pose(turn, (1 - share) * before.translation + share * after.translation)
+
+    def of_trajectory(self, trajectory: Trajectory) -> Trajectory:
+        return Trajectory.of([(t, self.applied(t, pose)) for t, pose in trajectory.items()], trajectory.frame)
+
+
+def next_range(loops: Loops, poses: int) -> tuple[Loops, range]:
+    """Which of so many poses are told anew now, by their numbers: the newest ones first; and what is left then."""
+    if not loops.left:
+        return loops, range(0)
+    stop = min(loops.told, poses) or min(loops.end, poses)
+    start = max(stop - min(AT_ONCE, loops.left), 0)
+    return replace(loops, told=start, left=loops.left - (stop - start)), range(start, stop)
+
+
+def corrected_step(
+    loops: Loops,
+    step: Step,
+    earlier: list[tuple[int, Pose]],
+    odometry: tuple[Pose, Array, float] | None,
+    camera_from_frame: Pose,
+) -> Step:
+    """Returns a Step of the odometry in the world as the loops make it, with earlier poses revised.
+
+    `odometry`: world_from_camera, its covariance (6, 6), and the variance of ln scale; None where that is not known.
+    """
+    newest, correction = loops.correction, Correction.of(loops)
+    earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
+    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
+    pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
+    if pose is not None:
+        pose = newest.apply_pose(pose)
+        if odometry is not None:
+            own = covariance_at(loops, *odometry)
+            back = camera_from_frame.inverse().adjoint
+            scale = np.diag(np.repeat([newest.scale, 1.0], 3))
+            covariance = scale @ (back @ own[:6, :6] @ back.T) @ scale
+            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
+    return replace(
+        step,
+        world_from_frame=pose,
+        covariance=covariance,
+        landmarks=replace(step.landmarks, xyz_in_world=newest.apply(step.landmarks.xyz_in_world)),
+        revised=correction.of_trajectory(revised),
+        scale_sigma=scale_sigma,
+    )

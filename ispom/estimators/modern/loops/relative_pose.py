@@ -1,0 +1,171 @@
+"""What a keyframe shows, kept small, and the relative pose of two keyframes that show the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.keyframe_database import appearance_of
+from ispom.estimators.modern.verification import Candidate, Verification, View
+from ispom.features.interfaces import Features, Matcher
+from ispom.geometry import Array, Pose, Similarity
+from ispom.numerics.robust import normalised_mad
+from ispom.solvers.localisation import fit_pose
+from ispom.solvers.pose_graph import FREEDOM
+from ispom.types import Camera, Image
+
+FEATURES = 800
+"""Described in an image: 120 kB a keyframe."""
+FEWEST = 25
+"""Points that agree: of 735 pairs of keyframes at different places in three towns one had 16, and one 61, of two
+facades that are alike. `find.py` checks also that odometry can have come back there, and that several agree."""
+MATCHED, MATCHED_TOGETHER = 12, 15
+"""Of them, those matched by their descriptors alone; the second of what several keyframes show together, where chance
+has more to match: of 1750 pairs at different places one had 13, one 12, three 11."""
+INLIER = 4.0
+"""Largest reprojection error, in standard deviations of a feature's position."""
+FEWEST_SCALES = 12
+"""Points with a depth in both keyframes, for the ratio of their scales."""
+FARTHEST = 0.75
+"""Largest distance of the two keyframes, in median depths: farther away the relative pose is hardly known."""
+SURE_DEPTH, SURE_RAD, SURE_SCALE = 1e-3, 5e-4, 5e-3
+"""Least standard deviations of a relative pose, as errors of one keyframe's points are correlated: in median depths,
+[rad], ln scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class DescribedPoints:
+    """What a keyframe shows, of as few bytes as loops need."""
+
+    x: NDArray[np.float32]
+    """(N, 2) normalised, without distortion."""
+    descriptors: NDArray[np.uint8]
+    """(N, D), see Features.compact."""
+    xyz: NDArray[np.float32]
+    """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
+    looks: NDArray[np.float32]
+    """See keyframe_database.appearance_of."""
+    depth: float
+    """Median depth; NaN where nothing is seen."""
+
+    @staticmethod
+    def of(
+        grey: Image, x: Array, features: Features, xyz: Array | None = None, depth: float | None = None
+    ) -> DescribedPoints:
+        """`depth` is the median of the points (N, 3), where it is not given."""
+        kept = np.asarray(features.compact().descriptors, np.uint8)
+        points = np.full((len(x), 3), np.nan, np.float32) if xyz is None else xyz.astype(np.float32)
+        if depth is None:
+            known = points[np.isfinite(points[:, 2]), 2]
+            depth = float(np.median(known)) if len(known) else float("nan")
+        return DescribedPoints(x.astype(np.float32), kept, points, appearance_of(grey), depth)
+
+    def features(self, fx: float) -> Features:
+        """At the pixels of a camera without distortion, around its centre."""
+        return Features(fx * self.x, self.descriptors)
+
+    def with_depth(self) -> DescribedPoints:
+        """Only what has a depth."""
+        known = np.isfinite(self.xyz[:, 2])
+        return replace(self, x=self.x[known], descriptors=self.descriptors[known], xyz=self.xyz[known])
+
+
+@dataclass(frozen=True, eq=False)
+class LoopCamera:
+    """The camera, or pair, by which keyframes are compared."""
+
+    fx: float
+    low: Array
+    """(2,) normalised, of the image's corner at the top left."""
+    high: Array
+    """(2,) of that at the bottom right."""
+    sigma: float
+    """Deviation of a feature's place, normalised."""
+    matcher: Matcher
+    baseline: float
+    """Of a pair; 0 for one camera, whose unit drifts."""
+
+    @staticmethod
+    def of(camera: Camera, sigma: float, matcher: Matcher, baseline: float = 0.0) -> LoopCamera:
+        corners = camera.normalise(np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]]))
+        return LoopCamera(camera.fx, corners[0], corners[1], sigma, matcher, baseline)
+
+    def in_sight(self, near: Array) -> Array:
+        """(N, 2) normalised, of points (N, 3) in the camera; NaN for those out of its image."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = near[:, :2] / near[:, 2:]
+        inside = (near[:, 2] > 0) & (x > self.low).all(axis=1) & (x < self.high).all(axis=1)
+        return np.where(inside[:, None], x, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class RelativePose:
+    """Of a later keyframe against an earlier one."""
+
+    first_from_then: Similarity
+    covariance: Array
+    """(7, 7) as that of a pose_graph.Edge."""
+    count: int
+    """Points that agree."""
+
+
+def relative_pose(
+    camera: LoopCamera, first: DescribedPoints, then: DescribedPoints, together: bool = False
+) -> RelativePose | None:
+    """Returns the relative pose where both show one place; `together`: the first one is what several keyframes show."""
+    known = first.with_depth()
+    xyz, limit, least = known.xyz.astype(float), INLIER * camera.sigma, MATCHED_TOGETHER if together else MATCHED
+    verification = Verification(camera.matcher, limit, (camera.fx * limit,), least, FEWEST, measure_chance=False)
+    # What several keyframes show of one point is expected, and found, as often as they show it.
+    candidate = Candidate(known.features(camera.fx), lambda index: xyz[index], repeated=together)
+    now = then.features(camera.fx)
+    view = View(now, lambda index: then.x[index].astype(float), lambda points: camera.fx * camera.in_sight(points))
+    found = verification.verify(candidate, view)
+    if found is None:
+        return None
+    seen = found.pairs[:, 1]
+    return _measured(
+        camera, first, found.xyz, then.x[seen].astype(float), then.xyz[seen].astype(float), found.camera_from_world
+    )
+
+
+def _measured(
+    camera: LoopCamera, first: DescribedPoints, xyz: Array, x: Array, own: Array, guess: Pose
+) -> RelativePose | None:
+    """By points (N, 3) of the first keyframe, where (N, 2) the later one has them, and its own points (N, 3) or NaN."""
+    seen = x
+    if camera.baseline:
+        with np.errstate(invalid="ignore"):
+            seen = np.column_stack([x, x[:, 0] - camera.baseline / own[:, 2]])
+    fit = fit_pose(xyz, seen, guess, camera.sigma, INLIER * camera.sigma, camera.baseline)
+    depth = first.depth
+    if fit is None or fit.inliers.sum() < FEWEST:
+        return None
+    if np.linalg.norm(fit.camera_from_world.inverse().translation) > FARTHEST * depth:
+        return None
+    scale, of_scale = 1.0, 0.0
+    if not camera.baseline:
+        measured = _scale(own[fit.inliers, 2] / fit.camera_from_world.apply(xyz[fit.inliers])[:, 2])
+        if measured is None:
+            return None
+        scale, of_scale = measured
+    # A left twist of then_from_first is one on the right of first_from_then, the other way.
+    into = np.diag(np.repeat([scale, 1.0], 3))
+    covariance = np.zeros((FREEDOM, FREEDOM))
+    covariance[:6, :6] = into @ np.linalg.inv(fit.information) @ into.T
+    sure = np.array([scale * SURE_DEPTH * depth] * 3 + [SURE_RAD] * 3 + [SURE_SCALE])
+    covariance += np.diag(sure**2)
+    covariance[6, 6] += of_scale**2
+    first_from_then = Similarity(1 / scale, fit.camera_from_world.inverse())
+    return RelativePose(first_from_then, covariance, int(fit.inliers.sum()))
+
+
+def _scale(ratios: Array) -> tuple[float, float] | None:
+    """The later unit's number of a length over the earlier one's, and the deviation of its logarithm."""
+    logs = np.log(ratios[np.isfinite(ratios) & (ratios > 0)])
+    if len(logs) < FEWEST_SCALES:
+        return None
+    # The median of normal values scatters by 1.25 (sqrt(pi / 2)) times as much as their mean.
+    return float(np.exp(np.median(logs))), 1.25 * normalised_mad(logs) / len(logs) ** 0.5

@@ -1,0 +1,45 @@
+"""The front ends that there are: those built in, and those of installed packages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.features import orb, sift
+from ispom.features.interfaces import FrontEnd
+from ispom.features.klt import Klt
+from ispom.features.patches import PatchTracker
+from ispom.features.shi_tomasi import ShiTomasi
+from ispom.registry import Registry
+
+KLT = FrontEnd(
+    "klt",
+    "Shi & Tomasi 1994; Bouguet 2001; recognition by SIFT",
+    ShiTomasi(),
+    Klt(levels=5),
+    Klt(levels=3, max_forward_backward_px=np.inf),
+    sift.SIFT,
+    sift.SIFT_MATCHER,
+)
+"""The default."""
+CORNERS = replace(KLT, name="corners", detector=ShiTomasi(spread=False), tracker=Klt(levels=4), guided=Klt(levels=4))
+"""The default of the paper's method: the strongest corners, tracked to and fro."""
+PATCHES = FrontEnd(
+    "patches",
+    "Shi & Tomasi 1994; Baker & Matthews 2004; recognition by SIFT",
+    ShiTomasi(),
+    PatchTracker(levels=4),
+    PatchTracker(levels=2),
+    sift.SIFT,
+    sift.SIFT_MATCHER,
+)
+REGISTRY = Registry(
+    "ispom.front_ends",
+    FrontEnd,
+    "front end",
+    (KLT, CORNERS, PATCHES, sift.FRONT_END, orb.FRONT_END),
+    "or install the package that adds it",
+)
+"""Entry points of this group name a FrontEnd, or a function that returns one."""
+front_end, front_ends = REGISTRY.get, REGISTRY.names

@@ -1,0 +1,205 @@
+"""Corners worth tracking (Shi & Tomasi 1994): the strongest ones, or those of an even spread over the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.features.images import factor_of, halved
+from ispom.features.patches import RADIUS_PX
+from ispom.kernels import kernel, part, read_only
+from ispom.types import Image
+
+QUALITY = 0.002
+"""Corners weaker than this share of a strong one in the image are not used."""
+NOISE = 5.0
+"""Nor are those whose patch has less texture, as a multiple of what noise alone would show, where the image has far
+better: noise would put it off by 0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where
+it is expected."""
+FAINT = 0.01
+"""So much less, as a share of a strong patch: in the dark all are faint, and have to do."""
+STRONGEST = 16
+"""Places that tell what is strong in an image."""
+BLOCK_PX = 16
+"""Side of the blocks in which noise is looked for."""
+FLAT = 0.25
+"""Share of the blocks that are taken to show little else."""
+SECOND = np.array([1.0, -2.0, 1.0], np.float32)
+
+
+@dataclass(frozen=True)
+class ShiTomasi:
+    """A Detector, see `detect_spread` and `detect_corners`."""
+
+    spread: bool = True
+    """Over the image; else the strongest corners are taken wherever they are."""
+
+    def detect(
+        self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
+    ) -> NDArray[np.float32]:
+        """See interfaces.Detector."""
+        if not grey.size:
+            return np.zeros((0, 2), np.float32)
+        if self.spread:
+            return detect_spread(grey, count, occupied, min_distance_px)
+        return detect_corners(grey, count - len(occupied), occupied, min_distance_px)
+
+
+def detect_spread(
+    grey: Image,
+    count: int,
+    taken: NDArray[np.float32],
+    min_distance_px: float,
+    border_px: int = 8,
+    crowd: float = 1.0,
+    half: Image | None = None,
+) -> NDArray[np.float32]:
+    """New corners (M, 2) [px], so that with those `taken` (N, 2) no bucket holds more than `crowd` times its share of
+    `count`: all about as many at 1, the strongest wherever they are where it is large.
+
+    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken. `half`: the
+    halved image, where it is there already.
+    """
+    factor, searched = factor_of(grey), halved(grey) if half is None else half
+    height, width = searched.shape
+    border_px, min_distance_px = border_px // factor, min_distance_px / factor
+    score = cv2.cornerMinEigenVal(searched, 3, ksize=3)
+    peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
+    peak[:border_px], peak[-border_px:], peak[:, :border_px], peak[:, -border_px:] = False, False, False, False
+    some = score[::4, ::4].ravel()
+    strong = float(np.partition(some, -STRONGEST)[-STRONGEST] if score.size > 1000 else score.max())
+    row, column = np.nonzero(peak & (score > max(QUALITY * strong, 1e-7)))
+    if not len(row):
+        return np.zeros((0, 2), np.float32)
+    side = np.sqrt(width * height / max(count / 5, 1))
+    across, down = max(1, round(width / side)), max(1, round(height / side))
+    order = np.argsort(-score[row, column], kind="stable")
+    radius = RADIUS_PX // factor
+    noise = 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
+    return factor * _select(
+        read_only(searched), radius, noise, column[order], row[order],
+        np.asarray(taken, np.float64) / factor, width, height, across, down,
+        int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
+    )  # fmt: skip
+
+
+@kernel()
+def _select(image, radius, noise, column, row, taken, width, height, across, down, per_bucket, count, min_distance):
+    """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
+    cell = max(min_distance, 1.0)
+    n_columns, n_rows = int(width / cell) + 1, int(height / cell) + 1
+    grid = np.full((n_rows, n_columns, 2), -1e9)
+    filled = np.zeros((down, across), np.int64)
+    for i in range(len(taken)):
+        u, v = min(max(taken[i, 0], 0.0), width - 1.0), min(max(taken[i, 1], 0.0), height - 1.0)
+        grid[int(v / cell), int(u / cell), 0], grid[int(v / cell), int(u / cell), 1] = u, v
+        filled[int(v * down / height), int(u * across / width)] += 1
+    out = np.empty((max(count, 0), 2), np.float32)
+    n, strong = 0, 0.0
+    for i in range(min(len(row), STRONGEST)):
+        strong = max(strong, texture(image, column[i], row[i], radius))
+    least = min(NOISE * noise, noise + FAINT * strong)
+    for i in range(len(row)):
+        if n >= count:
+            break
+        u, v = float(column[i]), float(row[i])
+        b, a = int(v * down / height), int(u * across / width)
+        if filled[b, a] >= per_bucket:
+            continue
+        gy, gx, free = int(v / cell), int(u / cell), True
+        for y in range(max(gy - 1, 0), min(gy + 2, n_rows)):
+            for x in range(max(gx - 1, 0), min(gx + 2, n_columns)):
+                du, dv = grid[y, x, 0] - u, grid[y, x, 1] - v
+                if du * du + dv * dv < min_distance * min_distance:
+                    free = False
+        if not free or texture(image, column[i], row[i], radius) < least:
+            continue
+        grid[gy, gx, 0], grid[gy, gx, 1] = u, v
+        filled[b, a] += 1
+        out[n, 0], out[n, 1] = u, v
+        n += 1
+    return out[:n]
+
+
+def grey_noise(image: Image) -> float:
+    """Standard deviation of an image's noise from pixel to pixel [grey levels], where it shows least else; 0 of what is
+    too small to tell.
+
+    By differences of second order across and down, which even shading and straight edges leave nothing of (Immerkaer
+    1996).
+    """
+    across, down = image.shape[1] // BLOCK_PX, image.shape[0] // BLOCK_PX
+    if not across or not down:
+        return 0.0
+    left = np.abs(cv2.sepFilter2D(image, cv2.CV_32F, SECOND, SECOND))
+    means = cv2.resize(left, (across, down), interpolation=cv2.INTER_AREA)
+    return float(np.sqrt(np.pi / 2) * np.quantile(means, FLAT) / (SECOND @ SECOND))
+
+
+@part
+def texture(image, column, row, radius):
+    """Of a square around a pixel, how much grey values change in the direction in which they do least.
+
+    The smaller eigenvalue of the sum of their gradients' squares [(grey levels per pixel)^2] (Shi & Tomasi 1994), whose
+    mean tells nothing of the place where the brightness may differ. Of noise alone half its variance a pixel. 0 where
+    the square reaches out of the image.
+    """
+    reach = radius + 1
+    if not (reach <= column < image.shape[1] - reach and reach <= row < image.shape[0] - reach):
+        return 0.0
+    a, b, xx, xy, yy, n = 0.0, 0.0, 0.0, 0.0, 0.0, (2 * radius + 1) ** 2
+    for i in range(row - radius, row + radius + 1):
+        for j in range(column - radius, column + radius + 1):
+            gx = 0.5 * (np.float64(image[i, j + 1]) - np.float64(image[i, j - 1]))
+            gy = 0.5 * (np.float64(image[i + 1, j]) - np.float64(image[i - 1, j]))
+            a += gx
+            b += gy
+            xx += gx * gx
+            xy += gx * gy
+            yy += gy * gy
+    xx, xy, yy = xx - a * a / n, xy - a * b / n, yy - b * b / n
+    return 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+
+
+def detect_corners(
+    grey: Image,
+    count: int,
+    taken: NDArray[np.float32] | None = None,
+    min_distance_px: float = 8.0,
+    border_px: int = 8,
+) -> NDArray[np.float32]:
+    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
+    if count <= 0:
+        return np.zeros((0, 2), np.float32)
+    factor, searched = factor_of(grey), halved(grey)
+    mask = np.zeros(searched.shape, np.uint8)
+    border = border_px // factor
+    mask[border:-border, border:-border] = 255
+    if taken is not None:
+        _exclude(mask, np.rint(taken / factor).astype(np.int64), round(min_distance_px / factor))
+    found = cv2.goodFeaturesToTrack(searched, count, 0.005, min_distance_px / factor, mask=mask, blockSize=5)
+    if found is None or not len(found):
+        return np.zeros((0, 2), np.float32)
+    return at_subpixel(grey, np.asarray(factor * found.reshape(-1, 2), np.float32), 3, 5)
+
+
+def _exclude(mask: Image, places: NDArray[np.int64], radius: int) -> None:
+    """Zeros in the mask on disks around places (N, 2); its border is 0 anyway."""
+    down, right = np.nonzero(cv2.circle(np.zeros((2 * radius + 1,) * 2, np.uint8), (radius, radius), radius, 1, -1))
+    row = np.clip(places[:, 1:] + (down - radius), 0, mask.shape[0] - 1)
+    column = np.clip(places[:, :1] + (right - radius), 0, mask.shape[1] - 1)
+    mask[row, column] = 0
+
+
+def at_subpixel(grey: Image, uv: NDArray[np.float32], radius_px: int, iterations: int) -> NDArray[np.float32]:
+    """(M, 2) where the edges about each place (M, 2) meet (Foerstner & Guelch 1987): a point that is not on its corner
+    does not stay on the scene as the camera turns about its axis."""
+    start = np.array(uv, np.float32).reshape(-1, 1, 2)
+    if not len(start):
+        return start.reshape(-1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT, iterations, 0.01)
+    exact = cv2.cornerSubPix(grey, start, (radius_px, radius_px), (-1, -1), criteria)
+    return np.asarray(exact, np.float32).reshape(-1, 2)
