@@ -113,7 +113,7 @@ class Rain(Spell):
 
         return with_images(sequence, change, self)
 
-    def drawn(self, key: tuple[Frame, int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def drawn(self, key: tuple[FrameName, int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns, for a camera's image (H, W), where its drops are, and the pixels that they show."""
         camera, height, width = key
         y, x = np.mgrid[:height, :width].astype(np.float32)
