@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.settings import Range
 from ispom.simulation.scenario.fault import Cameras, Spell, random_of, read_out, with_images
-from ispom.types import Frame, FrameName, Image, Sequence
+from ispom.types import FrameName, Image, Sequence
 
 COVERED = 10.0
 """Grey level of what covers a lens."""
