@@ -20,6 +20,7 @@ from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
+from ispom.estimators.modern.monocular.wide_start import with_matched_features
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
 from ispom.features.front_ends import KLT, front_end, front_ends
@@ -113,6 +114,8 @@ class ModernMonocular:
         watch.lap("track")
         if state.map is None:
             state, found = found_after_loss(setup, state, new)
+            if found is None:
+                state, new = with_matched_features(setup, state, new)
             outcome = begin(setup, state, new) if found is None else found
             watch.lap("start")
         else:

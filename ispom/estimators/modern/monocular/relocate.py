@@ -122,17 +122,7 @@ def joined(
     keys = tuple(_seeing(setup, k, ids, seen[k.time_ns]) if k.time_ns in seen else k for k in world.keys)
     world = replace(world, keys=keys, points=world.points.merged(ScenePoints(ids, found.xyz)))
     _, before = found.views[-1]
-    live = replace(
-        live,
-        ids=np.concatenate([live.ids, ids]),
-        uv=np.concatenate([live.uv, before.astype(np.float32)]),
-        flow=np.concatenate([live.flow, np.zeros((count, 2), np.float32)]),
-        speed=np.concatenate([live.speed, np.zeros((count, 2), np.float32)]),
-        second=np.concatenate([live.second, np.zeros(count, bool)]),
-        origin_ns=np.concatenate([live.origin_ns, np.full(count, place.time_ns)]),
-        origin_uv=np.concatenate([live.origin_uv, before.astype(np.float32)]),
-        next_id=live.next_id + count,
-    )
+    live = live.with_new(before.astype(np.float32), place.time_ns)
     return replace(state, live=live), world
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,21 @@ class LiveTracks:
     origins: tuple[tuple[int, Image], ...] = ()
     """By time, those in use."""
     next_id: int = 0
+
+    def with_new(self, uv: NDArray[np.float32], origin_ns: int) -> LiveTracks:
+        """Returns these and new tracks that an image of that time has at (M, 2) [px]."""
+        count, still = len(uv), np.zeros((len(uv), 2), np.float32)
+        return replace(
+            self,
+            ids=np.concatenate([self.ids, self.next_id + np.arange(count, dtype=np.int64)]),
+            uv=np.concatenate([self.uv, uv]),
+            flow=np.concatenate([self.flow, still]),
+            speed=np.concatenate([self.speed, still]),
+            second=np.concatenate([self.second, np.zeros(count, bool)]),
+            origin_ns=np.concatenate([self.origin_ns, np.full(count, origin_ns)]),
+            origin_uv=np.concatenate([self.origin_uv, uv]),
+            next_id=self.next_id + count,
+        )
 
     @property
     def sight(self) -> Sight:
