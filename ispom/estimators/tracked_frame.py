@@ -43,7 +43,7 @@ class TrackedFrame:
         kept = places(ids, self.ids) < 0
         return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
 
-    def placed_anew(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
+    def with_updated_coordinates(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
         """With other coordinates (M, 2) of those of the points (M,) that it has."""
         place, moved = places(self.ids, ids), self.x.copy()
         moved[place[place >= 0]] = x[place >= 0]

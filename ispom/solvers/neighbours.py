@@ -42,16 +42,16 @@ def by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
     return out
 
 
-def widened(alone: Array, groups: list[Array]) -> float:
+def cluster_inflation(alone: Array, groups: list[Array]) -> float:
     """By how much the squares of deviations of a pose are larger than those of what each track says of it, `alone`
     (N, D), for what they share and leave open. Each of `groups` (G, D) is what groups of them say: one or more ways to
     tell neighbours apart."""
     inverse = _inverse(alone)
     together = sum(float(np.sum(inverse * (each.T @ each))) for each in groups) / (len(groups) * alone.shape[1])
-    return max(together, 1.0) * left_open(alone, max(together, 1.0))
+    return max(together, 1.0) * small_sample_factor(alone, max(together, 1.0))
 
 
-def left_open(alone: Array, together: float = 1.0) -> float:
+def small_sample_factor(alone: Array, together: float = 1.0) -> float:
     """By how much the squares of deviations are larger than those of what each track says, `alone` (N, D), show: the
     mean of an inverse Wishart matrix of as many that say equally much, by their fourth moments.
 

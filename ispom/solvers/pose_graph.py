@@ -50,7 +50,7 @@ class Spread:
     """(E,) of the edges: 1, or 0 of those left out."""
 
 
-def spread(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool) -> Spread:
+def optimise(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool) -> Spread:
     """Returns the poses world_from_node that fit all edges best; the first node is held.
 
     Each node is joined to the first one by edges that can't be false. `scaled`: the unit may drift, else all scales
@@ -84,20 +84,21 @@ def _deviation(residuals: Array, jacobian: csr_array, factored: SuperLU, edge: i
     return float(residual @ np.linalg.solve(np.eye(FREEDOM) - own @ factored.solve(own.T), residual))
 
 
-def carried(between: Similarity) -> Array:
-    """(7, 7) that carries a right perturbation from before `between` to after it: M(d) @ b == b @ M(carried(b) @ d)."""
+def adjoint_sim3(between: Similarity) -> Array:
+    """(7, 7) that carries a right perturbation from before `between` to after it:
+    M(d) @ b == b @ M(adjoint_sim3(b) @ d)."""
     return _carried(_Places.of((between,)))[0]
 
 
 def joined(a: Edge, b: Edge) -> Edge:
     """One edge in the place of two that follow each other."""
-    way = carried(b.first_from_then)
+    way = adjoint_sim3(b.first_from_then)
     return Edge(a.first, b.then, a.first_from_then @ b.first_from_then, way @ a.covariance @ way.T + b.covariance)
 
 
 def reversed_edge(edge: Edge) -> Edge:
     """The same measurement from its other end."""
-    way = carried(edge.first_from_then.inverse())
+    way = adjoint_sim3(edge.first_from_then.inverse())
     return Edge(edge.then, edge.first, edge.first_from_then.inverse(), way @ edge.covariance @ way.T)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.solvers.neighbours import CELLS, GROUPS, SHIFTS, by_group, cells, widened
+from ispom.solvers.neighbours import CELLS, GROUPS, SHIFTS, by_group, cells, cluster_inflation
 
 POSE = 6
 
@@ -46,7 +46,7 @@ def test_few_tracks_show_less_than_poses_are_off(tracks: int, loud: int, alike: 
     for _ in range(2000):
         said, error = (sizes * rng.normal(size=(len(sizes), POSE)) for _ in range(2))
         alone, groups = np.repeat(said, alike, axis=0), alike * said
-        square = widened(alone, [groups]) * alone.T @ alone
+        square = cluster_inflation(alone, [groups]) * alone.T @ alone
         off = alike * error.sum(axis=0)
         nees.append(float(off @ np.linalg.solve(square, off)))
     assert np.mean(nees) == pytest.approx(POSE, rel=0.1)
@@ -54,5 +54,5 @@ def test_few_tracks_show_less_than_poses_are_off(tracks: int, loud: int, alike: 
 
 def test_of_directions_of_which_nothing_is_said_nothing_follows() -> None:
     said = np.random.default_rng(3).normal(size=(30, POSE)) * (np.arange(POSE) < 4)
-    assert 1 <= widened(said, [said]) < 2
-    assert widened(np.zeros((4, POSE)), [np.zeros((2, POSE))]) == 1
+    assert 1 <= cluster_inflation(said, [said]) < 2
+    assert cluster_inflation(np.zeros((4, POSE)), [np.zeros((2, POSE))]) == 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
-from ispom.solvers.pose_graph import FREEDOM, Edge, carried, joined, reversed_edge, spread
+from ispom.solvers.pose_graph import FREEDOM, Edge, adjoint_sim3, joined, optimise, reversed_edge
 
 COUNT = 100
 TIGHT = np.diag([1e-4] * 3 + [1e-8] * 3 + [1e-8])
@@ -62,7 +62,7 @@ def test_exact_edges_give_the_truth_from_a_poor_start(scaled: bool) -> None:
     drift = np.diag([1e-2] * 3 + [1e-4] * 3 + [1e-4])
     start, _ = chain(truth, drift, rng, scaled)
     assert error(start[-1], truth[-1]) > 1.0
-    found = spread(start, (*edges, loop), scaled)
+    found = optimise(start, (*edges, loop), scaled)
     for got, true in zip(found.nodes, truth, strict=True):
         np.testing.assert_allclose(got.pose.matrix, true.pose.matrix, atol=1e-7)
         assert got.scale == pytest.approx(true.scale, abs=1e-8)
@@ -79,7 +79,7 @@ def test_a_loop_takes_the_drift_away_and_spreads_it(scaled: bool) -> None:
         nodes, edges = chain(truth, drift, rng, scaled)
         exact = truth[1].inverse() @ truth[-1]
         loop = Edge(1, COUNT - 1, noisy(exact, rng, TIGHT, scaled), TIGHT)
-        found = spread(nodes, (*edges, loop), scaled)
+        found = optimise(nodes, (*edges, loop), scaled)
         before.append([error(nodes[i], truth[i]) for i in (COUNT // 2, -1)])
         after.append([error(found.nodes[i], truth[i]) for i in (COUNT // 2, -1)])
     (middle_before, end_before), (middle, end) = np.median(before, axis=0), np.median(after, axis=0)
@@ -99,13 +99,13 @@ def test_one_false_loop_bends_nothing(scaled: bool) -> None:
         house = Similarity(1.0, Pose.from_rotvec(np.array([0.0, 0.1, 0.0]), np.array([12.0, 0.0, 3.0])))
         false = 10, 45, truth[10].inverse() @ truth[45] @ house
         loops = [Edge(i, j, way, TIGHT, True) for i, j, way in (*right, false)]
-        wanted = spread(nodes, (*edges, *loops[:-1]), scaled)
-        found = spread(nodes, (*edges, *loops), scaled)
+        wanted = optimise(nodes, (*edges, *loops[:-1]), scaled)
+        found = optimise(nodes, (*edges, *loops), scaled)
         assert (found.weights[:-1] == 1).all() and found.weights[-1] == 0
         apart = [error(a, b) for a, b in zip(found.nodes, wanted.nodes, strict=True)]
         assert max(apart) < 1e-3
         held = (*edges, *(replace(loop, may_be_false=False) for loop in loops))
-        assert error(spread(nodes, held, scaled).nodes[45], truth[45]) > 1.0, "by all of them alike it would be bent"
+        assert error(optimise(nodes, held, scaled).nodes[45], truth[45]) > 1.0, "by all of them alike it would be bent"
 
 
 def test_a_single_loop_counts_however_far_odometry_drifted() -> None:
@@ -114,7 +114,7 @@ def test_a_single_loop_counts_however_far_odometry_drifted() -> None:
     nodes, edges = chain(truth, drift, np.random.default_rng(0), False)
     sure = tuple(replace(edge, covariance=1e-2 * drift) for edge in edges)
     loop = Edge(0, COUNT - 1, truth[0].inverse() @ truth[-1], TIGHT, True)
-    found = spread(nodes, (*sure, loop), False)
+    found = optimise(nodes, (*sure, loop), False)
     assert found.weights[-1] == 1 and error(found.nodes[-1], truth[-1]) < 0.1 < 1.0 < error(nodes[-1], truth[-1])
 
 
@@ -126,7 +126,7 @@ def test_the_covariance_is_that_of_the_errors() -> None:
         rng = np.random.default_rng(seed)
         nodes, edges = chain(truth, drift, rng, False)
         loop = Edge(0, 39, noisy(truth[0].inverse() @ truth[-1], rng, TIGHT, False), TIGHT)
-        got = spread(nodes, (*edges, loop), False)
+        got = optimise(nodes, (*edges, loop), False)
         assert not got.covariance[6].any() and not got.covariance[:, 6].any(), "of a pair the unit is known"
         off = truth[-1].inverse() @ got.nodes[-1]
         d = np.concatenate([off.pose.translation, off.pose.rotvec])
@@ -155,7 +155,7 @@ def test_a_perturbation_is_carried_along() -> None:
     between = Similarity(1.7, Pose.from_rotvec(np.array([0.3, -0.8, 0.4]), np.array([1.0, 2.0, -3.0])))
     d = 1e-6 * np.array([1.0, -2.0, 0.5, 0.3, 0.7, -0.2, 0.9])
     early = Similarity(float(np.exp(d[6])), Pose.from_rotvec(d[3:6], d[:3])) @ between
-    e = carried(between) @ d
+    e = adjoint_sim3(between) @ d
     late = between @ Similarity(float(np.exp(e[6])), Pose.from_rotvec(e[3:6], e[:3]))
     np.testing.assert_allclose(early.pose.matrix, late.pose.matrix, atol=1e-10)
     assert early.scale == pytest.approx(late.scale, abs=1e-11)

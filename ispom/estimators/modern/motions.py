@@ -40,7 +40,7 @@ SECOND_MOTION = Check(
 )
 
 
-def told(explained: NDArray[np.bool_], count: int) -> Decision:
+def second_motion_decision(explained: NDArray[np.bool_], count: int) -> Decision:
     """Of `count` points in all, those (N,) that one motion leaves unexplained, and another one explains or not."""
     also = int(explained.sum())
     share = also / count if also >= max(LEAST, MOST_OF * len(explained)) else 0.0

@@ -140,7 +140,7 @@ class TrackNoise:
         overlap share their noise, and what is wrong with a camera's calibration is alike nearby."""
         return max(1.0, float(self.cells[0] / self.cells[1])) if self.cells[1] > 0 else 1.0
 
-    def told(self, focal_px: float) -> str:
+    def describe(self, focal_px: float) -> str:
         """In words, in pixels."""
         new, step, disparity = focal_px * np.sqrt(self.variances)
         found = f"{new:.2f} px new in each keyframe, {step:.2f} px added per keyframe, {self.views:.1f} views per track"

@@ -83,7 +83,7 @@ class Solution:
         full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
 
-    def as_far_off(self, parameters: Array) -> tuple[Array, Array]:
+    def sandwich_covariance(self, parameters: Array) -> tuple[Array, Array]:
         """(n, n) `parameters`, and (M, n) how each point moves them, where observations are as far off as they turned
         out to be, whatever their weights say.
 
@@ -136,7 +136,7 @@ class Solution:
         return turn @ parameters[k : k + 24, k : k + 24] @ turn.T
 
     def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array, moves: Array) -> PointUncertainty:
-        """Of the chosen points (K,), in their values; the others as of `as_far_off`."""
+        """Of the chosen points (K,), in their values; the others as of `sandwich_covariance`."""
         o, knots = self.problem.observations, _knots(self.problem, self.sampled)
         sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
         none = np.zeros((len(chosen), 3, 0))

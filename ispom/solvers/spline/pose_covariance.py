@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
 from ispom.numerics.robust import Noise
-from ispom.solvers.neighbours import by_group, cells, widened
+from ispom.solvers.neighbours import by_group, cells, cluster_inflation
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import (
     MIN_DEPTH,
@@ -57,7 +57,7 @@ def pose_covariance(
     """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
 
     Seen at (K, 2), weighed by `noise` and its loss (normalised units), and off as far as they turn out to be
-    (`Solution.as_far_off`), what is wrong with each point included. What all points
+    (`Solution.sandwich_covariance`), what is wrong with each point included. What all points
     follow is led back to the unknowns of their window, so that it is counted jointly; what a point says there and here
     is mostly one error, and is squared together. Errors with covariance `shared`
     (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
@@ -88,7 +88,9 @@ def pose_covariance(
         by_group(int(of.max(initial=-1)) + 1, of, moves) - _without(of, equations, inverse) @ inverse
         for of in (np.arange(len(seen)), *_neighbours(seen))
     ]
-    found = turn @ uncertainty.parameters @ turn.T + widened(alone, groups) * alone.T @ alone - moves.T @ moves
+    found = (
+        turn @ uncertainty.parameters @ turn.T + cluster_inflation(alone, groups) * alone.T @ alone - moves.T @ moves
+    )
     return found if shared is None else found + of_shared @ shared @ of_shared.T
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.places import places
-from ispom.solvers.neighbours import GROUPS, by_group, cells, widened
+from ispom.solvers.neighbours import GROUPS, by_group, cells, cluster_inflation
 from ispom.solvers.window.adjustment import Equations, Window, covariance
 from ispom.solvers.window.kernels import Eliminated
-from ispom.solvers.window.prior import POSE, Lasting, Sandwich
+from ispom.solvers.window.prior import POSE, PendingScores, Sandwich
 from ispom.solvers.window.slopes import followed, slopes
 
 BENDS = 2.0
@@ -40,7 +40,7 @@ class Groups:
     """(M,) of the tracks."""
     slopes: Array
     """(M, D) what each says, with what it said before."""
-    others: Lasting
+    others: PendingScores
     """Of tracks that said something before, and are not in the window."""
     curvature: Array
     """(D, D) H, with the prior's."""
@@ -52,7 +52,7 @@ class Groups:
         """Of a window whose tracks are `ids` (M,), ascending."""
         equations, prior = Equations.of(window, scale, bends=BENDS), window.prior
         size, known_to, corrections = len(equations.right), 0, POSE * len(window.rotations)
-        curvature, others = equations.symmetric, Lasting.none(size)
+        curvature, others = equations.symmetric, PendingScores.none(size)
         scatter = np.zeros((size, size))
         said = slopes(window.observed, equations.eliminated, len(window.extra), scale)
         if prior is not None and prior.sandwich is not None:
@@ -66,7 +66,7 @@ class Groups:
                 then[:, :known_to], then[:, corrections:] = np.split(before.slopes, [known_to], axis=1)
                 place = places(ids, before.ids)
                 said[place[place >= 0]] += then[place >= 0]
-                others = Lasting(before.ids[place < 0], then[place < 0])
+                others = PendingScores(before.ids[place < 0], then[place < 0])
         return Groups(window, scale, equations.eliminated, ids, said, others, curvature, scatter)
 
     @cached_property
@@ -91,7 +91,7 @@ class Groups:
         ended, alone = self.others.slopes[~others_go], self._alone(known)[~go_on]
         wider = self._wider(~go_on, known, alone @ self._way(known))
         scatter = self.scatter + wider * alone.T @ alone + ended.T @ ended
-        left = Lasting(self.others.ids[others_go], self.others.slopes[others_go])
+        left = PendingScores(self.others.ids[others_go], self.others.slopes[others_go])
         return Sandwich(self.curvature, scatter, left.and_of(self.ids[go_on], self.slopes[go_on]))
 
     def _way(self, known: Array) -> Array:
@@ -113,7 +113,7 @@ class Groups:
             said = by_group(GROUPS + 1, cell, self.slopes)
             said[GROUPS] = 0.0
             groups.append(self._without(cell, said, known)[:GROUPS] @ self._way(known))
-        return widened(alone, groups)
+        return cluster_inflation(alone, groups)
 
     def _without(self, groups: NDArray[np.int64], said: Array, known: Array) -> Array:
         """(G, D) what groups of tracks say, `said` (G, D), as if each had had no part in the estimate."""

@@ -20,7 +20,7 @@ LEAST_SIGMA = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Lasting:
+class PendingScores:
     """What tracks that go on have said of the slope of the cost: it is squared together with what they say later."""
 
     ids: NDArray[np.int64]
@@ -29,22 +29,22 @@ class Lasting:
     """(T, D)."""
 
     @staticmethod
-    def none(size: int) -> Lasting:
+    def none(size: int) -> PendingScores:
         """Of no track, by so many unknowns."""
-        return Lasting(np.zeros(0, np.int64), np.zeros((0, size)))
+        return PendingScores(np.zeros(0, np.int64), np.zeros((0, size)))
 
-    def and_of(self, ids: NDArray[np.int64], slopes: Array) -> Lasting:
+    def and_of(self, ids: NDArray[np.int64], slopes: Array) -> PendingScores:
         """With (N, D) `slopes` of tracks (N,) more, each of which is in it once at most."""
         at = places(self.ids, ids)
         known, own = at >= 0, self.slopes.copy()
         own[at[known]] += slopes[known]
         every = np.concatenate([self.ids, ids[~known]])
         order = np.argsort(every, kind="stable")
-        return Lasting(every[order], np.concatenate([own, slopes[~known]])[order])
+        return PendingScores(every[order], np.concatenate([own, slopes[~known]])[order])
 
-    def without(self, gain: Array, gone: NDArray[np.bool_]) -> Lasting:
+    def without(self, gain: Array, gone: NDArray[np.bool_]) -> PendingScores:
         """See Sandwich.without."""
-        return Lasting(self.ids, self.slopes[:, ~gone] - self.slopes[:, gone] @ gain.T)
+        return PendingScores(self.ids, self.slopes[:, ~gone] - self.slopes[:, gone] @ gain.T)
 
 
 def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
@@ -76,7 +76,7 @@ class Sandwich:
     """H (D, D), second derivatives of the cost: its loss's own, where `Prior.hessian` holds the weights."""
     scatter: Array
     """S (D, D), the covariance of the cost's gradient, but for what `lasting` tracks make of it."""
-    lasting: Lasting | None = None
+    lasting: PendingScores | None = None
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> Sandwich:
         """Of what is left when the unknowns `gone` (D,) are eliminated: `gain` (D - G, G) times their gradient is taken
@@ -96,7 +96,9 @@ class Sandwich:
         curvature, slopes = self.curvature.copy(), np.zeros((len(design), size))
         curvature[corrections, corrections] += design.T @ (design * (1 - 2 * left**2)[:, None])
         slopes[:, corrections] = design * left[:, None]
-        return Sandwich(curvature, self.scatter, (self.lasting or Lasting.none(size)).and_of(evidence.ids, slopes))
+        return Sandwich(
+            curvature, self.scatter, (self.lasting or PendingScores.none(size)).and_of(evidence.ids, slopes)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,7 @@ class Prior:
             if lasting is not None:
                 slopes = lasting.slopes - lasting.slopes[:, now] @ gain.T
                 slopes[:, now] -= lasting.slopes[:, now]
-                lasting = Lasting(lasting.ids, slopes)
+                lasting = PendingScores(lasting.ids, slopes)
             own = Sandwich(with_then(sandwich.curvature), with_then(sandwich.scatter))
             sandwich = replace(own.without(gain, np.arange(len(both)) >= size), lasting=lasting)
         return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient, sandwich=sandwich)

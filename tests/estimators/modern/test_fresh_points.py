@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.key_frame import Current, extended
 from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import K1, PAIR, TERMS, by_column
@@ -41,7 +41,7 @@ def test_fresh_points_have_the_pose_and_the_pair_that_the_adjustment_found() -> 
         old, new = (nothing, ids[:FRESH]) if i == 0 else (observed(xyz, pose, ids[:FRESH], k1), ids[:0])
         new = ids[FRESH:] if i == 3 else new
         now = Current(NewPair(i * 10**8, image, image), thought, old, np.zeros(12))
-        state, now, _ = extended(setup, state, now, observed(xyz, pose, new, k1), Sighting.nothing())
+        state, now, _ = extended(setup, state, now, observed(xyz, pose, new, k1), TrackingResult.nothing())
     found = state.map
     assert abs(found.extra[K1] - k1) < 0.003, dict(zip(TERMS, found.extra, strict=True))
     fresh = found.places(ids[FRESH:])

@@ -145,7 +145,7 @@ def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None
     last, sigma = 13, setup().noise.width
     now = last * STEP_NS
     world = anchored(window(last))
-    old = world.keys[0].placed_anew(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
+    old = world.keys[0].with_updated_coordinates(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
     bent = adjusted(replace(world, keys=(old, world.keys[1])), sigma, 20)[0]
     live, followed = followed_to(now)
     first = located_by(setup(), live, bent, followed, shaken(now))

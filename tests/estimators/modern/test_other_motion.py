@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular.disagreeing import ENOUGH, LASTING, LONGEST, Disagreeing
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.other_motion import other_motion
+from ispom.estimators.modern.monocular.outlier_tracks import ENOUGH, LASTING, LONGEST, OutlierTracks
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.klt import Klt
@@ -74,12 +74,12 @@ def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
     assert other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
 
 
-def ended(uv: np.ndarray, count: int, most: int = 500) -> Disagreeing:
+def ended(uv: np.ndarray, count: int, most: int = 500) -> OutlierTracks:
     """Of tracks at (N, 2) so many end, as disagreeing but for the first, which is lost."""
     status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
     status[:count:2], status[1:count:2], status[0] = TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.LOST
     live = LiveTracks(ids=np.arange(len(uv)), uv=uv)
-    return Disagreeing().joined(live, Followed(uv, status, np.zeros_like(uv)), most)
+    return OutlierTracks().joined(live, Followed(uv, status, np.zeros_like(uv)), most)
 
 
 def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> None:

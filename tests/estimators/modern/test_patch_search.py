@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
-from ispom.estimators.modern.stereo.patch_search import led
+from ispom.estimators.modern.stereo.patch_search import track_from_prediction
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
@@ -36,7 +36,7 @@ def seen_again(predicted: Pose, now: Image) -> tuple[Array, Array, NDArray[np.ui
     world = StereoMap((KeyFrame(0, Pose(), ids, seen, np.zeros(12), points.slants),), ids, xyz)
     first, pair = NewPair(0, image(Pose()), image(Pose())), NewPair(100_000_000, now, now)
     last = LastPair(first.left, first.left, first.half, points)
-    found = led(SETUP, last, world, pair, predicted.apply(xyz), predicted)
+    found = track_from_prediction(SETUP, last, world, pair, predicted.apply(xyz), predicted)
     return None if found is None else (CAMERA.project(NOW.apply(xyz)), *found)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.rolling import steady
-from ispom.estimators.modern.stereo.believed_motions import believed_motions
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.modern.stereo.motion_priors import motion_priors
 from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shutter import Believed, Rows, Shutter
+from ispom.estimators.modern.stereo.shutter import MotionPrior, Rows, Shutter
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
@@ -88,7 +88,7 @@ def test_pose_and_motion_are_found_together(noise_px: float) -> None:
     xyz, rng = scene(), np.random.default_rng(1)
     late = rolled(xyz) + rng.normal(0, noise_px / CAMERA.fx, (len(xyz), 3))
     rows = Rows(SHUTTER, xyz, late[:, 1], BASELINE_M, SIGMA)
-    believed = Believed(np.zeros(12), np.repeat([10.0, 3.0, 200.0, 60.0], 3))
+    believed = MotionPrior(np.zeros(12), np.repeat([10.0, 3.0, 200.0, 60.0], 3))
     motion, pose = believed.motion, Pose()
     for _ in range(4):
         middle = SHUTTER.at_middle(late, motion, BASELINE_M)
@@ -202,7 +202,7 @@ def test_the_less_a_way_is_shaken_the_surer_are_motions_foretold() -> None:
             KeyFrame(c * 100_000_000, p, none, np.zeros((0, 3)), np.zeros(12), np.zeros((0, 2)))
             for c, p in enumerate(poses)
         ]
-        return believed_motions(tuple(keys), BASELINE_M)[3].sigma
+        return motion_priors(tuple(keys), BASELINE_M)[3].sigma
 
     smooth, rough = sigma(0.0), sigma(0.05)
     assert rough[0] > 2 * smooth[0] > 0 and smooth[3] == rough[3]

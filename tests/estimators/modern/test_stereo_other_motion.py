@@ -10,7 +10,7 @@ import pytest
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.other_motion import other_motion
-from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair import PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Pose
@@ -51,7 +51,9 @@ def told(
     assert located is not None
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)
-    sighting = Sighting(points.uv, points.disparity_px, points.slants, status, all_points, located, all_points, lower)
+    sighting = TrackingResult(
+        points.uv, points.disparity_px, points.slants, status, all_points, located, all_points, lower
+    )
     key = KeyFrame(0, Pose(), all_points, np.zeros((count, 3)), np.zeros(12), np.zeros((count, 2)))
     last = LastPair(points=replace(points, uv=before.astype(np.float32)))
     found, tests = other_motion(setup, ModernStereoState(last, StereoMap((key,) * keys, all_points, xyz)), sighting)

@@ -75,7 +75,10 @@ def test_points_follow_the_spline_as_finite_differences_say() -> None:
     problem = problem_of(made_flight(0.5, 30))
     found = solve(replace(problem, loss=100.0), 20, 1e-12)
     chosen, held = np.arange(0, len(problem.points), 3), PosePrior(0, Pose(), HELD)
-    rows, eps = found.point_uncertainty(chosen, *found.as_far_off(found.parameter_covariance(held))).sensitivity, 1e-5
+    rows, eps = (
+        found.point_uncertainty(chosen, *found.sandwich_covariance(found.parameter_covariance(held))).sensitivity,
+        1e-5,
+    )
 
     def wanted(knot: int, sign: int) -> Array:
         step = np.zeros(6 * len(problem.spline))
@@ -129,7 +132,7 @@ def test_observations_are_as_far_off_as_they_turn_out_to_be_whatever_their_weigh
     for claimed in (1.0, 3.0):
         weighed = replace(o, inverse_sigma=claimed * o.inverse_sigma)
         found = solve(replace(problem, observations=weighed, loss=50 * claimed, smoothness=(1e5, 1e5)), 20, 1e-12)
-        covariances.append(found.pose_covariance(e, found.as_far_off(found.parameter_covariance(held))[0]))
+        covariances.append(found.pose_covariance(e, found.sandwich_covariance(found.parameter_covariance(held))[0]))
         if claimed == 1.0:
             by_weights = found.pose_covariance(e, found.parameter_covariance(held))
             assert np.trace(covariances[0] @ np.linalg.inv(by_weights)) / 6 == pytest.approx(1.0, abs=0.35)
@@ -159,7 +162,7 @@ def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     points = AnchoredPoints(points.anchors_r[chosen], points.anchors_t[chosen], points.values[chosen])
     reference = Pose(found.sampled.rotations[pair], found.sampled.positions[pair])
     parameters = found.parameter_covariance(PosePrior(pair, reference, HELD))
-    uncertainty = found.point_uncertainty(chosen, *found.as_far_off(parameters))
+    uncertainty = found.point_uncertainty(chosen, *found.sandwich_covariance(parameters))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx / claimed
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
     located = fit_pose(points.xyz_in_world, seen, (guess @ RIG.rig_from_video).inverse(), 50 * sigma, 8 * sigma)
@@ -227,7 +230,7 @@ def test_what_was_never_seen_has_a_large_variance_and_a_finite_one() -> None:
 def test_a_point_left_out_moves_the_spline_as_it_says() -> None:
     problem = replace(problem_of(made_flight(0.5, 80), noise_px=0.3), loss=50.0)
     found, o, e = solve(problem, 30, 1e-14), problem.observations, len(problem.times_s) - 1
-    _, moves = found.as_far_off(found.parameter_covariance(problem.prior))
+    _, moves = found.sandwich_covariance(found.parameter_covariance(problem.prior))
     jacobian = found.sampled.jacobian(e, len(problem.spline))[3:]
     for point in range(0, len(problem.points), 16):
         kept = o.owner != point

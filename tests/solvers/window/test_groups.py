@@ -14,7 +14,7 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust, marginalise
 from ispom.solvers.window.groups import Groups
-from ispom.solvers.window.prior import Lasting, Sandwich, anchored
+from ispom.solvers.window.prior import PendingScores, Sandwich, anchored
 from tests.estimators.modern.test_noise import flown
 from tests.solvers.window.left import without_oldest
 
@@ -82,7 +82,7 @@ def test_what_a_track_said_is_squared_with_what_it_says_later() -> None:
     assert whole.prior is not None and whole.prior.sandwich is not None
     said = groups(whole)
     first = said.slopes[ids][:, np.r_[0:6, -PAIR:0]]  # those that the prior is about
-    for lasting, share in ((Lasting(ids, first), 2.0), (Lasting(ids + 1000, first), 1.0)):
+    for lasting, share in ((PendingScores(ids, first), 2.0), (PendingScores(ids + 1000, first), 1.0)):
         sandwich = replace(whole.prior.sandwich, lasting=lasting)
         window = replace(whole, prior=replace(whole.prior, sandwich=sandwich))
         found = groups(window)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Array
-from ispom.solvers.window.prior import POSE, Evidence, Lasting, Prior, Sandwich, anchored
+from ispom.solvers.window.prior import POSE, Evidence, PendingScores, Prior, Sandwich, anchored
 
 SIGMA = np.array([0.5, 2.0, 0.0])
 
@@ -55,7 +55,7 @@ def test_in_another_unit_of_the_cost_it_says_the_same() -> None:
     """With a sandwich of its own, with what lasting tracks said, and with none, where its Hessian stands for both."""
     rng, before, shift = np.random.default_rng(4), prior(), np.linspace(-1, 1, POSE + 3)
     root, slopes = rng.normal(size=(POSE + 3, 20)), rng.normal(size=(4, POSE + 3))
-    own = Sandwich(before.hessian, root @ root.T, Lasting(np.arange(4), slopes))
+    own = Sandwich(before.hessian, root @ root.T, PendingScores(np.arange(4), slopes))
     for kept in (None, own):
         one = replace(before, sandwich=kept, constant=2.0)
         other = one.times(9.0)
@@ -89,7 +89,7 @@ def test_what_tracks_said_goes_along_as_their_squares_do() -> None:
     found = []
     for sandwich in (
         Sandwich(before.hessian, squares),
-        Sandwich(before.hessian, 0 * squares, Lasting(np.arange(4), slopes)),
+        Sandwich(before.hessian, 0 * squares, PendingScores(np.arange(4), slopes)),
         Sandwich(before.hessian, 0 * squares),
     ):
         aged = replace(before, sandwich=sandwich).aged(0.8, SIGMA).sandwich

@@ -128,7 +128,7 @@ def _reference(
     here = place[time_ns]
     pose = window.views[here].world_from_rig
     weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
-    parameters, moves = solution.as_far_off(weighed)
+    parameters, moves = solution.sandwich_covariance(weighed)
     by_spline, by_points = solution.follows(_moved_by_lens(solution), weighed)
     lens = np.zeros((LENS, LENS)) if window.lens_covariance is None else window.lens_covariance
     together = parameters + by_spline @ lens @ by_spline.T

@@ -14,11 +14,11 @@ import numpy as np
 
 from ispom.estimator import STEREO, VIDEO, require_frame
 from ispom.estimators.modern.integrated.adjust import adjusted, limited
-from ispom.estimators.modern.integrated.anew import anew
 from ispom.estimators.modern.integrated.covariance import newest_covariance
 from ispom.estimators.modern.integrated.joint_report import rig_covariance
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.locate import located
+from ispom.estimators.modern.integrated.new_segment import start_new_segment
 from ispom.estimators.modern.integrated.observe import observed, with_stereo, with_video
 from ispom.estimators.modern.integrated.right_fits import right_fits
 from ispom.estimators.modern.integrated.setup import Setup
@@ -122,7 +122,7 @@ class ModernIntegrated:
         # Poses hang on stereo's where it is followed, else on points: a blind start of the one is that of both, or not.
         blind = is_pair and (part.restarted or state.apart)
         if blind and self.config.follow_stereo and state.window.views:
-            state = anew(state, exposure.time_ns)
+            state = start_new_segment(state, exposure.time_ns)
         state = replace(state, passed=0, apart=False) if is_pair else state
         state = with_stereo(state, part) if is_pair else with_video(state, part)
         state, found, status = located(setup, state, observed(self.rig, part, not is_pair))

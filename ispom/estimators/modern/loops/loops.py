@@ -38,7 +38,7 @@ from ispom.estimators.modern.loops.nodes import (
 )
 from ispom.estimators.modern.loops.relative_pose import FEWEST, DescribedPoints, LoopCamera, RelativePose, relative_pose
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
-from ispom.solvers.pose_graph import carried, spread
+from ispom.solvers.pose_graph import adjoint_sim3, optimise
 from ispom.types import Decision
 
 AT_A_TIME = 6
@@ -212,7 +212,7 @@ def _closed(
         if first.segment != then.segment:
             nodes = joined_segments(nodes, loop, not within_drift(first, then, loop.first_from_then, drift))
     joins = nodes[-1].segment if nodes[-1].segment != newest.segment else None
-    found = spread(tuple(n.corrected for n in nodes), edges_of(nodes, closed), scaled=not paired)
+    found = optimise(tuple(n.corrected for n in nodes), edges_of(nodes, closed), scaled=not paired)
     nodes = tuple(replace(n, corrected=c) for n, c in zip(nodes, found.nodes, strict=True))
     shift = np.linalg.norm(nodes[-1].corrected.pose.translation - newest.corrected.pose.translation)
     way = newest.path - node_at(nodes, same[-1].first_ns).path
@@ -228,5 +228,5 @@ def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scal
     node, at_node = loops.known.node, loops.known.covariance
     now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)
     between, grown = step_between(node, now)
-    way = carried(between)
+    way = adjoint_sim3(between)
     return way @ at_node @ way.T + grown

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.estimators.modern.monocular.first_map import beside, first_map
+from ispom.estimators.modern.monocular.first_map import first_map, poses_outside_first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
@@ -115,7 +115,7 @@ def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: f
     found, decisions = first_map(waiting, frame, noise, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
         return _restarted(start, frame, noise, enough, (*tests, *decisions))
-    settled = () if found is None else beside(found, waiting)
+    settled = () if found is None else poses_outside_first_map(found, waiting)
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 

@@ -84,7 +84,7 @@ def next_state(
         database=database,
         segments=segments,
         segment=segment,
-        disagreeing=outcome.disagreeing,
+        outlier_tracks=outcome.outlier_tracks,
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.scatter import LEAST_SHARE, Curvature, Spread
-from ispom.estimators.modern.monocular.unplaced import Unplaced
+from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.numerics.robust import cauchy_weights
@@ -83,12 +83,13 @@ class MapUncertainty:
         seen: Array,
         motion: PoseFit,
         scale: float,
-        unplaced: Unplaced | None = None,
+        untriangulated: UntriangulatedTracks | None = None,
     ) -> Array:
         """(6, 6) covariance of a pose located by points (N,), at (N, 3), seen at (N, 2); twist on the right.
 
-        `scale`: width of the loss by which it was located, normalised; `unplaced`: the tracks without a point that had
-        their part in it. That of the last key frame, which it is no less, where none of the points was seen there.
+        `scale`: width of the loss by which it was located, normalised; `untriangulated`: the tracks without a point
+        that had their part in it. That of the last key frame, which it is no less, where none of the points was seen
+        there.
         """
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use, pose = motion.inliers & (self.ids[place] == ids), motion.camera_from_world
@@ -103,13 +104,13 @@ class MapUncertainty:
         follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)
         follow[:, -LENS:] += design.T @ by_extra.reshape(2 * n, LENS)
         held, pulls = by_pose.reshape(2 * n, POSE).T @ design, self.spread.pulls[place]
-        if unplaced is not None:
-            curved, more = unplaced.slopes(pose, scale)
+        if untriangulated is not None:
+            curved, more = untriangulated.slopes(pose, scale)
             held, slopes = held + curved, np.concatenate([slopes, more])
             pulls = np.concatenate([pulls, np.zeros((len(more), pulls.shape[1]))])
-            if unplaced.key_ns in self.key_times_ns:
-                at = POSE * self.key_times_ns.index(unplaced.key_ns)
-                follow[:, at : at + POSE] -= curved @ (pose @ unplaced.world_from_key).adjoint
+            if untriangulated.key_ns in self.key_times_ns:
+                at = POSE * self.key_times_ns.index(untriangulated.key_ns)
+                follow[:, at : at + POSE] -= curved @ (pose @ untriangulated.world_from_key).adjoint
         own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
         # Six of the errors' degrees of freedom went into the pose.
         slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))

@@ -19,7 +19,7 @@ from ispom.estimators.modern.monocular.other_motion import with_other_motion
 from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
-from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
+from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, updated_coordinates
 from ispom.estimators.modern.monocular.wide_start import with_matched_features
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
@@ -109,8 +109,8 @@ class ModernMonocular:
         setup, watch, before = self._setup, Stopwatch(), state
         state = remembered(setup, state, exposure.time_ns)
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
-        for sight in seen_anew(setup.camera, state.live, new.followed):
-            state = state.placed_anew(*sight)
+        for sight in updated_coordinates(setup.camera, state.live, new.followed):
+            state = state.with_updated_coordinates(*sight)
         watch.lap("track")
         if state.map is None:
             state, found = found_after_loss(setup, state, new)
@@ -166,5 +166,5 @@ def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Ima
     late = late_px(setup.camera, live.uv, live.speed)
     scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
     expected = projected(lens, scene, predicted, live.uv - late) + late
-    followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.disagreeing.expected)
+    followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.outlier_tracks.expected)
     return NewImage(time_ns, grey, predicted, followed, scene)

@@ -281,7 +281,7 @@ def _before(state: Map, start: Start, width: float) -> tuple[RelativeFrame, ...]
     return tuple(reversed(found))
 
 
-def beside(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
+def poses_outside_first_map(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
     """The poses of frames that the first map does not place: between others by these; before them all turned as they
     were held, where the first one was."""
     placed = Trajectory.of(world.trajectory())

@@ -96,7 +96,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} keyframes, {len(before.ids)} points, {len(bundle.distances)} observations"
-    off, why = f * world.noise.sigma(setup.noise.sigma), f"{world.noise.told(f)}, loss {f * world.loss:.2f} px wide"
+    off, why = f * world.noise.sigma(setup.noise.sigma), f"{world.noise.describe(f)}, loss {f * world.loss:.2f} px wide"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
         cost,

@@ -20,7 +20,7 @@ from ispom.estimators.modern.monocular.tracks import (
     projected,
     unrolled,
 )
-from ispom.estimators.modern.monocular.unplaced import Unplaced, with_unplaced
+from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks, with_untriangulated
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
@@ -59,7 +59,7 @@ class Localisation:
     """(N, 3)."""
     seen: Array
     """(N, 2) where, normalised and corrected."""
-    unplaced: Unplaced | None = None
+    untriangulated: UntriangulatedTracks | None = None
     """What tracks without a point say of the pose as well."""
 
     @property
@@ -119,12 +119,12 @@ def located_by(
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
     limit = INLIER * setup.noise.width
-    motion, unplaced = fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.noise.width, limit), None
+    motion, untriangulated = fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.noise.width, limit), None
     if motion is not None:
-        motion, unplaced = with_unplaced(
+        motion, untriangulated = with_untriangulated(
             setup, live, world, followed, places, motion, (xyz, x), world_from_guess if predicted is None else predicted
         )
-    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, unplaced)
+    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, untriangulated)
 
 
 def _seen(

@@ -107,9 +107,11 @@ class Map:
         """Adds tracks first seen in the last key frame to it."""
         return replace(self, keys=(*self.keys[:-1], self.keys[-1].with_new(ids, x)))
 
-    def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Map:
+    def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Map:
         """With tracks (M,) at other coordinates (M, 2) in the key frame of that time, if there is one."""
-        return replace(self, keys=tuple(k.placed_anew(ids, x) if k.time_ns == time_ns else k for k in self.keys))
+        return replace(
+            self, keys=tuple(k.with_updated_coordinates(ids, x) if k.time_ns == time_ns else k for k in self.keys)
+        )
 
     def with_loss(self, widest: float) -> Map:
         """With a loss as wide as the errors of its last window ask for, and `widest` (normalised) at most."""

@@ -14,7 +14,7 @@ from ispom.estimators.modern.monocular.second_motion import rigid
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
-from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, told
+from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, second_motion_decision
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.types import Decision, Status, TrackStatus
@@ -29,7 +29,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
     live, world, pose = state.live, outcome.map, outcome.pose
     if world is None or pose is None or live.grey is None or outcome.residual_px is None:
         return outcome
-    followed = state.disagreeing.followed(live.grey, new.grey, new.followed.others)
+    followed = state.outlier_tracks.followed(live.grey, new.grey, new.followed.others)
     x = setup.camera.normalise(followed.uv - late_px(setup.camera, followed.uv, followed.speed(live, new.time_ns)))
     frame = TrackedFrame(new.time_ns, followed.ids[followed.lasting], x[followed.lasting], pose)
     agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
@@ -41,7 +41,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
     outcome = replace(
         outcome,
         decisions=outcome.decisions if test is None else (*outcome.decisions, test),
-        disagreeing=followed.explained(moving).joined(live, outcome.followed, setup.max_tracks),
+        outlier_tracks=followed.explained(moving).joined(live, outcome.followed, setup.max_tracks),
         other_motion=followed.tracks(moving),
     )
     return _larger(setup, state, outcome, new) if len(moving) and setup.follow == "largest" else outcome
@@ -86,5 +86,5 @@ def other_motion(
     if len(ids) < max(LEAST, MARKED * count):
         return None, NONE
     explained = rigid(key.at(ids), frame.at(ids), width)
-    test = told(explained, count)
+    test = second_motion_decision(explained, count)
     return test, NONE if test.passed else ids[explained]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispom.geometry import Array
-from ispom.solvers.neighbours import left_open
+from ispom.solvers.neighbours import small_sample_factor
 from ispom.solvers.window.adjustment import Equations, Window
 from ispom.solvers.window.curvature import Curved, curved, left_out
 from ispom.solvers.window.observation import Observed
@@ -61,7 +61,7 @@ class Curvature:
         root, middle = self._factors(sigma)
         inverse = root.T @ middle @ root
         scores, last = self.left_out(inverse), POSE * len(self.window.rotations)
-        wider = shared * left_open(scores @ inverse[:, last - POSE : last], shared)
+        wider = shared * small_sample_factor(scores @ inverse[:, last - POSE : last], shared)
         scatter = self._scatter(scores, wider)
         # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
         values, vectors = np.linalg.eigh(root @ scatter @ root.T)

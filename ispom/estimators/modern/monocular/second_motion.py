@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.setup import INLIER, TURN_LOSS
-from ispom.estimators.modern.motions import LEAST, told
+from ispom.estimators.modern.motions import LEAST, second_motion_decision
 from ispom.geometry import Array
 from ispom.solvers.multiview.essential import relative_pose
 from ispom.solvers.multiview.rotation import dominant_rotation, rotate
@@ -22,7 +22,7 @@ def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], width: f
 
     `width` of the robust loss, normalised.
     """
-    return told(rigid(x1[unexplained], x2[unexplained], width), len(x1))
+    return second_motion_decision(rigid(x1[unexplained], x2[unexplained], width), len(x1))
 
 
 def rigid(x1: Array, x2: Array, width: float) -> NDArray[np.bool_]:

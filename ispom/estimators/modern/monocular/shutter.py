@@ -127,7 +127,7 @@ def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motio
     pose, scene = world_from_camera.inverse(), scene_points(lens, sight.uv, xyz, world_from_camera)
     uv = sight.uv - late_px(setup.camera, sight.uv, speeds_by(lens, sight.uv, scene, pose, motion))
     if any(k.time_ns == sight.time_ns for k in world.keys):
-        return world.placed_anew(sight.time_ns, sight.ids, setup.camera.normalise(uv))
+        return world.with_updated_coordinates(sight.time_ns, sight.ids, setup.camera.normalise(uv))
     has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.noise.width
     found = fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
     return world if found is None else world.moved(sight.time_ns, found.camera_from_world.inverse())

@@ -64,11 +64,11 @@ class Start:
         kept = {f.time_ns for f in self.frames}
         return replace(self, sights=tuple(s for s in (*self.sights, sight) if s.time_ns in kept))
 
-    def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
+    def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
         """With tracks (M,) at other coordinates (M, 2) in the frame of that time, if there is one."""
 
         def placed(frames: tuple[TrackedFrame, ...]) -> tuple[TrackedFrame, ...]:
-            return tuple(f.placed_anew(ids, x) if f.time_ns == time_ns else f for f in frames)
+            return tuple(f.with_updated_coordinates(ids, x) if f.time_ns == time_ns else f for f in frames)
 
         return replace(self, earlier=placed(self.earlier), frames=placed(self.frames))
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.estimators.modern.monocular.disagreeing import Disagreeing
 from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.outlier_tracks import OutlierTracks
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.rolling import Sight
@@ -48,14 +48,14 @@ class ModernMonocularState:
     """The first one that has the world of the last pose."""
     loops: Loops = Loops()
     """Where a way came back, and what follows for the poses; all else here is odometry without it."""
-    disagreeing: Disagreeing = Disagreeing()
+    outlier_tracks: OutlierTracks = OutlierTracks()
     """What the poses of the last images do not explain; it steers nothing."""
 
-    def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
+    def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
         """With tracks (M,) at other coordinates (M, 2) in the frame of that time, where it is kept."""
         if self.map is not None:
-            return replace(self, map=self.map.placed_anew(time_ns, ids, x))
-        return self if self.start is None else replace(self, start=self.start.placed_anew(time_ns, ids, x))
+            return replace(self, map=self.map.with_updated_coordinates(time_ns, ids, x))
+        return self if self.start is None else replace(self, start=self.start.with_updated_coordinates(time_ns, ids, x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,6 @@ class Outcome:
     missed: int = 0
     compared: NDArray[np.bool_] | None = None
     """(N,) which tracks were found by the patch of their origin; None while there is no map: then origins stay."""
-    disagreeing: Disagreeing = Disagreeing()
+    outlier_tracks: OutlierTracks = OutlierTracks()
     other_motion: Tracks | None = None
     """Of these, what one other motion explains; None where that was not looked for."""

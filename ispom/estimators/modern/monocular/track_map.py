@@ -76,7 +76,7 @@ def track_map(
     # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
     if again is None and not any(test.passed for test in tests):
         seen = found.ids, found.xyz, found.seen, found.motion
-        covariance = state.uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.unplaced)
+        covariance = state.uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
         watch.lap("locate")
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
@@ -152,8 +152,8 @@ def _without_outliers(
     status[place[found.motion.distances > MISTRACKED * setup.noise.width]] = TrackStatus.REPROJECTION
     frame = tracked_frame(setup.camera, live, found.followed, new.time_ns)
     frame = replace(frame, world_from_camera=found.motion.camera_from_world.inverse())
-    unplaced = frame.ids[world.points.places(frame.ids) < 0]
-    moving = moving_tracks(world.keys[-1], frame, unplaced, MOVING * setup.noise.width)
+    untriangulated = frame.ids[world.points.places(frame.ids) < 0]
+    moving = moving_tracks(world.keys[-1], frame, untriangulated, MOVING * setup.noise.width)
     status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
     return frame.without(moving), residual
 

@@ -128,7 +128,9 @@ def follow(
     return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds, others, bright)
 
 
-def seen_anew(camera: Camera, live: LiveTracks, followed: Followed) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
+def updated_coordinates(
+    camera: Camera, live: LiveTracks, followed: Followed
+) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
     """Where the middle row would have seen tracks of the last two images, now that their motion after it is known, too:
     time, ids (K,), and normalised coordinates (K, 2). Nothing unless the shutter rolls.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo.key_frame import Current
 from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.pair import Sighting
+from ispom.estimators.modern.stereo.pair import TrackingResult
 from ispom.estimators.modern.stereo.rolling_window import with_pair
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
@@ -26,7 +26,7 @@ def next_state(
     before: ModernStereoState,
     state: ModernStereoState,
     now: Current,
-    sighting: Sighting,
+    sighting: TrackingResult,
     is_key: bool,
 ) -> ModernStereoState:
     """`before` is as the pair was followed from, `state` has the map as it left it."""
@@ -56,7 +56,9 @@ def _with_keyframe(state: ModernStereoState, now: Current) -> KeyframeDatabase:
     return state.database.with_poses({k.time_ns: k.left_from_world for k in state.map.keys}).with_keyframe(keyframe)
 
 
-def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool) -> Array | None:
+def _covariance(
+    setup: Setup, state: ModernStereoState, now: Current, sighting: TrackingResult, is_key: bool
+) -> Array | None:
     """(6, 6) of left_from_world's left twist."""
     world = state.map
     if not is_key and sighting.located is not None and world.newest is not None:

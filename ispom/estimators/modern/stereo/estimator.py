@@ -17,11 +17,11 @@ from ispom.estimators.modern.stereo.key_frame import Current, extended, key_fram
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
 from ispom.estimators.modern.stereo.other_motion import motions
-from ispom.estimators.modern.stereo.pair import NewPair, Sighting
+from ispom.estimators.modern.stereo.pair import NewPair, TrackingResult
 from ispom.estimators.modern.stereo.relocate import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.track import sight
+from ispom.estimators.modern.stereo.track import track_and_locate
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
@@ -140,12 +140,12 @@ class ModernStereo:
     def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
         """The algorithm, as its list of steps."""
         setup = self._setup
-        before, sighting, decisions = sight(setup, state, new)
+        before, sighting, decisions = track_and_locate(setup, state, new)
         watch.lap("track")
         state = replace(state, database=before.database)
         wrong = exchanged_since(setup, new, sighting)
         if wrong is not None:
-            before, sighting, decisions = state, Sighting.nothing(), (*decisions, wrong)
+            before, sighting, decisions = state, TrackingResult.nothing(), (*decisions, wrong)
         if state.map.keys and sighting.inliers < setup.min_inliers:
             before, sighting, restart = recover(setup, before, sighting)
             decisions += restart
@@ -161,7 +161,7 @@ class ModernStereo:
         state: ModernStereoState,
         before: ModernStereoState,
         new: NewPair,
-        sighting: Sighting,
+        sighting: TrackingResult,
         decisions: tuple[Decision, ...],
         watch: Stopwatch,
     ) -> Outcome:

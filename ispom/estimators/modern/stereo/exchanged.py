@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.key_frame import corners
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.features.row_search import PointSearch
 from ispom.types import Decision, TrackStatus
@@ -34,7 +34,7 @@ def exchanged(setup: Setup, new: NewPair) -> Decision | None:
     return found if behind >= setup.min_inliers and found.failed else None
 
 
-def exchanged_since(setup: Setup, new: NewPair, sighting: Sighting) -> Decision | None:
+def exchanged_since(setup: Setup, new: NewPair, sighting: TrackingResult) -> Decision | None:
     """The same of a pair that was located: by its left image alone, so that its place is the right camera's."""
     alive = sighting.status == TrackStatus.ALIVE
     judged = alive | (sighting.status == TrackStatus.REPROJECTION)

@@ -11,7 +11,7 @@ from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.corrections import corrections
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
 from ispom.estimators.modern.stereo.rolling_window import adjusted, without_oldest
 from ispom.estimators.modern.stereo.row_motions import with_motions
@@ -62,7 +62,7 @@ class Current:
     of a rolling shutter were exposed."""
 
     @staticmethod
-    def of(state: ModernStereoState, new: NewPair, sighting: Sighting) -> Current:
+    def of(state: ModernStereoState, new: NewPair, sighting: TrackingResult) -> Current:
         """Located, or where the motion led."""
         last, located = state.last, sighting.located
         pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
@@ -122,7 +122,7 @@ def _like_most(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def extended(
-    setup: Setup, state: ModernStereoState, now: Current, fresh: PairPoints, sighting: Sighting
+    setup: Setup, state: ModernStereoState, now: Current, fresh: PairPoints, sighting: TrackingResult
 ) -> tuple[ModernStereoState, Current, tuple[Decision, ...]]:
     """The window with this pair as a key frame, adjusted; and the pair as that left it.
 
@@ -148,7 +148,7 @@ def extended(
 
 
 def _with_row_errors(
-    setup: Setup, world: StereoMap, state: ModernStereoState, now: Current, sighting: Sighting
+    setup: Setup, world: StereoMap, state: ModernStereoState, now: Current, sighting: TrackingResult
 ) -> StereoMap:
     """With what the rows of this pair say about the right camera."""
     located = sighting.located
@@ -181,5 +181,5 @@ def _adjusted(
     f = setup.camera.fx
     error = median(result.distances) * f if len(result.distances) else 0.0
     usual = 2 * setup.noise_px.sigma
-    told = checks.NOISE.of(f * world.noise.sigma(setup.noise.sigma), setup.noise_px.sigma, world.noise.told(f))
+    told = checks.NOISE.of(f * world.noise.sigma(setup.noise.sigma), setup.noise_px.sigma, world.noise.describe(f))
     return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), told, *went, *corrections(setup, world))

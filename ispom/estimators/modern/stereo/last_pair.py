@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo.pair import PairPoints
-from ispom.estimators.modern.stereo.shutter import Believed
+from ispom.estimators.modern.stereo.shutter import MotionPrior
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Image
@@ -29,7 +29,7 @@ SHAKE_RAD_S = 2 * np.pi * 2.5
 """A hand, a step or a road shakes with some 1 to 4 Hz: how fast a motion changes, for how much it may differ."""
 
 
-def unforeseen(way: Pose, baseline_m: float) -> Array:
+def motion_sigma(way: Pose, baseline_m: float) -> Array:
     """(6,) standard deviations of how a motion may differ from this expected one, and a little at rest."""
     moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(twist_of(way)[3:]))
     return np.repeat([CHANGE * moved + REST_BASELINES * baseline_m, CHANGE * turned + REST_RAD], 3)
@@ -59,11 +59,11 @@ class LastPair:
         """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
         return twist_of(self.motion) / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
-    def believed_motion(self, time_ns: int, baseline_m: float) -> Believed:
-        """How left_from_world moves at a time, if the motion goes on as it was; it may differ, as `unforeseen`."""
+    def believed_motion(self, time_ns: int, baseline_m: float) -> MotionPrior:
+        """How left_from_world moves at a time, if the motion goes on as it was; it may differ, as `motion_sigma`."""
         seconds = self.motion_s if self.motion_s > 0 else max(self._since_s(time_ns), 1e-3)
-        sigma = unforeseen(self.motion, baseline_m) / seconds
-        return Believed(steady(self.rate), np.concatenate([sigma, SHAKE_RAD_S * sigma]))
+        sigma = motion_sigma(self.motion, baseline_m) / seconds
+        return MotionPrior(steady(self.rate), np.concatenate([sigma, SHAKE_RAD_S * sigma]))
 
     def predicted(self, time_ns: int) -> Pose:
         """left_from_world if the motion goes on as it was, COASTING_S long at most."""
@@ -83,7 +83,7 @@ class LastPair:
             since_s = self._since_s(time_ns)
             moved, turned = UNKNOWN_BASELINES_S * baseline_m * since_s, UNKNOWN_RAD_S * since_s
         further = np.repeat([moved, min(turned, np.pi)], 3)
-        return known + np.diag((unforeseen(way, baseline_m) + further) ** 2)
+        return known + np.diag((motion_sigma(way, baseline_m) + further) ** 2)
 
     def _since_s(self, time_ns: int) -> float:
         return (time_ns - self.time_ns) * 1e-9

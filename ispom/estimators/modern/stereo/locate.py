@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.stereo.last_pair import LastPair, unforeseen
+from ispom.estimators.modern.stereo.last_pair import LastPair, motion_sigma
 from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Rows
@@ -81,7 +81,7 @@ def _located(
     """By what all rows of a perfect pair saw at one time."""
     xyz, prior = world.xyz[place], None
     if len(xyz) < FEW * setup.min_inliers:
-        prior = np.diag(unforeseen(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
+        prior = np.diag(motion_sigma(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
     usual = max(setup.noise.width, world.noise.sigma(setup.noise.sigma))
     policy = Policy(setup.noise.width, setup.limit, CLOSE * usual, POOR * usual)
     return locate(xyz, seen, predicted, policy, setup.baseline_m, prior)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, told
-from ispom.estimators.modern.stereo.pair import NewPair, Sighting
+from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, second_motion_decision
+from ispom.estimators.modern.stereo.pair import NewPair, TrackingResult
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.track import located_by
@@ -35,8 +35,8 @@ class OtherMotion:
 
 
 def motions(
-    setup: Setup, state: ModernStereoState, new: NewPair, sighting: Sighting
-) -> tuple[Sighting, tuple[Decision, ...], Tracks | None]:
+    setup: Setup, state: ModernStereoState, new: NewPair, sighting: TrackingResult
+) -> tuple[TrackingResult, tuple[Decision, ...], Tracks | None]:
     """The pair located by the motion that is to be followed, and what it does not explain and another one does.
 
     No Decisions where too few points are left unexplained; None where no other motion is told.
@@ -56,7 +56,7 @@ def motions(
 
 
 def _by_nearer(
-    setup: Setup, state: ModernStereoState, sighting: Sighting, other: OtherMotion
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult, other: OtherMotion
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The points that the other motion explains better than the pair's pose, and those that agree with the pose only:
     where little has moved yet, what is far off agrees with both."""
@@ -72,7 +72,7 @@ def _by_nearer(
 
 
 def other_motion(
-    setup: Setup, state: ModernStereoState, sighting: Sighting
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult
 ) -> tuple[OtherMotion | None, tuple[Decision, ...]]:
     """Whether one other motion carries those of the last pair's points that end here as no still ones, as the map had
     them, to where they are seen now. Too few are not asked."""
@@ -88,14 +88,14 @@ def other_motion(
     x = state.map.left(setup.camera).normalise(sighting.uv[ended])
     found = resect(state.map.xyz[sighting.place[ended]], x, INLIER * setup.noise.width, samples=SAMPLES)
     explained = np.zeros(len(ended), bool) if found is None else found.inliers
-    test = told(explained, count)
+    test = second_motion_decision(explained, count)
     if found is None or test.passed:
         return None, (test,)
     return OtherMotion(ended[explained], found.camera_from_world), (test,)
 
 
 def _off_their_lines(
-    setup: Setup, state: ModernStereoState, sighting: Sighting, located: PoseFit, of: NDArray[np.int64]
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult, located: PoseFit, of: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
     """Which of these points (M,) are seen beside their epipolar lines from the last pair: what is still has none of
     them there, whatever its depth. By one key frame nothing is known of what is wrong with the pair, and depths that
@@ -106,11 +106,11 @@ def _off_their_lines(
     return np.abs(sampson_distance(way, before, x)) > INLIER * setup.noise.width
 
 
-def _moving(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Moving:
+def _moving(state: ModernStereoState, sighting: TrackingResult, of: NDArray[np.int64]) -> Moving:
     return Moving(state.last.points.ids[of], sighting.uv[of], state.map.xyz[sighting.place[of]])
 
 
-def _tracks(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Tracks:
+def _tracks(state: ModernStereoState, sighting: TrackingResult, of: NDArray[np.int64]) -> Tracks:
     """As a Step shows them."""
     points = state.last.points
     disparity = sighting.disparity_px[of]

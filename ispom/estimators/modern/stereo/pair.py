@@ -74,7 +74,7 @@ class PairPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class TrackingResult:
     """Where the points of the last pair are in this one."""
 
     uv: NDArray[np.float32]
@@ -97,9 +97,9 @@ class Sighting:
     """Located by descriptors: since the last pair anything may have happened."""
 
     @staticmethod
-    def nothing() -> Sighting:
+    def nothing() -> TrackingResult:
         empty, none = np.zeros(0, np.int64), PairPoints()
-        return Sighting(
+        return TrackingResult(
             none.uv, none.disparity_px, none.slants, empty.astype(np.uint8), empty, None, empty, none.disparity_px
         )
 

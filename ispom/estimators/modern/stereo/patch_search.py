@@ -22,7 +22,7 @@ MIN_CORRELATION = 0.7
 """Normalised correlation of a patch found again with its origin; less is another thing."""
 MAX_SHIFT_PX = 1.5
 """Alignment with the origin corrects tracking by no more."""
-LED_PX = 8.0
+PREDICTION_SEARCH_PX = 8.0
 """Points are looked for no farther from where the motion leads: half-size patches are drawn in from 4 px of theirs."""
 LED_SHARE = 0.7
 """Of the points that the motion leads into sight, those found there; where it is fewer, they are tracked as well."""
@@ -65,7 +65,7 @@ def warps_from(setup: Setup, way: Pose, xy: Array, depth: Array, slants: Array) 
     return warps, bends
 
 
-def led(
+def track_from_prediction(
     setup: Setup, last: LastPair, world: StereoMap, new: NewPair, near: Array, predicted: Pose
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
     """Places (N, 2) [px] in the left image, and TrackStatus (N,), about where the motion leads the points; None where
@@ -80,7 +80,7 @@ def led(
     inside = _inside(new.left, expected)
     expected[~inside] = 0.0  # no patch is there
     coarse, score = align(last.key_half, patches.uv / 2, new.half, expected / 2, patches.warps, bends=2 * patches.bends)
-    good = (score > MIN_CORRELATION) & _within(2 * coarse, expected, LED_PX)
+    good = (score > MIN_CORRELATION) & _within(2 * coarse, expected, PREDICTION_SEARCH_PX)
     start = np.where(good[:, None], 2 * coarse, expected)
     found, score = align(last.key_left, patches.uv, new.left, start, patches.warps, bends=patches.bends)
     good = inside & (score > MIN_CORRELATION) & _within(found, start, MAX_SHIFT_PX)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo import checks
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
@@ -151,8 +151,8 @@ def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -
 
 
 def recover(
-    setup: Setup, state: ModernStereoState, sighting: Sighting
-) -> tuple[ModernStereoState, Sighting, tuple[Decision, ...]]:
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult
+) -> tuple[ModernStereoState, TrackingResult, tuple[Decision, ...]]:
     """The state with one more lost pair; after too many of them without a map, and why: a start from the prediction."""
     state = replace(state, lost_pairs=state.lost_pairs + 1)
     if state.lost_pairs <= setup.max_lost_pairs:
@@ -161,4 +161,4 @@ def recover(
     last = replace(state.last, points=PairPoints())
     state = replace(state, last=last, map=emptied(state.map), settled=settled, database=KeyframeDatabase())
     restart = checks.LOST_PAIRS.of(state.lost_pairs, setup.max_lost_pairs, "a new segment starts at the prediction")
-    return state, Sighting.nothing(), (restart,)
+    return state, TrackingResult.nothing(), (restart,)

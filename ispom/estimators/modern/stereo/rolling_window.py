@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.modern.stereo import window
-from ispom.estimators.modern.stereo.believed_motions import believed_motions
+from ispom.estimators.modern.stereo.motion_priors import motion_priors
 from ispom.estimators.modern.stereo.row_motions import Joint
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, parted, variance_factor
@@ -49,7 +49,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
     if not setup.shutter.rolls:
         return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.noise.width)
     past, rest = parted(world)
-    believed = believed_motions(world.keys, setup.baseline_m)
+    believed = motion_priors(world.keys, setup.baseline_m)
     hessian, right = Joint.of(setup, replace(world, keys=past), believed).without_motions(first_poses=1)
     poses = [k.left_from_world for k in past[1:]]
     rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
@@ -58,7 +58,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
 
 def _covariance(setup: Setup, world: StereoMap) -> Array:
     """See `StereoMap.covariance`."""
-    hessian, _ = Joint.of(setup, world, believed_motions(world.keys, setup.baseline_m)).without_motions()
+    hessian, _ = Joint.of(setup, world, motion_priors(world.keys, setup.baseline_m)).without_motions()
     free = np.append(np.ones(len(hessian) - PAIR, bool), setup.extra_sigma > 0)
     inside, found = np.ix_(free, free), np.zeros_like(hessian)
     scale = 1 / np.sqrt(hessian.diagonal()[free])

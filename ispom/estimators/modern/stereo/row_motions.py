@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.stereo.believed_motions import believed_motions
+from ispom.estimators.modern.stereo.motion_priors import motion_priors
 from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shutter import Believed, pair_reprojected
+from ispom.estimators.modern.stereo.shutter import MotionPrior, pair_reprojected
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.numerics.levenberg_marquardt import minimise
@@ -38,7 +38,7 @@ def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
     """The map with better motions of its key frames. Nothing changes with a global shutter, or a single key frame."""
     if len(world.keys) < 2 or not setup.shutter.rolls:
         return world
-    believed = believed_motions(world.keys, setup.baseline_m)
+    believed = motion_priors(world.keys, setup.baseline_m)
     return minimise(
         world,
         lambda values: _cost(setup, values, believed),
@@ -48,7 +48,7 @@ def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
     ).values
 
 
-def _cost(setup: Setup, world: StereoMap, believed: list[Believed]) -> float:
+def _cost(setup: Setup, world: StereoMap, believed: list[MotionPrior]) -> float:
     """That of which `Joint` has the derivatives; observations beyond the limit cost as much as those at it."""
     places, count = _places(world)
     total, variance = 0.0, variance_factor(world, setup.noise)
@@ -139,7 +139,7 @@ class Joint:
     """(U, 3, D) what they share with the others."""
 
     @staticmethod
-    def of(setup: Setup, world: StereoMap, believed: list[Believed], damping: float = 0.0) -> Joint:
+    def of(setup: Setup, world: StereoMap, believed: list[MotionPrior], damping: float = 0.0) -> Joint:
         """`believed` of each key frame; `damping` raises the points' diagonal entries. Of points that one key frame
         sees, nothing."""
         places, count = _places(world)
@@ -182,7 +182,7 @@ class Joint:
         return back[:, None] * (rest + rest.T) / 2 * back, g[pose] - back * (gain @ (scale * g)[~pose])
 
 
-def _stepped(setup: Setup, world: StereoMap, believed: list[Believed], damping: float) -> StereoMap:
+def _stepped(setup: Setup, world: StereoMap, believed: list[MotionPrior], damping: float) -> StereoMap:
     """One damped step; corrections of the pair that are held are no unknowns of it."""
     joint = Joint.of(setup, world, believed, damping)
     free = np.append(np.ones(len(joint.right) - PAIR, bool), setup.extra_sigma > 0)
@@ -197,7 +197,7 @@ def _stepped(setup: Setup, world: StereoMap, believed: list[Believed], damping: 
     return replace(world, keys=keys, xyz=xyz, extra=world.extra + step[-PAIR:])
 
 
-def _add_known(setup: Setup, world: StereoMap, believed: list[Believed], hessian: Array, right: Array) -> None:
+def _add_known(setup: Setup, world: StereoMap, believed: list[MotionPrior], hessian: Array, right: Array) -> None:
     """Adds what is known of the motions, and what has left the window says of poses and pair."""
     variance = variance_factor(world, setup.noise)  # of the tracks, which count as off by the loss's scale here
     for c, (key, known) in enumerate(zip(world.keys, believed, strict=True)):

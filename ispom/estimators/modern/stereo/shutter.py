@@ -78,7 +78,7 @@ class Shutter:
 
 
 @dataclass(frozen=True, eq=False)
-class Believed:
+class MotionPrior:
     """What is known about how left_from_world moves while rows are exposed, before they are looked at."""
 
     motion: Array
@@ -100,7 +100,7 @@ class Rows:
     sigma: float
     """Standard deviation of what was seen, normalised."""
 
-    def refined(self, believed: Believed, motion: Array, middle: Array, fit: PoseFit) -> tuple[Array, PoseFit]:
+    def refined(self, believed: MotionPrior, motion: Array, middle: Array, fit: PoseFit) -> tuple[Array, PoseFit]:
         """The motion (12,) that, with a change of the pose, explains what the fit leaves of the errors, if by `motion`
         the middle row saw the points at (N, 3), `middle`; and the fit, as much less sure as the motion is unknown."""
         near = fit.camera_from_world.apply(self.xyz)

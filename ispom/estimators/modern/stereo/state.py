@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.pair import Sighting
+from ispom.estimators.modern.stereo.pair import TrackingResult
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
@@ -63,7 +63,7 @@ class Outcome:
 
     after: ModernStereoState
     status: Status
-    sighting: Sighting
+    sighting: TrackingResult
     decisions: tuple[Decision, ...]
     before: ModernStereoState | None = None
     """Whose points were followed; None where the pair has no pose."""

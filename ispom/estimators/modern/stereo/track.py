@@ -11,8 +11,8 @@ from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.locate import located
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
-from ispom.estimators.modern.stereo.patch_search import led, realigned
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
+from ispom.estimators.modern.stereo.patch_search import realigned, track_from_prediction
 from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognised
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
@@ -35,22 +35,22 @@ UNGUIDED, GUIDED = Klt(levels=5), Klt(levels=2, max_forward_backward_px=np.inf)
 """Guided is from a good guess and one way only: the key frame's patch then checks what was found."""
 
 
-def sight(
+def track_and_locate(
     setup: Setup, state: ModernStereoState, new: NewPair
-) -> tuple[ModernStereoState, Sighting, tuple[Decision, ...]]:
+) -> tuple[ModernStereoState, TrackingResult, tuple[Decision, ...]]:
     """The points of the last pair in this one, and the pose: guided by the motion so far, around, or by descriptors.
 
     By descriptors the state changes: its window then holds what a key frame and this pair have in common.
     """
     last, world = state.last, state.map
     predicted = last.predicted(new.time_ns)
-    sighting, as_led = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
+    sighting, as_predicted = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
     if last.left is None:
         return state, sighting, ()
     if setup.shutter.rolls and last.motion_s <= 0 and sighting.located is not None:
         state, sighting = _begun(setup, state, sighting, new)
         last, world = state.last, state.map
-    if setup.shutter.rolls or not as_led:
+    if setup.shutter.rolls or not as_predicted:
         sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
     wanted = max(setup.min_inliers, int(np.ceil(ENOUGH_SHARE * len(last.points))))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
@@ -69,7 +69,7 @@ def sight(
         # After a loss, few points may agree about another window of the same facade, and nothing tells them apart.
         needed = wanted if state.lost_pairs else setup.min_inliers
         nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, needed, why)
-        return state, sighting if nothing.passed else Sighting.nothing(), (guided, nearby, nothing)
+        return state, sighting if nothing.passed else TrackingResult.nothing(), (guided, nearby, nothing)
     state, found = recognised(setup, state, new)
     if found is not None:
         joint = joined(setup, state, found)
@@ -80,8 +80,8 @@ def sight(
 
 
 def located_by(
-    setup: Setup, state: ModernStereoState, new: NewPair, seen: Sighting, pose: Pose, of: NDArray[np.int64]
-) -> Sighting:
+    setup: Setup, state: ModernStereoState, new: NewPair, seen: TrackingResult, pose: Pose, of: NDArray[np.int64]
+) -> TrackingResult:
     """The pair located by some of its points alone (M,), near `pose`; the others end as none that stand still."""
     status = seen.status.copy()
     status[seen.took_part] = TrackStatus.REPROJECTION
@@ -90,8 +90,8 @@ def located_by(
 
 
 def _begun(
-    setup: Setup, state: ModernStereoState, sighting: Sighting, new: NewPair
-) -> tuple[ModernStereoState, Sighting]:
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult, new: NewPair
+) -> tuple[ModernStereoState, TrackingResult]:
     """The second pair tells how the first one moved while its rows were exposed: the state with its points where they
     were with its middle row, and the pair located by these."""
     assert sighting.located is not None
@@ -106,12 +106,12 @@ def _begun(
     return replace(state, map=world), again
 
 
-def _better(first: Sighting, second: Sighting) -> Sighting:
+def _better(first: TrackingResult, second: TrackingResult) -> TrackingResult:
     """The one with more inliers; of equal ones the first."""
     return second if second.inliers > first.inliers else first
 
 
-def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: NewPair) -> Sighting:
+def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: NewPair) -> TrackingResult:
     """What a key frame and the pair have in common located by both images; then the points tracked before as well,
     where that pose puts them."""
     last, world, count = state.last, state.map, len(state.last.points) - len(found.points)
@@ -130,13 +130,15 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
     return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
 
 
-def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> Sighting:
+def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> TrackingResult:
     """Tracked around where the points were; then all of them looked for where that pose puts them."""
     first, _ = _follow(setup, last, world, new, predicted, guided=False)
     return _better(first, _where_located(setup, last, world, new, first))
 
 
-def _where_located(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, first: Sighting) -> Sighting:
+def _where_located(
+    setup: Setup, last: LastPair, world: StereoMap, new: NewPair, first: TrackingResult
+) -> TrackingResult:
     """All points looked for where the pose, and the motion while rows were exposed, put them.
 
     What was found before was compared with patches as a prediction that was wrong warps them: it is found a little
@@ -162,19 +164,19 @@ def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.
 
 def _follow(
     setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool
-) -> tuple[Sighting, bool]:
+) -> tuple[TrackingResult, bool]:
     """Found in the left image, where `predicted` puts the points or around where they were; then in the right one. And
     whether they were found where `predicted` led."""
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
-        return Sighting.nothing(), False
+        return TrackingResult.nothing(), False
     near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), steady(last.rate))
-    found = led(setup, last, world, new, near, predicted) if guided else None
-    as_led = found is not None
+    found = track_from_prediction(setup, last, world, new, near, predicted) if guided else None
+    as_predicted = found is not None
     if found is None:
         uv, status = _tracked(setup, last, world, new.left, near if guided else None)
         found = realigned(setup, last, world, new.left, uv, status, near, predicted)
-    return _sighted(setup, last, world, new, predicted, *found, guided), as_led
+    return _sighted(setup, last, world, new, predicted, *found, guided), as_predicted
 
 
 def _sighted(
@@ -187,7 +189,7 @@ def _sighted(
     status: NDArray[np.uint8],
     guided: bool = False,
     motion: Array | None = None,
-) -> Sighting:
+) -> TrackingResult:
     """The pair located by the points alive at `uv` (N, 2) [px] in its left image, once found in the right one."""
     points, place = last.points, world.places(last.points.ids)
     near = predicted.apply(world.xyz[place])
@@ -201,7 +203,9 @@ def _sighted(
     found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns, motion)
     if found is not None:
         status[alive[~found.inliers]] = TrackStatus.REPROJECTION
-    return Sighting(uv, disparity, slants, status, place, found, alive, matches.lower_px / setup.camera.fy, motion)
+    return TrackingResult(
+        uv, disparity, slants, status, place, found, alive, matches.lower_px / setup.camera.fy, motion
+    )
 
 
 def _tracked(

@@ -25,7 +25,7 @@ BACK_PX = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Disagreeing:
+class OutlierTracks:
     """Tracks that ended as no images of a still point, at most as many as are tracked in all."""
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -49,31 +49,31 @@ class Disagreeing:
         """In the next image, each where its last motion leads: no map says where it should be."""
         return Moved(self.uv, self.uv + self.flow)
 
-    def followed(self, before: Image, now: Image, found: Moved) -> Disagreeing:
+    def followed(self, before: Image, now: Image, found: Moved) -> OutlierTracks:
         """Those found in the next image that lead back to where they were; none in one of another size."""
         if not len(self.ids) or len(found.status) != len(self.ids):
-            return Disagreeing()
+            return OutlierTracks()
         kept = np.flatnonzero((found.status == TrackStatus.ALIVE) & (self.age < LONGEST))
         still = np.broadcast_to(np.eye(2), (len(kept), 2, 2))
         back, score = align(now, found.now[kept], before, self.uv[kept], still)
         kept = kept[(score > 0) & (lengths(back - self.uv[kept]) < BACK_PX)]
         uv = found.now[kept]
-        return Disagreeing(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
+        return OutlierTracks(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
 
-    def joined(self, live: LiveTracks, followed: Followed, most: int) -> Disagreeing:
+    def joined(self, live: LiveTracks, followed: Followed, most: int) -> OutlierTracks:
         """With the tracks that end now; none where there are too few, the newest where there are too many."""
         ended = (followed.status == TrackStatus.EPIPOLAR) | (followed.status == TrackStatus.REPROJECTION)
         ended &= places(self.ids, live.ids) < 0
         ids = np.concatenate([self.ids, live.ids[ended]])
         if len(ids) < ENOUGH:
-            return Disagreeing()
+            return OutlierTracks()
         order = np.argsort(ids)[-most:]
         uv = np.concatenate([self.uv, followed.uv[ended]])
         flow = np.concatenate([self.flow, (followed.uv - live.uv)[ended]])
         age = np.concatenate([self.age, np.zeros(int(ended.sum()), np.int64)])
-        return Disagreeing(ids[order], uv[order], flow[order], age[order], self.rest)
+        return OutlierTracks(ids[order], uv[order], flow[order], age[order], self.rest)
 
-    def explained(self, ids: NDArray[np.int64]) -> Disagreeing:
+    def explained(self, ids: NDArray[np.int64]) -> OutlierTracks:
         """Some of them (M,) are followed on for as long again."""
         if not len(ids):
             return self

@@ -9,7 +9,7 @@ from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import Table
 
 
-def anew(state: ModernIntegratedState, time_ns: int) -> ModernIntegratedState:
+def start_new_segment(state: ModernIntegratedState, time_ns: int) -> ModernIntegratedState:
     """The state before a pair at that time that begins a segment: what is known of rig and lens stays, poses and points
     do not; of the views that leave, those that were located in metres keep their poses."""
     window = state.window

@@ -7,19 +7,19 @@ from itertools import pairwise
 import numpy as np
 
 from ispom.estimators.modern.rolling import steady
-from ispom.estimators.modern.stereo.last_pair import SHAKE_RAD_S, unforeseen
-from ispom.estimators.modern.stereo.shutter import Believed
+from ispom.estimators.modern.stereo.last_pair import SHAKE_RAD_S, motion_sigma
+from ispom.estimators.modern.stereo.shutter import MotionPrior
 from ispom.estimators.modern.stereo.window import KeyFrame
 from ispom.geometry import Array
 from ispom.numerics.twist import twist_of
 
 
-def believed_motions(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[Believed]:
+def motion_priors(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[MotionPrior]:
     """How each key frame moves, by where those beside it are."""
     ways = [b.left_from_world @ a.left_from_world.inverse() for a, b in pairwise(keys)]
     seconds = np.array([b.time_ns - a.time_ns for a, b in pairwise(keys)]) * 1e-9
     rates = np.array([twist_of(way) for way in ways]) / seconds[:, None]
-    foreseen = np.array([unforeseen(way, baseline_m) for way in ways]) / seconds[:, None]
+    foreseen = np.array([motion_sigma(way, baseline_m) for way in ways]) / seconds[:, None]
     shaken = SHAKE_RAD_S * _shaken(rates, seconds, foreseen.mean(axis=0) / SHAKE_RAD_S)
     sigma = np.concatenate([shaken, SHAKE_RAD_S * shaken])
     # The nearer in time a neighbour is, the more it says of the motion here.
@@ -28,7 +28,7 @@ def believed_motions(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[Beli
     change = (rates[1:] - rates[:-1]) / (0.5 * (seconds[:-1] + seconds[1:]))[:, None]
     inner = np.concatenate([between, change], axis=1)
     every = [steady(rates[0]), *inner, steady(rates[-1])]
-    return [Believed(motion, sigma) for motion in every]
+    return [MotionPrior(motion, sigma) for motion in every]
 
 
 def _shaken(rates: Array, seconds: Array, usual: Array) -> Array:

@@ -43,7 +43,7 @@ place as far as neighbours share it: six unknowns of a right pose exceed it once
 
 
 @dataclass(frozen=True, eq=False)
-class Unplaced:
+class UntriangulatedTracks:
     """Tracks without a point, and the key frame that saw them before."""
 
     rays: Rays
@@ -61,7 +61,7 @@ class Unplaced:
         return held, (errors[:, None] @ weighted)[:, 0]
 
 
-def with_unplaced(
+def with_untriangulated(
     setup: Setup,
     live: LiveTracks,
     world: Map,
@@ -70,7 +70,7 @@ def with_unplaced(
     motion: PoseFit,
     points: tuple[Array, Array],
     world_from_guess: Pose,
-) -> tuple[PoseFit, Unplaced | None]:
+) -> tuple[PoseFit, UntriangulatedTracks | None]:
     """The pose by tracks without a point, too, and those by which it is, where they are more than the points that agree
     with it; as it was where they disagree.
 
@@ -81,23 +81,23 @@ def with_unplaced(
     alone = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
     if len(alone) <= motion.inliers.sum():
         return motion, None
-    unplaced = _unplaced(setup, live, world, followed, alone, points[0][motion.inliers])
-    if unplaced is None:
+    untriangulated = _untriangulated(setup, live, world, followed, alone, points[0][motion.inliers])
+    if untriangulated is None:
         return motion, None
     scale, limit, pose = WIDTH * setup.noise.width, INLIER * setup.noise.width, motion.camera_from_world
     starts = (pose, world_from_guess.inverse())
-    fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
-    found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, unplaced, scale), default=None)
+    fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=untriangulated.rays) for s in starts]
+    found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, untriangulated, scale), default=None)
     most = MOST_COST * world.noise.variance(setup.noise.sigma)
     if found is None or _cost(found, scale) - _cost(motion, scale) > most:
         return motion, None
-    before, after = (_agreeing(setup, unplaced.rays, pose).mean() for pose in (pose, found.camera_from_world))
-    return (found, unplaced) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
+    before, after = (_agreeing(setup, untriangulated.rays, pose).mean() for pose in (pose, found.camera_from_world))
+    return (found, untriangulated) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
 
 
-def _unplaced(
+def _untriangulated(
     setup: Setup, live: LiveTracks, world: Map, followed: Followed, alone: NDArray[np.int64], points: Array
-) -> Unplaced | None:
+) -> UntriangulatedTracks | None:
     """Those of the tracks `alone` (K,) that agreed with their lines in the last image, from the last key frame before
     it: what moves by itself, as clouds do, mostly did so then. `points` (N, 3) of the map that are seen."""
     keys, before = [k for k in world.keys if k.time_ns < live.time_ns], world.pose_at(live.time_ns)
@@ -118,7 +118,7 @@ def _unplaced(
     good = _agreeing(setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
     if good.mean() < LEAST_SHARE:
         return None
-    return Unplaced(Rays.of(world_from_key, first[good], nearest, now[good]), key.time_ns, world_from_key)
+    return UntriangulatedTracks(Rays.of(world_from_key, first[good], nearest, now[good]), key.time_ns, world_from_key)
 
 
 def _cost(found: PoseFit, scale: float) -> float:
@@ -126,9 +126,9 @@ def _cost(found: PoseFit, scale: float) -> float:
     return 2 * scale**2 * cauchy_cost(found.distances**2, scale)
 
 
-def _joint_cost(found: PoseFit, unplaced: Unplaced, scale: float) -> float:
+def _joint_cost(found: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
     """With what is added by the tracks without a point, whose errors are of two images."""
-    errors, _ = unplaced.rays.errors(found.camera_from_world)
+    errors, _ = untriangulated.rays.errors(found.camera_from_world)
     beside = np.minimum((errors**2).sum(axis=1), BEHIND**2)
     return _cost(found, scale) + 2 * scale**2 * cauchy_cost(beside, np.sqrt(2) * scale)
 

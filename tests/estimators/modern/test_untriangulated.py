@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular import unplaced
+from ispom.estimators.modern.monocular import untriangulated
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.localise import Localisation, located_by
@@ -85,9 +85,9 @@ def test_tracks_without_a_point_tell_how_the_camera_turned() -> None:
 
 
 def test_points_that_are_more_or_that_are_right_need_no_help() -> None:
-    assert all(located(seed, POINTS, 0.5).unplaced is None for seed in range(10))
-    assert any(located(seed, TRACKS, 0.5).unplaced is not None for seed in range(10))
-    assert all(located(seed, TRACKS, 0.02).unplaced is None for seed in range(10))
+    assert all(located(seed, POINTS, 0.5).untriangulated is None for seed in range(10))
+    assert any(located(seed, TRACKS, 0.5).untriangulated is not None for seed in range(10))
+    assert all(located(seed, TRACKS, 0.02).untriangulated is None for seed in range(10))
 
 
 ASIDE = Pose.from_rotvec(np.array([0.0, -0.14, 0.0]), np.array([1.0, 0.0, 0.0]))
@@ -124,7 +124,7 @@ def test_what_moves_by_itself_as_clouds_do_has_no_part(drift_m: float) -> None:
 @pytest.mark.parametrize("unsure_rad", [0.0, 1e-3])
 def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of tracks, and of the key frame from which the others are seen; also where these are not needed."""
-    monkeypatch.setattr(unplaced, "LEAST_GAIN", -1.0)
+    monkeypatch.setattr(untriangulated, "LEAST_GAIN", -1.0)
     nees, held = [], np.zeros((POSE + LENS, POSE + LENS))
     held[:POSE, :POSE] = np.diag([0.0, 0.0, 0.0, unsure_rad, unsure_rad, unsure_rad])
     root = Spread(held, np.zeros((POINTS, POSE + LENS)), 1.0)
@@ -132,11 +132,11 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
     for seed in range(40):
         twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())
-        assert found.motion is not None and found.unplaced is not None
+        assert found.motion is not None and found.untriangulated is not None
         args = found.ids, found.xyz, found.seen, found.motion
-        covariance = known.of_pose(*args, WIDTH * SETUP.noise.width, found.unplaced)
+        covariance = known.of_pose(*args, WIDTH * SETUP.noise.width, found.untriangulated)
         nees.append(off(found) @ np.linalg.solve(covariance, off(found)))
-        alone = known.of_pose(*args, WIDTH * SETUP.noise.width, replace(found.unplaced, key_ns=5))
+        alone = known.of_pose(*args, WIDTH * SETUP.noise.width, replace(found.untriangulated, key_ns=5))
         assert unsure_rad == 0 or np.trace(alone[3:, 3:]) < np.trace(covariance[3:, 3:])
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high
