@@ -1,8 +1,8 @@
-"""When a second rigid motion is told of, beside that of the camera before a scene that stands still; and which of the
-two is followed.
+"""Detects a second rigid motion besides that of the camera relative to the static scene, and chooses which one to
+follow.
 
-Images alone do not say which of two things stands still. What is known of both since the same time does: a thing that
-moves by itself is mostly small beside what it moves before, and the one that was there before the other is believed.
+Images do not show which of two rigid bodies is static, but the history of both gives hints: a moving object is mostly
+small relative to the background, and the motion that was there first is taken as the scene.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from ispom.geometry import Array
 from ispom.types import Check, Decision
 
 Follow = Literal["static", "largest"]
-"""Of two rigid motions: that of what stands still, as far as can be told; or of what fills more of the image."""
+"""Which of two rigid motions to follow: that of the static scene, as far as it is known, or the one that covers more of
+the image."""
 
 LEAST = 20
-"""Points that one other motion has to explain: of fewer none is told."""
+"""Least number of points that a second motion must explain to be reported."""
 MOST_OF = 0.5
-"""Share of those left unexplained that it has to explain: an essential matrix explains a third of any 30 points, and of
-fewer up to 60 %."""
+"""Share of the outliers that a second motion must explain: an essential matrix explains a third of any 30 points, and
+up to 60 % of fewer."""
 MARKED = 0.1
-"""Share of all points from which a second motion is a thing of its own and no few tracks gone astray: with 200 points
-the least that is told of at all."""
+"""Share of all points from which a second motion counts as an object rather than a few wrong tracks: with 200 points,
+the least number that is reported at all."""
 SECOND_MOTION = Check(
     "second_motion",
     "share of points that a second rigid motion explains",
@@ -41,7 +42,8 @@ SECOND_MOTION = Check(
 
 
 def second_motion_decision(explained: NDArray[np.bool_], count: int) -> Decision:
-    """Of `count` points in all, those (N,) that one motion leaves unexplained, and another one explains or not."""
+    """Returns the check of a second motion; `explained` (N,) marks which outliers it explains, of `count` points in
+    all."""
     also = int(explained.sum())
     share = also / count if also >= max(LEAST, MOST_OF * len(explained)) else 0.0
     tracks = f"{also} of {count} tracks move with it" if share else ""
@@ -49,12 +51,12 @@ def second_motion_decision(explained: NDArray[np.bool_], count: int) -> Decision
 
 
 CLEARLY = 1.5
-"""Times the room of what is followed, from which another motion's is that of what stands still."""
+"""Ratio of the extents of both motions' points from which the other motion, if it is larger, is the static scene."""
 AS_OLD = 0.25
-"""Share of its points as old as half of the other's, from which a motion did not come later: where both were there
-together it is a half."""
+"""Share of a motion's points that must be as old as the older half of the other's; below it the motion is newer. The
+share is a half where both began together."""
 CELLS = 8, 6
-"""Of the image, across and down, by which areas are told: a cell counts once, however many corners it has."""
+"""Cells of the image, across and down, by which areas are measured: a cell counts once, however many corners it has."""
 WIDER = Check(
     "other_wider",
     "extent of the other motion's points / of those followed",
@@ -77,41 +79,42 @@ LARGER = Check(
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """Points that one rigid motion explains."""
+    """Points that follow one rigid motion."""
 
     ids: NDArray[np.int64]
-    """(N,) of the tracks: later ones are larger."""
+    """(N,) ids of the tracks: later tracks have larger ids."""
     uv: NDArray[np.float32]
-    """(N, 2) [px] in the image."""
+    """(N, 2) [px] positions in the image."""
     xyz: Array
-    """(N, 3) in the world, before the two motions were told apart; NaN where they have no place."""
+    """(N, 3) positions in the world before the two motions were separated; NaN where untriangulated."""
 
     @property
     def room(self) -> float:
-        """Diagonal of the box that has all but a tenth of its points on either side of each axis."""
+        """Extent of the points: the diagonal of the box between the 10th and 90th percentile along each axis."""
         known = self.xyz[np.isfinite(self.xyz[:, 0])]
         return float(np.linalg.norm(np.ptp(np.percentile(known, (10, 90), axis=0), axis=0))) if len(known) else 0.0
 
     def came_after(self, other: Moving) -> bool:
-        """Whether hardly any of its points is as old as half of the other's."""
+        """Checks whether hardly any of its points is as old as the older half of the other's."""
         return bool(np.mean(self.ids <= np.median(other.ids)) < AS_OLD)
 
     def area(self, size: tuple[int, int]) -> int:
-        """Cells of an image of that size (width, height) that have one of its points."""
+        """Returns the number of image cells that contain one of its points; `size` (width, height) of the image in
+        pixels."""
         cells = np.clip((self.uv / size * CELLS).astype(np.int64), 0, np.array(CELLS) - 1)
         return len(np.unique(cells[:, 0] * CELLS[1] + cells[:, 1]))
 
 
 MORE = 1.0
-"""Times the area of what is followed, from which another motion has more: its tracks end in each image, and fewer show
-it than were there."""
+"""Ratio of the image areas of the other motion and the followed one, above which the other one covers more. It is not
+higher, as the other motion loses tracks in each image, and fewer show it than exist."""
 
 
 def preferred(follow: Follow, other: Moving, own: Moving, size: tuple[int, int]) -> Decision:
-    """Whether to follow the other motion instead of the one that was followed; `size` of the image (width, height).
+    """Decides whether to switch to the other motion; `size` (width, height) of the image in pixels.
 
-    What stands still was there before what only passes, however much of the image that fills. Of what was there
-    together, it is what spans more room.
+    For "static", the older motion is the scene, however much of the image the newer one covers. Of two motions that
+    began together, the one whose points have the larger extent is the scene.
     """
     if follow == "largest":
         return LARGER.of(other.area(size) / max(own.area(size), 1), MORE)

@@ -1,25 +1,25 @@
-"""How far off the tracks of one camera are, found from what they leave in each adjusted window.
+"""Estimates the noise of one camera's tracks from the residuals of each optimised window.
 
-A track is found again by a patch that is itself one of an earlier image: from key frame to key frame its errors add
-up. Against the truth of simulations they are nearly a random walk: from pair to pair its steps are 0.07-0.1 px, between
-key frames of the video (in images of half size) 0.1-0.15 px, and after five of them it is 0.15-0.25 px off. Not quite,
-though: about half of a step's variance is new in each image, and much of the rest goes on, as a patch that slides over
-its surface slides further. Steps from pair to pair correlate by -0.1 to 0.2 with the next one, as new errors take back
-what goes on, by 0.1-0.3 with the second, and by 0.05-0.2 with the fifth (those below 0.2 px, in sim:tiny, sim:city and
-indoors). And of the error of a disparity a third to a half stays outdoors, and eight tenths indoors.
+A track is found by a patch of an earlier image, so its errors accumulate from keyframe to keyframe. In simulations they
+are nearly a random walk: the step is 0.07-0.1 px between stereo pairs, 0.1-0.15 px between keyframes of the video (in
+images of half size), and the error after five keyframes is 0.15-0.25 px. About half of a step's variance is independent
+in each image, and much of the rest continues, as a patch that slides over its surface slides further. Steps between
+pairs correlate by -0.1 to 0.2 with the next step, as independent errors reverse the steps, by 0.1-0.3 with the second,
+and by 0.05-0.2 with the fifth (errors below 0.2 px, in sim:tiny, sim:city and indoors). A third to a half of a
+disparity's error persists outdoors, and eight tenths indoors.
 
-An adjustment takes the errors of a track's views to be independent. What it leaves does not say what it needs then: the
-point follows the walk, and the rest is a third of it (0.06 and 0.08 px); but the ends of a track, which carry the pose
-from one key frame to a later one, are as far apart as all steps between them. Hence `sigma`: the independent error that
-puts the ends of a track as far apart as they are. A constant is right for one length of tracks, one interval between
-key frames and one texture; so 0.17 px stood for pairs, and 0.34 px for the video's wider intervals and longer tracks.
-In the integration, where a track has a view in each video frame, 0.13 px (and 0.26 px for pairs) only say how much the
-cameras count beside each other.
+The optimisation assumes independent errors of a track's observations. Their residuals do not show the noise that it
+needs: the landmark follows the random walk, so residuals are a third of it (0.06 and 0.08 px), while the ends of a
+track, which connect the poses of distant keyframes, differ by the sum of all steps. Hence `sigma` is the independent
+noise that gives the ends of a track the same difference. A constant fits only one track length, one keyframe interval
+and one texture; the defaults are 0.17 px for pairs, and 0.34 px for the longer intervals and tracks of the video. In
+the integrated method, where a track has an observation in each video frame, 0.13 px (and 0.26 px for pairs) only weight
+the cameras relative to each other.
 
-From the residuals r of a track with n views, r = P e with P what the point leaves of errors e (its null projector; the
-poses, held by hundreds of tracks, take next to nothing). With E[e e'] = new^2 I + step^2 min(i, j) the expectations of
-r' r and of the squares of its increments are known: two equations for `new` and `step`; a pair's right errors give the
-third for the error of the disparity.
+The residuals r of a track with n observations are r = P e, where P is the null projector of the landmark and e are the
+errors; poses, constrained by hundreds of tracks, absorb almost nothing. With E[e e'] = new^2 I + step^2 min(i, j), the
+expectations of r' r and of its squared increments give two equations for `new` and `step`; the right residuals of a
+pair give the third one, for the disparity.
 """
 
 from __future__ import annotations
@@ -39,43 +39,45 @@ from ispom.solvers.window.leftovers import leftovers
 from ispom.types import Check, ImageNoise
 
 MEMORY = 2
-"""Adjustments until what one said counts a quarter. Hundreds of tracks tell it at once, and windows overlap; a longer
-memory is behind where the key frames move apart, as they do after a start."""
+"""Memory, in windows: the sums decay by 1 - 1/MEMORY per window, so that two windows later an estimate counts a
+quarter. Hundreds of tracks contribute at once, and windows overlap; a longer memory lags where the keyframe interval
+grows, as it does after initialisation."""
 BELIEVED = 20.0
-"""Tracks that the setting counts as much as."""
+"""Weight of the setting as a prior, in tracks."""
 LEAST_VIEWS = 3
-"""Of a track that says something: with two, a point follows all but one of their errors. Of two pairs it follows three
-of six, and in a first window there is no longer track."""
+"""Least number of observations of a track that is used: with two, the landmark follows all but one of their errors. For
+two stereo pairs it follows three of six, and the first window has no longer tracks."""
 GRID = 8, 6
-"""Cells of the image, across and down: each is wider than a patch, and has some ten tracks."""
+"""Cells of the image, across and down: each is wider than a patch and contains about ten tracks."""
 QUANTILES = 64
-"""By which means over normal errors are taken."""
+"""Number of quantiles by which expectations over normal errors are computed."""
 GROSS = 10.0
-"""Tracks with an error of so many scales of the loss are no images of one point."""
+"""Loss widths beyond which an error makes the whole track an outlier."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackNoise:
-    """What windows of one camera, or of one pair, said so far. All in normalised units."""
+    """Statistics of the residuals of one camera's windows, or of a stereo pair's. All are in normalised units."""
 
     expected: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    """Sums over tracks of what an error of one makes of the squares of residuals (x and y), of their increments, and of
-    the right residuals; by new errors, steps, and errors of the disparity."""
+    """Coefficients (3, 3), summed over tracks. Rows: squared residuals (x and y), squared increments, squared right
+    residuals. Columns: variances of independent errors, of steps, and of the disparity."""
     found: Array = field(default_factory=lambda: np.zeros(3))
-    """What they are."""
+    """(3,) measured values of the rows."""
     weight: float = 0.0
-    """Of the tracks."""
+    """Weight of the tracks."""
     lengths: Array = field(default_factory=lambda: np.zeros(2))
-    """Sums of the views of a track, and of their squares: of those that a window's oldest view sees; others go on."""
+    """Sums of track lengths, in observations, and of their squares, over the tracks in a window's oldest frame; other
+    tracks may continue."""
     spread: float = 0.0
-    """Median distance of the last window's points from where they were seen, in scales of its loss."""
+    """Median residual of the last window, in loss widths."""
     cells: Array = field(default_factory=lambda: np.zeros(2))
-    """Sums of squares of errors as they pull at poses: of the sum in each cell of the image, and of each alone."""
+    """Sums of squared scores of poses: of the sum in each image cell, and of each observation."""
     images: int = 1
-    """Of which an observation has coordinates."""
+    """Images per observation: 2 for a stereo pair."""
 
     def after(self, done: Adjusted, scale: float) -> TrackNoise:
-        """With what one more adjusted window says; `scale` that of its loss."""
+        """Adds the statistics of another optimised window; `scale` is the width of its loss."""
         kept, new = 1 - 1 / MEMORY, _said_by(done, scale)
         return TrackNoise(
             kept * self.expected + new.expected,
@@ -89,7 +91,7 @@ class TrackNoise:
 
     @cached_property
     def variances(self) -> Array:
-        """(3,) of new errors, of steps, and of the disparity; what would be less than nothing is left out."""
+        """(3,) variances of independent errors, of steps, and of the disparity. Negative solutions are set to 0."""
         out, causes = np.zeros(3), np.flatnonzero(self.expected.any(axis=0))
         while len(causes):
             found = np.linalg.lstsq(self.expected[:, causes], self.found, rcond=None)[0]
@@ -101,19 +103,19 @@ class TrackNoise:
 
     @property
     def views(self) -> float:
-        """Of the track that a typical observation is one of."""
+        """Mean length, in observations, of the track to which a random observation belongs."""
         return float(self.lengths[1] / self.lengths[0]) if self.lengths[0] > 0 else 0.0
 
     def sigma(self, setting: float) -> float:
-        """Independent error of each view that puts the ends of a track as far apart; `setting` is what is believed
-        before."""
+        """Returns the independent noise (1 sigma) that gives the ends of a track the same difference; `setting` is the
+        prior."""
         new, step, _ = self.variances
         found = new + step * max(self.views - 1, 0.0) / 2
         return float(np.sqrt((BELIEVED * setting**2 + self.weight * found) / (BELIEVED + self.weight)))
 
     def variance(self, setting: float) -> float:
-        """Of what the loss's weights times J' J is to be divided by: the errors', as far as the loss lets them through
-        (`robust`), and as far as neighbours share them (`shared`)."""
+        """Returns the variance by which the weighted J' J is divided: the noise variance, corrected for the loss
+        (`robust`) and for correlated neighbours (`shared`)."""
         return self.sigma(setting) ** 2 * self.robust * self.shared
 
     def as_image_noise(self, setting: float) -> ImageNoise:
@@ -122,9 +124,9 @@ class TrackNoise:
 
     @cached_property
     def robust(self) -> float:
-        """The covariance of an M-estimator, E[psi^2] / E[psi']^2 (Huber 1981, section 7.6), over that of the inverse
-        normal equations with the errors' variance, where these hold weights. For Cauchy's loss and normal errors; what
-        is gross has next to no weight."""
+        """Variance factor of the robust loss: the covariance of an M-estimator, E[psi^2] / E[psi']^2 (Huber 1981,
+        section 7.6), over that of the inverse weighted normal equations with the noise variance. It assumes Cauchy's
+        loss and normal errors; gross outliers have almost no weight."""
         d = self.images + 1
         variance = self.spread**2 / chdtri(d, 0.5)
         if variance < 1e-6:
@@ -136,12 +138,12 @@ class TrackNoise:
 
     @property
     def shared(self) -> float:
-        """By how much more than independent errors those of one cell of the image pull at poses together: patches that
-        overlap share their noise, and what is wrong with a camera's calibration is alike nearby."""
+        """Factor, at least 1, by which the scores of poses vary more than with independent errors: overlapping patches
+        share their noise, and calibration errors are similar in neighbouring places of the image."""
         return max(1.0, float(self.cells[0] / self.cells[1])) if self.cells[1] > 0 else 1.0
 
     def describe(self, focal_px: float) -> str:
-        """In words, in pixels."""
+        """Describes the noise in words, in pixels."""
         new, step, disparity = focal_px * np.sqrt(self.variances)
         found = f"{new:.2f} px new in each keyframe, {step:.2f} px added per keyframe, {self.views:.1f} views per track"
         return found + (f", disparity {disparity:.2f} px" if disparity > 0 else "")
@@ -160,7 +162,7 @@ NOISE = Check(
 
 
 def _said_by(done: Adjusted, scale: float) -> TrackNoise:
-    """By one window."""
+    """Computes the statistics of one window."""
     window = done.window
     first = window.baseline > 0 and len(window.rotations) == 2
     left = leftovers(window.observed, scale, 2 if first else LEAST_VIEWS, GROSS)
@@ -176,7 +178,7 @@ def _said_by(done: Adjusted, scale: float) -> TrackNoise:
 
 
 def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
-    """(2,) see TrackNoise.cells: of the pulls (K, 2) of observations in use."""
+    """Returns (2,) sums as in TrackNoise.cells, from the scores (K, 2) of the observations in use."""
     seen, camera, pull = np.ascontiguousarray(window.seen[use, :2].T), window.cameras[use], pull[use]
     if not len(camera):
         return np.zeros(2)

@@ -1,4 +1,4 @@
-"""A rolling shutter: where points would be, had all rows been exposed with the middle one."""
+"""Rolling shutter: moves points to where they would be if all rows had been exposed with the middle one."""
 
 from __future__ import annotations
 
@@ -11,43 +11,44 @@ from ispom.geometry import Array, Pose
 from ispom.types import Camera
 
 AHEAD = 4
-"""Poses of the polynomial that tells the motion at the newest frame: each more makes errors of its own pose larger."""
+"""Number of poses of the polynomial that gives the motion at the newest frame: each more amplifies the noise of the
+newest pose."""
 LEAST = 3
-"""Fewer tell no more than the tracks' own motions do."""
+"""Least number of poses: fewer give no better motion than the tracks do."""
 SPAN_S = 0.25
-"""The polynomial's poses are from no longer a time: a hand shakes at up to 4 Hz."""
+"""Longest time [s] covered by the polynomial's poses: a hand shakes at up to 4 Hz."""
 PASSES = 2
-"""Poses and motions follow from each other."""
+"""Number of passes, as poses and motions depend on each other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What an image showed, rows at their own times."""
+    """The tracks of an image, each row at its own time."""
 
     time_ns: int
     ids: NDArray[np.int64]
-    """(N,) ascending."""
+    """(N,) track ids, ascending."""
     uv: NDArray[np.float32]
-    """(N, 2) [px]."""
+    """(N, 2) [px] positions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """How points moved from one image to the next."""
+    """Displacement of points from one image to the next."""
 
     px: NDArray[np.float32]
-    """(N, 2) [px]; 0 where unknown."""
+    """(N, 2) displacements [px]; 0 where unknown."""
     interval_s: float
 
     def mean_px_s(self, camera: Camera) -> NDArray[np.float32]:
-        """(N, 2) velocity [px/s]: over the time from the exposure of one row to that of another."""
+        """Returns the velocities (N, 2) [px/s], over the time between the exposures of the two rows."""
         between_s = self.interval_s + camera.line_delay_s * self.px[:, 1]
         return (self.px / np.maximum(between_s, max(self.interval_s, 1e-6) / 2)[:, None]).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Speeds:
-    """(N, 2) velocities [px/s] of points in three images."""
+    """Velocities (N, 2) [px/s] of points in three images."""
 
     before: NDArray[np.float32]
     last: NDArray[np.float32]
@@ -55,7 +56,8 @@ class Speeds:
 
     @staticmethod
     def of(camera: Camera, flow: Flow, before: Flow) -> Speeds:
-        """They change as the means of both motions do; where there was none before, as those of the others."""
+        """Computes the velocities, which change linearly from one flow to the next. Points without an earlier flow have
+        the median acceleration of the others."""
         mean, earlier, known = flow.mean_px_s(camera), before.mean_px_s(camera), np.asarray(before.px.any(axis=1))
         gained = np.where(known[:, None], (mean - earlier) / max(flow.interval_s + before.interval_s, 1e-6), 0.0)
         if known.any():
@@ -65,8 +67,8 @@ class Speeds:
 
 
 def late_px(camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 2) [px] by how far points at (N, 2), with `speed` (N, 2) [px/s], went between the exposures of the middle row
-    and of their own; 0 for a shutter that does not roll."""
+    """Returns the displacement (N, 2) [px] of points `uv` (N, 2) [px] with velocities `speed` (N, 2) [px/s] between the
+    exposures of the middle row and of their own row; 0 for a global shutter."""
     if not camera.line_delay_s:
         return np.zeros((len(uv), 2), np.float32)
     rows = uv[:, 1:] - (camera.height - 1) / 2
@@ -74,25 +76,27 @@ def late_px(camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32])
 
 
 def late_s(camera: Camera, rows: Array) -> Array:
-    """(N,) [s] after the middle row are rows (N,) [px] exposed."""
+    """Returns the exposure times (N,) [s] of rows (N,) [px], relative to the middle row."""
     return camera.line_delay_s * (rows - (camera.height - 1) / 2)
 
 
 def steady(rate: Array) -> Array:
-    """(12,) the motion whose rate (6,) does not change. See `mean_rates`."""
+    """Returns the motion (12,) of a constant rate (6,), see `mean_rates`."""
     return np.concatenate([rate, np.zeros(6)])
 
 
 def mean_rates(motion: Array, seconds: Array) -> Array:
-    """(N, 6) over times (N,) after the middle row, of a motion (12,): its rate then (rho [m/s], phi [rad/s]), and how
-    that changes ([m/s^2], [rad/s^2])."""
+    """Returns the mean rates (N, 6) from the middle row until times (N,) [s] after it.
+
+    `motion` (12,) is the rate at the middle row (rho [m/s], phi [rad/s]) and its derivative ([m/s^2], [rad/s^2])."""
     return motion[:6] + 0.5 * seconds[:, None] * motion[6:]
 
 
 def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
-    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera, two at least.
+    """Returns (2, 6) the motion of camera_from_world at the time of one of at least two poses world_from_camera.
 
-    By left twists (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through them all.
+    A polynomial through all poses gives the left twist (rho, phi) after s seconds: the first row times s, plus the
+    second row times s^2.
     """
     here = next(pose for t, pose in poses if t == time_ns)
     twists = np.array([(pose.inverse() @ here).log() for _, pose in poses])
@@ -104,10 +108,10 @@ def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
 
 
 def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:
-    """Points (N, 3) after times (N,), in a camera of which camera_from_world changes by `rate` (6,) (rho [m/s], phi
-    [rad/s]; left), or by the mean rates (N, 6) over these times. To second order: an exposure lasts milliseconds.
+    """Moves points (N, 3) in the camera to where they are after times (N,) [s], to second order, as an exposure lasts
+    milliseconds. `rate` is the left rate of camera_from_world (rho [m/s], phi [rad/s]): (6,), or mean rates (N, 6).
 
-    `far` (N,) is what a metre of that motion counts for: 1, or of points on the plane z = 1 their inverse depths [1/m].
+    `far` (N,) scales the translation: 1 for points in metres, inverse depths [1/m] for points on the plane z = 1.
     """
     s = seconds[:, None]
     change = rate[..., :3] * far[:, None] + np.cross(rate[..., 3:], near)

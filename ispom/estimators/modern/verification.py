@@ -1,7 +1,7 @@
-"""Whether an image shows what a keyframe saw, and from where it was taken: for lost cameras and for loops.
+"""Verifies that an image shows the scene of a keyframe, and estimates its pose: for relocalisation and for loops.
 
-Descriptors are matched and a pose is fitted to the points that match. It is kept only if enough of the other features
-are found where it puts them.
+Descriptors are matched and a pose is fitted to the matches. The pose is accepted only if enough of the other features
+are found at their projections.
 """
 
 from __future__ import annotations
@@ -19,67 +19,70 @@ from ispom.geometry import Array, Pose, skew
 from ispom.solvers.localisation import PoseFit, refine_pose, resect
 
 MIN_SHARE = 0.25
-"""Share of the matches that must agree with a pose: fewer agree by chance."""
+"""Least share of inliers among the matches: a smaller share occurs by chance."""
 MAX_DEPTH_RATIO = 4.0
-"""Ratio of a point's depths in both images, either way, beyond which descriptors do not match any more: a pose so far
-off that all points are one agrees with anything."""
+"""Largest ratio of a point's depths in both images, either way. Descriptors do not match beyond it, and a pose so
+distant that all points coincide fits anything."""
 MIN_CONFIRMED = 0.1
-"""Share of the features that a pose puts into the image which must be found there: a wrong pose finds 3-6 % of them by
-chance, a right one 10-14 % where 20-25 m of road lie between two images of it, and more where less."""
+"""Least share of the projected features that must be found: a wrong pose finds 3-6 % of them by chance, a right one
+10-14 % where 20-25 m of road lie between the two images, and more where less."""
 MIN_OVER_CHANCE, CHANCE_TRIALS = 3.0, 2
-"""A smaller share confirms a pose if the matches, less the few that any pose is fitted to, exceed those of chance in
-the same two images by this factor; chance is measured in this number of trials. In sim:indoor chance matches 4-8 % of
-the features, which leaves the decision to the share above; in photos of an object with wide steps 1 %, where right
-poses find 7-10 %."""
+"""Smaller shares confirm a pose if the matches, less the few that any pose is fitted to, exceed the chance matches of
+the same two images by this factor; chance is measured in this number of trials. In sim:indoor 4-8 % of the features
+match by chance, which leaves the decision to the share above; in photos of an object with wide steps it is 1 %, where
+right poses find 7-10 %."""
 MIN_BESIDE_DENSEST = 0.25
-"""Of such a smaller share, what must lie outside the quarter of the features where most of it lies: one thing that
-stands elsewhere as well is no place."""
+"""For such a smaller share: least share of the matches outside the densest quarter of the features. A single object,
+which may also stand elsewhere, does not identify the scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """What is known of the features of a keyframe, or of several, that an image may show again."""
+    """Features of a keyframe, or of several, that may be visible in an image."""
 
     features: Features
     xyz_of: Callable[[NDArray[np.int64]], Array]
-    """Points (M, 3) of these features (M,), in any world; NaN where the depth is unknown."""
+    """Returns the points (M, 3) of these features (M,), in any world; NaN where the depth is unknown."""
     keyframe_from_world: Pose = Pose()
-    """Into the camera that saw them."""
+    """Pose of the camera that observed them."""
     repeated: bool = False
-    """Several features may be of one point, as several keyframes show it."""
+    """Whether several features may belong to one point, as several keyframes show it."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The image that is compared, by a camera whose coordinates are corrected."""
+    """The image to compare, with a calibrated camera."""
 
     features: Features
     normalise: Callable[[NDArray[np.int64]], Array]
-    """Normalised coordinates (M, 2) of these features (M,)."""
+    """Returns the normalised coordinates (M, 2) of these features (M,)."""
     project: Callable[[Array], Array]
-    """Coordinates (N, 2), as the features have them, of points (N, 3) in the camera; NaN for those out of its image."""
+    """Returns the coordinates (N, 2), in the units of the features, of points (N, 3) in the camera; NaN outside of the
+    image."""
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """How many features must agree, and how well, before an image and a keyframe show one place."""
+    """Verifies an image against keyframes, with these thresholds."""
 
     matcher: Matcher
     limit: float
     """Largest reprojection error, normalised."""
     search: tuple[float, ...]
-    """Distances around where a pose puts the features within which they are looked for, one after the other."""
+    """Radii, in the units of the features, of the successive searches around the projected features."""
     fewest_matched: int
-    """Of those matched by their descriptors alone."""
+    """Least number of inliers among the descriptor matches."""
     fewest: int
-    """Of those found where the pose puts them."""
+    """Least number of inliers among the features found at their projections."""
     solvers: tuple[Callable[[Array, Array, float], PoseFit | None], ...] = (resect,)
-    """Each may end in a pose that only points close together agree with; the right one lets more be found."""
+    """Solvers to try: each may end in a pose that fits only points close together. The pose with the most matches is
+    used."""
     measure_chance: bool = True
-    """Let a smaller share confirm a pose, see `confirmed`."""
+    """Whether a smaller share may confirm a pose, see `confirmed`."""
 
     def verify(self, candidate: Candidate, view: View) -> Verified | None:
-        """Returns the pose by which the image shows most of the candidate's features; None where it does not."""
+        """Returns the pose with which most of the candidate's features are found in the image; None if it does not
+        match."""
         pairs = self.matcher.match(candidate.features, view.features)
         if len(pairs) < self.fewest_matched:
             return None
@@ -98,7 +101,7 @@ class Verification:
         return best
 
     def _confirm(self, candidate: Candidate, view: View, xyz: Array, pose: Pose) -> Verified | None:
-        """Looks for all features (N,) with points (N, 3) where a pose puts them, and refines it by those found."""
+        """Searches all features (N,) with points (N, 3) at their projections, and refines the pose with those found."""
         then, now = candidate.features, view.features
         pairs, all_found, agreeing = np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64), np.zeros(0, bool)
         expected = xyz[:, :2]
@@ -121,20 +124,20 @@ class Verification:
 
 @dataclass(frozen=True, eq=False)
 class Verified:
-    """An image that shows what a keyframe saw."""
+    """The verified pose of an image relative to a candidate."""
 
     camera_from_world: Pose
-    """In the candidate's world."""
+    """The pose in the candidate's world."""
     pairs: NDArray[np.int64]
-    """(M, 2) features of the candidate and of the image that agree with the pose."""
+    """(M, 2) inliers: indices of features of the candidate and of the image."""
     xyz: Array
     """(M, 3) their points."""
 
 
 def on_epipolar_lines(motion: Pose, x: Array, y: Array, distance: float) -> Allowed:
-    """Allows points y (M, 2) of a second camera near the epipolar lines of points x (N, 2) of a first one.
+    """Allows matches of points y (M, 2) of a second camera near the epipolar lines of points x (N, 2) of a first one.
 
-    `motion` is second_from_first, coordinates and `distance` are normalised.
+    `motion` is second_from_first; coordinates and `distance` are normalised.
     """
     lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
     lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
@@ -147,8 +150,7 @@ def _agreeing(candidate: Candidate, xyz: Array, found: PoseFit) -> NDArray[np.bo
 
 
 def plausible(agreeing: NDArray[np.bool_], depth_before: Array, depth_now: Array) -> NDArray[np.bool_]:
-    """Which (N,) of the points that agree with a pose can do so, with their depths (N,) in both images: none where
-    they are too small a share."""
+    """Returns which inliers (N,) have plausible depths (N,) in both images; none if their share is below MIN_SHARE."""
     ratio = depth_now / np.maximum(depth_before, 1e-9)
     good = agreeing & (ratio < MAX_DEPTH_RATIO) & (ratio > 1 / MAX_DEPTH_RATIO)
     return good if good.mean() >= MIN_SHARE else np.zeros(len(good), bool)
@@ -157,11 +159,11 @@ def plausible(agreeing: NDArray[np.bool_], depth_before: Array, depth_now: Array
 def confirmed(
     matched: NDArray[np.int64], expected: Array, fewest: int, chance: Callable[[], float] | None = None
 ) -> bool:
-    """Whether enough features are found where a pose expects them.
+    """Checks that enough features are found at their projections.
 
-    `expected` (N, 2) [px] is where the pose puts the features, NaN where it puts them out of the image; `matched` (M,)
-    are those found there. A share of them is enough; a smaller one where it is far more than `chance`, the number that
-    a wrong pose would match, and is not one thing that may stand elsewhere as well.
+    `expected` (N, 2) [px] are the projections, NaN outside of the image; `matched` (M,) are the features found there. A
+    share of MIN_CONFIRMED passes. A smaller one passes if it clearly exceeds `chance`, the number of matches of a wrong
+    pose, and does not come from a single object.
     """
     if len(matched) < fewest:
         return False
@@ -173,7 +175,7 @@ def confirmed(
 
 
 def matches_by_chance(matcher: Matcher, then: Features, now: Features, expected: Array, distance_px: float) -> float:
-    """How many features would be matched if each were expected where another one is: what a wrong pose would match."""
+    """Counts the matches when each feature is expected at the projection of another one, as for a wrong pose."""
     inside, rng, found = np.flatnonzero(np.isfinite(expected[:, 0])), np.random.default_rng(0), list[int]()
     for _ in range(CHANCE_TRIALS):
         elsewhere = np.full_like(expected, np.nan)
@@ -183,7 +185,8 @@ def matches_by_chance(matcher: Matcher, then: Features, now: Features, expected:
 
 
 def _share_beside_densest(matched: NDArray[np.int64], expected: Array) -> float:
-    """The share of the matches outside the densest quarter of the image, of 4 x 4 cells of as many features each."""
+    """Returns the share of the matches outside the densest quarter of the image, of 4 x 4 cells with equally many
+    features."""
     inside = np.flatnonzero(np.isfinite(expected[:, 0]))
     column, cell = np.zeros(len(expected), int), np.zeros(len(expected), int)
     column[inside] = _quarters(expected[inside, 0])
@@ -195,5 +198,5 @@ def _share_beside_densest(matched: NDArray[np.int64], expected: Array) -> float:
 
 
 def _quarters(values: Array) -> NDArray[np.int64]:
-    """(N,) 0 for the least quarter of the values to 3 for the greatest."""
+    """Returns the quartile (N,) of each value, from 0 for the smallest to 3."""
     return 4 * np.argsort(np.argsort(values, kind="stable"), kind="stable") // max(len(values), 1)

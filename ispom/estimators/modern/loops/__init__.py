@@ -1,1 +1,1 @@
-"""Loops: a place that is seen again after a long way, and what follows for all poses between."""
+"""Loop closures: recognise an earlier place after a long path, and correct all poses since."""

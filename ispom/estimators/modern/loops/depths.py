@@ -1,4 +1,4 @@
-"""Depths of what one camera's sights show: met along epipolar lines between nodes, by the way that odometry says."""
+"""Depths of one camera's features: matched along epipolar lines between nodes, and triangulated with their odometry."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import intersect
 
 OTHERS = 3
-"""Nodes before, and after, from which a sight is met: three quarters of its depth away at most."""
+"""Number of nodes before and after a node with which its features are triangulated: at most three quarters of the scene
+depth away."""
 AROUND = 2
-"""Nodes before a place, and after it, with which it is compared: of what one camera sees from one node a third has a
-depth, and of that a tenth is recognised where the view is turned by 25 degrees: 8 points by themselves, 17 together."""
+"""Number of nodes before and after a candidate whose points are compared together. In one node of one camera a third of
+the features has a depth, and a tenth of these is matched after a rotation of 25 degrees: 8 points, 17 together."""
 MAX_OFF, INLIER = 2.0, 4.0
-"""Deviations of a feature: from an epipolar line, and from the point where rays meet."""
+"""Largest distances, in standard deviations of a feature's position: from an epipolar line, and the reprojection error
+of a triangulated point."""
 MIN_SIGNIFICANCE = 3.0
-"""Deviations of its inverse depth from which on a feature has one: far ones still say how the camera is turned."""
+"""Least inverse depth of a point, in its standard deviations: far points still constrain rotation."""
 
 
 def with_depths(camera: LoopCamera, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """With those of the newest node's features, and those that it gives earlier ones.
+    """Triangulates the features of the newest node, and those of an earlier node that it completes.
 
-    The node OTHERS before it is met with all that came since, too: that knows another half of its features. So is its
-    parent, where nothing was before that. Nothing is met across a blind start: what the way is there only the loops
-    will tell.
+    The node OTHERS before it is triangulated again with all nodes since, which adds depths to another half of its
+    features. So is the parent of the newest node, if it has none before it. Nothing is triangulated across a segment
+    without tracking: only loops measure the relative pose there.
     """
     newest, before = nodes[-1], _before(nodes)
     if not before:
@@ -43,7 +45,8 @@ def with_depths(camera: LoopCamera, nodes: tuple[Node, ...]) -> tuple[Node, ...]
 
 
 def _before(nodes: tuple[Node, ...]) -> list[Node]:
-    """OTHERS at most before the newest one, the nearest first, where the steps to it say that they are."""
+    """Returns up to OTHERS nodes before the newest one, nearest first, with odometry chained from the steps between
+    them."""
     last, found = nodes[-1], list[Node]()
     while len(found) < OTHERS and last.seen and last.parent_ns != last.time_ns:
         parent = node_at(nodes, last.parent_ns)
@@ -53,7 +56,7 @@ def _before(nodes: tuple[Node, ...]) -> list[Node]:
 
 
 def surroundings(nodes: tuple[Node, ...], place: Node) -> DescribedPoints:
-    """What a place shows and the AROUND nodes before and after it do, all that has a depth, in the place's camera."""
+    """Returns the points with depth of a node and of up to AROUND nodes before and after it, in the node's camera."""
     at = next(i for i, n in enumerate(nodes) if n.time_ns == place.time_ns)
     others, last = _before(nodes[: at + 1])[:AROUND], place
     for node in nodes[at + 1 : at + 1 + AROUND]:
@@ -72,7 +75,7 @@ def surroundings(nodes: tuple[Node, ...], place: Node) -> DescribedPoints:
 
 
 def _met(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
-    """The node's with the points that it has in common with the others, beside those that were known."""
+    """Triangulates a node's features with other nodes; features without a good result keep their points."""
     sight = node.sight
     seen = [sight.x.astype(float), *(_seen(camera, node, other) for other in others)]
     stacked = np.stack(seen)
@@ -86,7 +89,8 @@ def _met(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
 
 
 def _seen(camera: LoopCamera, node: Node, other: Node) -> Array:
-    """(N, 2) normalised, where another node has a node's features: the most alike on their epipolar lines, or NaN."""
+    """Returns the normalised coordinates (N, 2), in another node, of a node's features: their best matches on the
+    epipolar lines, or NaN."""
     here, there = node.sight.features(camera.fx), other.sight.features(camera.fx)
     motion = other.odometry.inverse() @ node.odometry
     allowed = on_epipolar_lines(motion, node.sight.x, other.sight.x, MAX_OFF * camera.sigma)

@@ -1,4 +1,4 @@
-"""Which earlier places may be seen again from a node, and whether several views tell of the same loop."""
+"""Finds candidates for loops, and checks that several views agree on one loop."""
 
 from __future__ import annotations
 
@@ -10,36 +10,38 @@ from ispom.geometry import Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
 PAIR_DRIFT, SINGLE_DRIFT = 0.02, 0.06
-"""Error of odometry, as a share of the way, that is always possible: three times that of a pair and of one camera on
-real drives. Beyond, and beyond what odometry itself holds possible, it is no loop, but houses that look alike."""
+"""Drift of the odometry, relative to the path, that is always possible: three times that of a stereo pair and of one
+camera on real drives. A loop that needs more than this, and more than the odometry's covariance allows, joins similar
+houses."""
 DEVIATIONS = 5.0
-"""Of what odometry says of itself that are held possible."""
+"""Largest drift, in standard deviations of the odometry."""
 MAX_TURN_DEG, MAX_SCALE = 20.0, 0.4
-"""The same of orientation, and of ln unit (where it drifts): 1.5 times."""
+"""Largest drift of orientation [deg], and of ln scale for one camera: a factor of 1.5."""
 LEAST_NODES = 12
-"""From so many nodes on, three depths of what they show or 144 degrees, a place is seen again by a loop, and not
-because it is still near."""
+"""Number of nodes (three scene depths, or 144 degrees) after which a match is a loop; before, the scene may still be
+visible."""
 COMPARED = 12
-"""Places, for each node: those that look most like it. Of views that are turned by 20-40 degrees the right place may be
-the sixth."""
+"""Number of candidates compared per node, by similarity of appearance. After rotations of 20-40 degrees the right one
+may be the sixth."""
 VIEWS = 3
-"""Nodes whose views tell of the same loop: chance seldom leads three of them to one place."""
+"""Number of nodes that must agree on a loop: three rarely agree by chance."""
 WITHIN = 12
-"""Of the last so many nodes."""
+"""Number of the last nodes whose loops are compared."""
 MAJORITY = 2 / 3
-"""Of the views that tell of a loop: where more tell of others, houses look alike."""
+"""Share of the proposed loops that must agree: if more contradict them, houses look alike."""
 AGREEING_DEPTHS, AGREEING_DEG = 0.1, 2.0
-"""By how much what they tell of the last pose may differ, beside what odometry drifts between them; of the unit, which
-some views know to 1 % and others to 10 %, by what they claim."""
+"""Largest difference of the poses that two loops give the newest node, in scene depths and degrees, besides the drift
+of the odometry between them. Scale, which some views know to 1 % and others to 10 %, is compared by covariance."""
 
 MOST_UNLIKELY = float(chdtri(FREEDOM, 0.05))
-"""The squared deviations of that difference, by what both views and the odometry between them claim: 95 % of seven
-degrees of freedom. Of 600 pairs of true views none had more than 9.6; of four that were 0.4-0.9 m off, by 26 to 64
-points, up to 41."""
+"""Largest squared Mahalanobis distance of two loops, with the covariances of both and of the odometry between them: the
+95 % quantile of chi-squared with seven degrees of freedom. None of 600 pairs of true loops had more than 9.6; four
+loops with errors of 0.4-0.9 m, of 26 to 64 points, had up to 41."""
 
 
 def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, ...]:
-    """Times of the places that a node after these may see again, those that look most like it first."""
+    """Returns the times of the earlier nodes that a new node may observe again, those with the most similar appearance
+    first."""
     found = list[tuple[float, int]]()
     for place in nodes[: -LEAST_NODES + 1]:
         apart = np.linalg.norm((place.corrected.inverse() @ node.corrected).pose.translation)
@@ -49,15 +51,16 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
-    """Whether a loop between two nodes can be true: nothing is known of the place and unit of another segment."""
+    """Checks that a loop between two nodes can be true. The relative pose and scale of different segments are unknown,
+    so that any loop between them can be."""
     return first.segment != then.segment or within_drift(first, then, first_from_then, drift)
 
 
 def within_drift(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
-    """Whether odometry can have drifted by what a way between two nodes says.
+    """Checks that a loop requires no more drift than the odometry can have.
 
-    Where the unit has, by ln scale, by half of that what lies between was too long or too short: a unit that was lost
-    in a bend moves what comes after it by as much of the way, and says so itself.
+    A scale drift by ln s allows a translation of half of ln s times the path between the nodes: a scale that was lost
+    in a bend displaces everything after it, and shows in the scale of the loop itself.
     """
     off = (first.corrected.inverse() @ then.corrected).inverse() @ first_from_then
     by_unit = abs(float(np.log(off.scale))) / 2 * (then.path - first.path)
@@ -69,15 +72,16 @@ def within_drift(first: Node, then: Node, first_from_then: Similarity, drift: fl
 
 
 def _slack(first: Node, then: Node, drift: float) -> float:
-    """How far odometry may be off; where a blind start lies between them, by what that may have missed."""
+    """Returns the largest possible drift of the translation; across a segment without tracking its covariance
+    dominates."""
     _, covariance = step_between(first, then)
     return max(drift * (then.path - first.path), DEVIATIONS * float(np.sqrt(np.trace(covariance[:3, :3]))))
 
 
 def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, drift: float) -> tuple[Loop, ...]:
-    """Those of the proposed loops that tell the same of the newest node as this one, itself included, and as the
-    majority of these: one that is vague contradicts none of several that contradict each other, and by it a way that
-    was 3 m off, of 29 points, came into the graph beside four right ones."""
+    """Returns the proposed loops, `loop` included, that agree with it about the pose of the newest node and with
+    MAJORITY of each other. A vague loop agrees with several that contradict each other: through one, a loop with an
+    error of 3 m and 29 points entered the graph together with four right ones."""
     at, newest = {n.time_ns: n for n in nodes}, nodes[-1]
     same = [one for one in proposed if _same(at, newest, one, loop, drift)]
     least = MAJORITY * len(same)
@@ -85,7 +89,7 @@ def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, dr
 
 
 def _same(at: dict[int, Node], newest: Node, one: Loop, loop: Loop, drift: float) -> bool:
-    """Whether one loop tells the same of the newest node as another."""
+    """Checks that two loops agree about the pose of the newest node."""
 
     def told(one: Loop) -> Similarity:
         first, then = at[one.first_ns], at[one.then_ns]
@@ -103,7 +107,7 @@ def _same(at: dict[int, Node], newest: Node, one: Loop, loop: Loop, drift: float
 
 
 def _unlikely(at: dict[int, Node], one: Loop, loop: Loop) -> float:
-    """Squared deviations of what one loop tells from what the other does; 0 of itself."""
+    """Returns the squared Mahalanobis distance between two loops; 0 for the same loop."""
     if one is loop:
         return 0.0
     here, there = _odometry(at[loop.first_ns], at[one.first_ns]), _odometry(at[one.then_ns], at[loop.then_ns])
@@ -114,7 +118,7 @@ def _unlikely(at: dict[int, Node], one: Loop, loop: Loop) -> float:
 
 
 def _odometry(a: Node, b: Node) -> Edge:
-    """a_from_b."""
+    """Returns the edge a_from_b of the odometry."""
     if a is b:
         return Edge(0, 0, Similarity(), np.zeros((FREEDOM, FREEDOM)))
     return Edge(0, 0, *step_between(a, b)) if a.time_ns < b.time_ns else reversed_edge(_odometry(b, a))

@@ -1,7 +1,8 @@
-"""Loops beside an odometry that goes on as it is: places are found again, and a pose graph says where all poses are.
+"""Loop closures on top of an odometry that they do not change: keyframes are matched, and a pose graph corrects all
+poses.
 
-One exposure compares AT_A_TIME places at most, adjusts a graph of bounded size, and tells a bounded number of poses
-anew.
+Each frame compares at most AT_A_TIME candidates, optimises a graph of bounded size, and corrects a bounded number of
+earlier poses.
 """
 
 from __future__ import annotations
@@ -42,41 +43,41 @@ from ispom.solvers.pose_graph import adjoint_sim3, optimise
 from ispom.types import Decision
 
 AT_A_TIME = 6
-"""Places compared in an exposure, at 1-4 ms each, or 6-12 ms with what lies around them; most nodes are followed by the
-next one after two exposures."""
+"""Number of candidates compared per frame, at 1-4 ms each, or 6-12 ms with the nodes around them; mostly the next node
+comes after two frames."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeyFrameSeen:
-    """A key frame that the odometry has taken."""
+    """A new keyframe of the odometry."""
 
     time_ns: int
     world_from_camera: Pose
     covariance: Array | None
-    """(6, 6) of its right twist."""
+    """(6, 6) covariance of the right twist of world_from_camera."""
     scale_variance: float
-    """Of ln unit; 0 for a pair."""
+    """Variance of ln scale; 0 for a pair."""
     window: Mapping[int, Pose]
-    """world_from_camera of what is still adjusted, or was with this key frame for the last time; itself included,
-    oldest first."""
+    """world_from_camera of the keyframes in the window, or in the last window of this keyframe; includes the keyframe
+    itself, oldest first."""
     sight: Callable[[], DescribedPoints]
-    """What it shows; made only where it is needed."""
+    """Returns the described points of the keyframe; called only if they are needed."""
     joined: bool = True
-    """Whether some observation joins it to the key frames before: else it is where a blind start was held to be."""
+    """Whether an observation connects it to the keyframes before; otherwise its pose is a guess across the gap."""
     segment: int | None = None
-    """That of its pose; None: that of the key frame before, or the next one where it is not joined to that."""
+    """The segment of its pose. None: the parent's, or the next new one if no observation connects it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """How sure the graph's last node was when it was adjusted."""
+    """The last node of the graph when it was optimised, with its covariance."""
 
     node: Node
     covariance: Array
-    """(7, 7) of its right perturbation."""
+    """(7, 7) covariance of its right perturbation."""
 
     def within(self, nodes: tuple[Node, ...]) -> Known:
-        """With the node's pose as it is now: its window may still be adjusted."""
+        """Updates the pose of the node, whose window may still be optimised."""
         node = next((n for n in reversed(nodes) if n.time_ns == self.node.time_ns), self.node)
         return replace(self, node=node)
 
@@ -86,17 +87,17 @@ class Loops:
     nodes: tuple[Node, ...] = ()
     closed: tuple[Loop, ...] = ()
     proposed: tuple[Loop, ...] = ()
-    """Seen by single views, of the last nodes."""
+    """Loops measured by single views of the last nodes, not confirmed yet."""
     waiting: tuple[int, ...] = ()
-    """Times of the places that the newest node is still to be compared with."""
+    """Times of the candidates with which the newest node has not been compared yet."""
     known: Known | None = None
     left: int = 0
-    """Poses that are still to be told anew, from the one before `told` backwards and around."""
+    """Number of poses still to be corrected, counted backwards from the one before `told`, and around to the end."""
     told: int = 0
     joins: int | None = None
-    """The earlier segment that the newest node was found to belong to by a loop at the last frame."""
+    """The earlier segment that a loop joined with that of the newest node at the last frame."""
     end: int = 0
-    """Poses that there were when the graph was adjusted: later ones were told with it."""
+    """Number of poses when the graph was optimised: later ones were corrected when they were reported."""
 
     @property
     def correction(self) -> Similarity:
@@ -107,7 +108,7 @@ class Loops:
 def seen_again(
     loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int
 ) -> tuple[Loops, tuple[Decision, ...]]:
-    """After an exposure, of which `key` is told where it was a key frame; `poses` were given so far."""
+    """Updates the loops after a frame; `key` is its keyframe, if it is one, and `poses` the number of poses so far."""
     drift, loops = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT, replace(loops, joins=None)
     if key is not None:
         loops = _with_key(loops, camera, key, drift)
@@ -135,8 +136,8 @@ def seen_again(
 def _relative_poses(
     camera: LoopCamera, nodes: tuple[Node, ...], places: list[Node], then: Node
 ) -> list[tuple[Node, RelativePose]]:
-    """To those places that a node shows again: of a pair by all that they show, of one camera, which knows the depth of
-    a third of it, also by what is seen around them."""
+    """Returns the relative poses to the candidates that match a node. For one camera, which knows the depth of a third
+    of its features, points of the nodes around a candidate are matched too."""
     found = list[tuple[Node, RelativePose]]()
     for place in places:
         shown = place.sight if camera.baseline else surroundings(nodes, place)
@@ -147,7 +148,7 @@ def _relative_poses(
 
 
 def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float) -> Loops:
-    """With a node, where it is some way from the last one, and what that is to be compared with."""
+    """Adds a node if the keyframe is far enough from the last one, with its loop candidates."""
     nodes = with_poses(loops.nodes, key.window, None if loops.known is None else loops.known.node.time_ns)
     known = None if loops.known is None else loops.known.within(nodes)
     unsure = np.zeros((6, 6)) if key.covariance is None else key.covariance
@@ -158,7 +159,7 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
         )
         return replace(loops, nodes=(node,))
     before = [t for t in key.window if t < key.time_ns]
-    # What began anew hangs on the last node: the way there is that of the blind start.
+    # After a gap, the new node is attached to the last one; the step between them is a guess.
     parent = node_at(nodes, before[-1]) if key.joined and before else nodes[-1]
     between = parent.odometry.inverse() @ key.world_from_camera
     length = float(np.linalg.norm(between.translation))
@@ -203,7 +204,7 @@ def _closed(
     poses: int,
     decisions: tuple[Decision, ...],
 ) -> tuple[Loops, tuple[Decision, ...]]:
-    """With these loops in the graph, adjusted."""
+    """Adds these loops to the graph and optimises it."""
     newest, nodes = loops.nodes[-1], loops.nodes
     old = {x.then_ns: x for x in loops.closed}
     closed = tuple((old | {x.then_ns: x for x in same}).values())
@@ -223,7 +224,8 @@ def _closed(
 
 
 def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scale_variance: float) -> Array:
-    """(7, 7) of the right perturbation of a corrected pose, from that by odometry, once there was a loop."""
+    """Returns the covariance (7, 7) of the right perturbation of a corrected pose, from its covariance (6, 6) by
+    odometry. Requires a closed loop."""
     assert loops.known is not None
     node, at_node = loops.known.node, loops.known.covariance
     now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)

@@ -1,4 +1,5 @@
-"""The places on a route that a pose graph joins: key frames some way apart, at most so many, older ones thinned out."""
+"""Nodes of the pose graph: keyframes at some distance from each other, of bounded number; older ones are thinned
+out."""
 
 from __future__ import annotations
 
@@ -13,43 +14,45 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
 MAX_NODES = 256
-"""With their sights some 30 MB, and 30 ms for the graph."""
+"""Largest number of nodes: some 30 MB with their described points, and 30 ms to optimise the graph."""
 RECENT = 16
-"""So many of the newest are never thinned out."""
+"""Number of the newest nodes, which are never thinned out."""
 APART_DEPTHS, APART_DEG = 0.25, 12.0
-"""A key frame so far from the last node, in depths of what it sees, or turned by so much, is the next one: a third of
-what descriptors bridge."""
+"""Distance from the last node, in scene depths, or rotation [deg], from which a keyframe becomes a node: a third of the
+change across which descriptors match."""
 NO_GUESS = 1e6
-"""Times the variance of a way that was guessed, once that is known to be wrong: it holds nothing."""
+"""Factor on the variance of a guessed step that a loop has contradicted: the step then has no influence."""
 LEAST_SHARE, LEAST_RAD, LEAST_SCALE = 1e-3, 1e-4, 1e-3
-"""What the way between two nodes is never surer than: share of its length, [rad], ln of the unit."""
+"""Least standard deviations of the step between two nodes: translation as a share of its length, rotation [rad], ln
+scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
     time_ns: int
     parent_ns: int
-    """Of the node that its pose was found from; its own, for the first."""
+    """Time of the node that its pose was estimated from; its own for the first node."""
     odometry: Pose
-    """world_from_camera without any loop."""
+    """world_from_camera without loops."""
     covariance: Array
-    """(6, 6) of its right twist."""
+    """(6, 6) covariance of the right twist of `odometry`."""
     scale_variance: float
-    """Of ln unit; 0 for a pair."""
+    """Variance of ln scale; 0 for a pair."""
     path: float
-    """Length of the way up to here."""
+    """Length of the path up to this node."""
     corrected: Similarity
-    """world_from_node, with the loops."""
+    """world_from_node with loops."""
     sight: DescribedPoints
     seen: bool = True
-    """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
+    """Whether an observation connects it to its parent; otherwise the step is a guess across a gap."""
     segment: int = 0
-    """That of its pose; an earlier one once a loop has joined both."""
+    """The segment of its pose; the earlier one once a loop has joined two segments."""
     guessed: bool = True
-    """Whether the way from its parent is at least a guess, where nothing was seen: not if a loop contradicts it."""
+    """Whether a guessed step from its parent is still valid; False once a loop has contradicted it."""
     step: Pose | None = None
-    """parent_from_node when both were last adjusted together; None: from their odometry. That of a parent that has left
-    its window stays, while all that is in the window still moves, alike, as the unit and the heading become known."""
+    """parent_from_node when both were last optimised together; None: computed from their odometry. It does not change
+    after the parent has left the window, while all poses in the window still move together as scale and heading
+    converge."""
 
     @property
     def correction(self) -> Similarity:
@@ -59,7 +62,7 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A way that was measured between two nodes, told by their times."""
+    """A measured relative pose of two nodes, which are identified by their times."""
 
     first_ns: int
     then_ns: int
@@ -68,9 +71,9 @@ class Loop:
 
 
 def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
-    """parent_from_node by odometry, and its covariance (7, 7): by how much more is unknown at the node.
+    """Returns parent_from_node by odometry and its covariance (7, 7): the growth of the covariance between the nodes.
 
-    Of two nodes far apart, too.
+    Also works for nodes that are far apart.
     """
     own = node.step is not None and node.parent_ns == parent.time_ns
     between = node.step if own and node.step is not None else parent.odometry.inverse() @ node.odometry
@@ -86,10 +89,10 @@ def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
 
 
 def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: int | None) -> tuple[Node, ...]:
-    """With newer poses of some, and steps from those whose parents are among them.
+    """Updates the poses of some nodes, and the steps between nodes that are both updated.
 
-    Where a graph was adjusted, up to a node `since_ns`, these nodes stay where it put them, and later ones follow from
-    there. Where none was, None, all are where odometry has them.
+    If the graph was optimised up to the node `since_ns`, the nodes up to it keep their corrected poses, and later ones
+    follow by their steps. If it was not (None), the corrections stay and all corrected poses follow their odometry.
     """
     at = dict[int, Node]()
     for node in nodes:
@@ -107,9 +110,9 @@ def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: 
 
 
 def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Node, ...], tuple[Loop, ...]]:
-    """Where there are too many, without the older one that has its neighbours nearest along the way.
+    """Removes, if there are too many nodes, the older one whose neighbours are nearest to each other along the path.
 
-    What hangs on it hangs on its parent then, and loops that end at it are joined with the way to that.
+    Its children are attached to its parent, and loops that end at it are composed with the step to the parent.
     """
     if len(nodes) <= MAX_NODES:
         return nodes, loops
@@ -132,20 +135,20 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
         elif then_ns == gone.time_ns:
             then_ns, edge = parent.time_ns, joined(edge, reversed_edge(down))
         if first_ns != then_ns:
-            # Of several that end at one node the newest one: their number is bounded.
+            # Only the newest of several loops that end at one node is kept, so that their number is bounded.
             moved[then_ns] = Loop(first_ns, then_ns, edge.first_from_then, edge.covariance)
     return kept, tuple(moved.values())
 
 
 def node_at(nodes: tuple[Node, ...], time_ns: int) -> Node:
-    """The one at this time, or the last before it; the first, where there is none before."""
+    """Returns the node at this time or the last one before it; the first node if there is none before."""
     before = [n for n in nodes if n.time_ns <= time_ns]
     return before[-1] if before else nodes[0]
 
 
 def joined_segments(nodes: tuple[Node, ...], loop: Loop, contradicted: bool) -> tuple[Node, ...]:
-    """With the segment in which a loop ends as one with that in which it begins; where the loop has `contradicted` what
-    was guessed of it, moved, turned and scaled to where the loop puts it."""
+    """Joins the segments at both ends of a loop. If the loop has `contradicted` the guessed step, the later segment is
+    moved, rotated and scaled to fit the loop."""
     first, then = node_at(nodes, loop.first_ns), node_at(nodes, loop.then_ns)
     moved = first.corrected @ loop.first_from_then @ then.corrected.inverse() if contradicted else Similarity()
     return tuple(
@@ -164,7 +167,7 @@ def _way(parent: Node, node: Node) -> tuple[Similarity, Array]:
 
 
 def edges_of(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[Edge, ...]:
-    """Of odometry, and of the loops."""
+    """Returns the edges of the odometry and of the loops."""
     index = {n.time_ns: i for i, n in enumerate(nodes)}
     ways = (Edge(index[n.parent_ns], i, *_way(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i)
     found = (Edge(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance, True) for x in loops)

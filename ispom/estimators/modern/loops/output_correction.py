@@ -1,4 +1,4 @@
-"""Poses, points and Steps as they are with the loops, from those of the odometry."""
+"""Applies the corrections by loops to poses, landmarks and Steps of the odometry."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from ispom.geometry import Array, Pose, Similarity, slerp
 from ispom.types import Step, Trajectory
 
 AT_ONCE = 200
-"""Poses told anew in one exposure."""
+"""Largest number of earlier poses corrected per frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """corrected_world_from_world over time: those of the nodes, and between two of them a mean of what they say."""
+    """corrected_world_from_world over time: known at the nodes, interpolated between them."""
 
     times_ns: np.ndarray
-    """(N,)."""
+    """(N,) times of the nodes."""
     values: tuple[Similarity, ...]
     follows: tuple[bool, ...]
-    """Of each whether its pose was found from the one before: else nothing is between them."""
+    """Whether the pose of each node was estimated from the one before; otherwise nothing is interpolated between
+    them."""
 
     @staticmethod
     def of(loops: Loops) -> Correction:
@@ -34,7 +35,7 @@ class Correction:
         )
 
     def applied(self, time_ns: int, world_from_frame: Pose) -> Pose:
-        """The pose in the corrected world, in its unit."""
+        """Returns the pose in the corrected world, in its scale."""
         i = max(int(np.searchsorted(self.times_ns, time_ns, side="right")) - 1, 0)
         before = self.values[i].apply_pose(world_from_frame)
         if i + 1 == len(self.values) or not self.follows[i + 1] or time_ns <= self.times_ns[i]:
@@ -49,7 +50,8 @@ class Correction:
 
 
 def next_range(loops: Loops, poses: int) -> tuple[Loops, range]:
-    """Which of so many poses are told anew now, by their numbers: the newest ones first; and what is left then."""
+    """Returns the loops with less left to correct, and the indices of the poses to correct now, newest first; `poses`
+    is their number."""
     if not loops.left:
         return loops, range(0)
     stop = min(loops.told, poses) or min(loops.end, poses)
@@ -64,9 +66,9 @@ def corrected_step(
     odometry: tuple[Pose, Array, float] | None,
     camera_from_frame: Pose,
 ) -> Step:
-    """Returns a Step of the odometry in the world as the loops make it, with earlier poses revised.
+    """Returns a Step of the odometry in the corrected world, with earlier poses revised.
 
-    `odometry`: world_from_camera, its covariance (6, 6), and the variance of ln scale; None where that is not known.
+    `odometry`: world_from_camera, its covariance (6, 6), and the variance of ln scale; None where they are unknown.
     """
     newest, correction = loops.correction, Correction.of(loops)
     earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]

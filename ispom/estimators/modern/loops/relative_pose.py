@@ -1,4 +1,4 @@
-"""What a keyframe shows, kept small, and the relative pose of two keyframes that show the same."""
+"""Compact description of a keyframe, and the relative pose of two keyframes that show the same scene."""
 
 from __future__ import annotations
 
@@ -17,44 +17,44 @@ from ispom.solvers.pose_graph import FREEDOM
 from ispom.types import Camera, Image
 
 FEATURES = 800
-"""Described in an image: 120 kB a keyframe."""
+"""Largest number of features described in an image: 120 kB a keyframe."""
 FEWEST = 25
-"""Points that agree: of 735 pairs of keyframes at different places in three towns one had 16, and one 61, of two
-facades that are alike. `find.py` checks also that odometry can have come back there, and that several agree."""
+"""Least number of inliers: of 735 pairs of keyframes at different places in three towns one had 16, and one 61, of two
+similar facades. `find.py` also checks that the odometry allows the loop, and that several loops agree."""
 MATCHED, MATCHED_TOGETHER = 12, 15
-"""Of them, those matched by their descriptors alone; the second of what several keyframes show together, where chance
-has more to match: of 1750 pairs at different places one had 13, one 12, three 11."""
+"""Least number of inliers among descriptor matches. The second value applies to the points of several keyframes
+together, where more match by chance: of 1750 pairs at different places one had 13, one 12, three 11."""
 INLIER = 4.0
 """Largest reprojection error, in standard deviations of a feature's position."""
 FEWEST_SCALES = 12
-"""Points with a depth in both keyframes, for the ratio of their scales."""
+"""Least number of points with a depth in both keyframes, for the ratio of their scales."""
 FARTHEST = 0.75
-"""Largest distance of the two keyframes, in median depths: farther away the relative pose is hardly known."""
+"""Largest distance of the two keyframes, in median depths: beyond it the relative pose is poorly constrained."""
 SURE_DEPTH, SURE_RAD, SURE_SCALE = 1e-3, 5e-4, 5e-3
-"""Least standard deviations of a relative pose, as errors of one keyframe's points are correlated: in median depths,
-[rad], ln scale."""
+"""Least standard deviations of a relative pose, as errors of one keyframe's points are correlated: translation in
+median depths, rotation [rad], ln scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class DescribedPoints:
-    """What a keyframe shows, of as few bytes as loops need."""
+    """Points and descriptors of a keyframe, in as few bytes as loops need."""
 
     x: NDArray[np.float32]
-    """(N, 2) normalised, without distortion."""
+    """(N, 2) normalised coordinates, undistorted."""
     descriptors: NDArray[np.uint8]
-    """(N, D), see Features.compact."""
+    """(N, D) descriptors, see Features.compact."""
     xyz: NDArray[np.float32]
-    """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
+    """(N, 3) points in the camera, in the scale of that time; NaN where the depth is unknown."""
     looks: NDArray[np.float32]
-    """See keyframe_database.appearance_of."""
+    """Appearance of the image, see keyframe_database.appearance_of."""
     depth: float
-    """Median depth; NaN where nothing is seen."""
+    """Median depth; NaN if no depth is known."""
 
     @staticmethod
     def of(
         grey: Image, x: Array, features: Features, xyz: Array | None = None, depth: float | None = None
     ) -> DescribedPoints:
-        """`depth` is the median of the points (N, 3), where it is not given."""
+        """Describes a keyframe; `depth` is by default the median of the points (N, 3)."""
         kept = np.asarray(features.compact().descriptors, np.uint8)
         points = np.full((len(x), 3), np.nan, np.float32) if xyz is None else xyz.astype(np.float32)
         if depth is None:
@@ -63,29 +63,29 @@ class DescribedPoints:
         return DescribedPoints(x.astype(np.float32), kept, points, appearance_of(grey), depth)
 
     def features(self, fx: float) -> Features:
-        """At the pixels of a camera without distortion, around its centre."""
+        """Returns the features in pixels of an undistorted camera, relative to its principal point."""
         return Features(fx * self.x, self.descriptors)
 
     def with_depth(self) -> DescribedPoints:
-        """Only what has a depth."""
+        """Returns only the points with a depth."""
         known = np.isfinite(self.xyz[:, 2])
         return replace(self, x=self.x[known], descriptors=self.descriptors[known], xyz=self.xyz[known])
 
 
 @dataclass(frozen=True, eq=False)
 class LoopCamera:
-    """The camera, or pair, by which keyframes are compared."""
+    """The camera, or stereo pair, whose keyframes are compared."""
 
     fx: float
     low: Array
-    """(2,) normalised, of the image's corner at the top left."""
+    """(2,) normalised coordinates of the top left corner of the image."""
     high: Array
-    """(2,) of that at the bottom right."""
+    """(2,) normalised coordinates of the bottom right corner."""
     sigma: float
-    """Deviation of a feature's place, normalised."""
+    """Standard deviation of a feature's position, normalised."""
     matcher: Matcher
     baseline: float
-    """Of a pair; 0 for one camera, whose unit drifts."""
+    """Baseline [m] of a pair; 0 for one camera, whose scale drifts."""
 
     @staticmethod
     def of(camera: Camera, sigma: float, matcher: Matcher, baseline: float = 0.0) -> LoopCamera:
@@ -93,7 +93,7 @@ class LoopCamera:
         return LoopCamera(camera.fx, corners[0], corners[1], sigma, matcher, baseline)
 
     def in_sight(self, near: Array) -> Array:
-        """(N, 2) normalised, of points (N, 3) in the camera; NaN for those out of its image."""
+        """Returns the normalised coordinates (N, 2) of points (N, 3) in the camera; NaN outside of the image."""
         with np.errstate(divide="ignore", invalid="ignore"):
             x = near[:, :2] / near[:, 2:]
         inside = (near[:, 2] > 0) & (x > self.low).all(axis=1) & (x < self.high).all(axis=1)
@@ -102,23 +102,24 @@ class LoopCamera:
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
-    """Of a later keyframe against an earlier one."""
+    """Relative pose of a later keyframe and an earlier one."""
 
     first_from_then: Similarity
     covariance: Array
-    """(7, 7) as that of a pose_graph.Edge."""
+    """(7, 7) covariance, as that of a pose_graph.Edge."""
     count: int
-    """Points that agree."""
+    """Number of inliers."""
 
 
 def relative_pose(
     camera: LoopCamera, first: DescribedPoints, then: DescribedPoints, together: bool = False
 ) -> RelativePose | None:
-    """Returns the relative pose where both show one place; `together`: the first one is what several keyframes show."""
+    """Returns the relative pose if both keyframes show the same scene; `together`: the first has the points of
+    several."""
     known = first.with_depth()
     xyz, limit, least = known.xyz.astype(float), INLIER * camera.sigma, MATCHED_TOGETHER if together else MATCHED
     verification = Verification(camera.matcher, limit, (camera.fx * limit,), least, FEWEST, measure_chance=False)
-    # What several keyframes show of one point is expected, and found, as often as they show it.
+    # A point that several keyframes show is expected, and found, once for each of them.
     candidate = Candidate(known.features(camera.fx), lambda index: xyz[index], repeated=together)
     now = then.features(camera.fx)
     view = View(now, lambda index: then.x[index].astype(float), lambda points: camera.fx * camera.in_sight(points))
@@ -134,7 +135,8 @@ def relative_pose(
 def _measured(
     camera: LoopCamera, first: DescribedPoints, xyz: Array, x: Array, own: Array, guess: Pose
 ) -> RelativePose | None:
-    """By points (N, 3) of the first keyframe, where (N, 2) the later one has them, and its own points (N, 3) or NaN."""
+    """Estimates it from points (N, 3) of the first keyframe, their positions (N, 2) in the later one, and its own
+    points (N, 3) or NaN."""
     seen = x
     if camera.baseline:
         with np.errstate(invalid="ignore"):
@@ -151,7 +153,7 @@ def _measured(
         if measured is None:
             return None
         scale, of_scale = measured
-    # A left twist of then_from_first is one on the right of first_from_then, the other way.
+    # A left twist of then_from_first is a right twist of first_from_then, with opposite sign.
     into = np.diag(np.repeat([scale, 1.0], 3))
     covariance = np.zeros((FREEDOM, FREEDOM))
     covariance[:6, :6] = into @ np.linalg.inv(fit.information) @ into.T
@@ -163,9 +165,10 @@ def _measured(
 
 
 def _scale(ratios: Array) -> tuple[float, float] | None:
-    """The later unit's number of a length over the earlier one's, and the deviation of its logarithm."""
+    """Returns the ratio of a length in the later scale to that in the earlier one, and the standard deviation of its
+    ln."""
     logs = np.log(ratios[np.isfinite(ratios) & (ratios > 0)])
     if len(logs) < FEWEST_SCALES:
         return None
-    # The median of normal values scatters by 1.25 (sqrt(pi / 2)) times as much as their mean.
+    # The median of normal values has a standard deviation 1.25 (sqrt(pi / 2)) times that of their mean.
     return float(np.exp(np.median(logs))), 1.25 * normalised_mad(logs) / len(logs) ** 0.5
