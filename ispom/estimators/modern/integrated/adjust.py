@@ -1,4 +1,4 @@
-"""After each pair: the joint window adjusted, and the covariances that follow from that."""
+"""Optimises the joint window after each stereo pair, and computes the covariances of the result."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from ispom.solvers.window.prior import LENS
 from ispom.types import Decision, SplineFit
 
 USUAL_FRAME_S = 0.1
-"""Of a video with one frame so far."""
+"""Frame interval [s] assumed for a video with one frame so far."""
 
 
 def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegratedState, tuple[Decision, ...]]:
-    """With no more views than can be adjusted together."""
+    """Thins the window to at most `max_views` views."""
     count = len(state.window.views)
     if count <= setup.max_views:
         return state, ()
@@ -49,7 +49,9 @@ def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegrate
 def adjusted(
     setup: Setup, state: ModernIntegratedState
 ) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]], SplineFit | None]:
-    """The window with its oldest pair gone, adjusted; why; the poses in it; and the spline, in the window's world."""
+    """Optimises the window after the oldest pair has left it.
+
+    Returns the state, the decisions, the poses in the window, and the spline in the window's world."""
     before = state.window
     state = _shortened(setup, state)
     window, meeting = with_lens(state), common_pair(setup, state)
@@ -57,7 +59,7 @@ def adjusted(
         return state, (), [], None
     frame_s = USUAL_FRAME_S if state.interval.median_ns is None else state.interval.median_ns * 1e-9
     frames, why, solved = setup.knot_frames or USUAL_KNOT_FRAMES, (), solve
-    # A clock or a rig that is still wrong looks like motion.
+    # A wrong clock or rig looks like motion.
     if not setup.knot_frames and not window.rig.free.any():
         window, chosen = with_knots(window, frame_s, setup.knot_misfit)
         frames, why = min(window.knots), (chosen,)
@@ -77,7 +79,7 @@ def adjusted(
 
 
 def _what_left(setup: Setup, before: JointWindow, after: JointWindow) -> Decision:
-    """Whether the oldest pairs had to leave the window."""
+    """Reports whether the oldest pairs left the window."""
     gone = len(before.views) - len(after.views)
     then = f"{gone} frames left with it, and their poses are final" if gone else ""
     return checks.WINDOW.of(len(before.pairs), setup.window_pairs, then)
@@ -94,7 +96,8 @@ def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedSt
 def _with_solution(
     setup: Setup, state: ModernIntegratedState, solution: Solution, used: NDArray[np.int64], reference_ns: int
 ) -> JointWindow:
-    """All poses, points and what is free of the rig, made better; covariances relative to that exposure."""
+    """Updates poses, points and the free parameters of the rig; covariances are relative to the frame at
+    `reference_ns`."""
     window = state.window
     sampled, edge = solution.sampled, window.pairs[1]
     exposures = slice(len(window.views))
@@ -121,8 +124,8 @@ def _with_solution(
 def _reference(
     setup: Setup, state: ModernIntegratedState, time_ns: int, solution: Solution, used: NDArray[np.int64]
 ) -> tuple[Reference, Array]:
-    """Covariances of the points that may be seen again, and of the newest pose, relative to a pair's pose; and (n, n)
-    that of knots and rig by the weights alone."""
+    """Returns the covariances of the points that may be observed again and of the newest pose, relative to a pair's
+    pose; and (n, n) the covariance of knots and rig by the normal equations alone."""
     window = state.window
     place = {v.time_ns: i for i, v in enumerate(window.views) if not v.video}
     here = place[time_ns]
@@ -136,7 +139,7 @@ def _reference(
     chosen = np.flatnonzero(np.isin(window.table.ids[used], np.concatenate(recent)))
     drift, before = np.zeros((6, 6)), window.reference
     if before is not None:
-        # The uncertainty of the way from the last such pair, and of that one.
+        # The covariance of the relative pose to the previous reference, plus that of the reference itself.
         there = place.get(before.time_ns, 0)
         carry = (pose.inverse() @ window.views[there].world_from_rig).adjoint
         drift = carry @ (before.drift + solution.pose_covariance(there, together)) @ carry.T
@@ -146,7 +149,7 @@ def _reference(
 
 
 def _moved_by_lens(solution: Solution) -> Array:
-    """(O, 3, 2) how all observations change with what is wrong with the correction of the video's lens."""
+    """Returns (O, 3, 2) the Jacobian of all observations with respect to the lens correction of the video camera."""
     o = solution.problem.observations
     moved = np.where((o.camera == VIDEO)[:, None, None], by_lens(o.seen[:, :2]), 0.0)
     return np.concatenate([moved, np.zeros((len(moved), 1, LENS))], axis=1)

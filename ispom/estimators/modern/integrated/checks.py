@@ -11,7 +11,7 @@ STAGES = {
     "place": "Estimates the pose of the frame from known points.",
     "adjust": "After a stereo pair: fits one spline to all observations of both cameras in the window.",
 }
-"""By their names in Step.seconds, in order."""
+"""Descriptions of the stages of a step, by their keys in Step.seconds, in order."""
 
 VIEWS = Check(
     "views",

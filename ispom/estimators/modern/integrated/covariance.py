@@ -1,4 +1,4 @@
-"""The covariance of the newest pose: of the pair that it is relative to, and of the way from there."""
+"""Covariance of the newest pose: that of the reference pair, plus that of the relative pose since."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from ispom.solvers.window.prior import LENS
 from ispom.types import Step
 
 DRIFT_SHARE = 0.006
-"""Deviation, in each direction, of what poses drift by where pairs are missing, as a share of the way since the last:
-what stays in sight is followed farther and farther beside its place, and its depths come out a percent wrong together,
-which errors of one point each do not tell. One share fits gaps of 3 s in sim:tiny, sim:city and indoors, four seeds
-each: without it NEES of positions grows from 3 to 20 and more within a second, with it it stays at 2 to 4."""
+"""Standard deviation of the drift without pairs, in each direction, as a share of the distance since the last pair.
+Tracks drift farther from their landmarks, and depths get a common error of a percent, which independent errors of
+points do not model. One share fits gaps of 3 s in sim:tiny, sim:city and indoors, four seeds each: without it the NEES
+of positions grows from 3 to more than 20 within a second, with it it stays at 2 to 4."""
 
 
 def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) -> Array | None:
-    """(6, 6) of the newest pose, `part` being the Step of the method asked; None where it is not known."""
+    """Returns the covariance (6, 6) of the newest pose; `part` is the Step of the method of this camera. None if
+    unknown."""
     window, view = state.window, state.window.views[-1]
     if setup.follow_stereo and not view.video and part.world_from_frame is not None:
         return part.covariance
@@ -37,14 +38,15 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
     if base is None or way is None:
         return None
     if view.information is not None:
-        # The reference lies on the spline, which does not follow all that the rig does.
+        # The reference lies on the spline, which does not follow the motion exactly.
         way = way + window.spline_error * np.linalg.inv(view.information)
     carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
     return carry @ base @ carry.T + way + _drift(window, view, reference)
 
 
 def _drift(window: JointWindow, view: View, reference: Reference) -> Array:
-    """(6, 6) of a pose from what the video alone carried on for longer than pairs are apart; else 0."""
+    """Returns the covariance (6, 6) of the drift since the last pair, if that is longer ago than pairs usually are;
+    else 0."""
     usual_ns, since_ns = window.usual_ns, view.time_ns - reference.time_ns
     if usual_ns is None or since_ns <= usual_ns:
         return np.zeros((6, 6))
@@ -54,12 +56,13 @@ def _drift(window: JointWindow, view: View, reference: Reference) -> Array:
 
 
 def by_lens(seen: Array) -> Array:
-    """(N, 2, 2) how normalised coordinates (N, 2) change with the correction of the lens, to first order."""
+    """Returns the Jacobian (N, 2, 2) of normalised coordinates (N, 2) with respect to the lens correction."""
     return -np.stack([seen, seen * (seen**2).sum(axis=1, keepdims=True)], axis=2)
 
 
 def _resected_covariance(noise: RigNoise, state: ModernIntegratedState, view: View) -> Array | None:
-    """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
+    """Returns the covariance (6, 6) of a resected pose relative to the window's reference; None if its points are
+    new."""
     window = state.window
     assert window.reference is not None
     _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
@@ -86,7 +89,8 @@ def _resected_covariance(noise: RigNoise, state: ModernIntegratedState, view: Vi
 
 
 def _with_rate(window: JointWindow, lens: Array | None) -> Array:
-    """(8, 8) of the lens and of the rate by which a rolling shutter's rows were put together: all points share both."""
+    """Returns the covariance (8, 8) of the lens correction and of the rate that corrected the rolling shutter: all
+    points of a frame share both."""
     out = np.zeros((LENS + POSE, LENS + POSE))
     out[:LENS, :LENS] = 0.0 if lens is None else lens
     out[LENS:, LENS:] = np.diag(window.rate_variance())

@@ -1,7 +1,8 @@
 """Integrated, modern: one windowed problem over the raw observations of both cameras, each at its own time.
 
-A cumulative cubic B-spline through the last few stereo pairs is adjusted to all that the video and the stereo camera
-saw in that time. They need not see the same points: pairs make the spline metric, the video shapes it between them.
+A cumulative cubic B-spline over the last few stereo pairs is fitted to all observations of the video and of the stereo
+camera in that time. They need not observe the same points: pairs give the spline its scale, the video its shape between
+them.
 """
 
 from __future__ import annotations
@@ -53,40 +54,43 @@ class ModernIntegratedConfig:
     """Settings of the modern integration."""
 
     window_pairs: Annotated[int, Range(2, 12)] = 5
-    """Stereo pairs adjusted together, with the video frames between them."""
+    """Number of stereo pairs optimised together, with the video frames between them."""
     max_views: Annotated[int, Range(40, 1000)] = 240
-    """Exposures adjusted together; where pairs are rare, every second video frame between them moves along instead."""
+    """Largest number of frames optimised together; where pairs are rare, every second video frame between them follows
+    its neighbour."""
     max_points: Annotated[int, Range(50, 5000)] = 400
-    """Points of the video, and as many of the pairs, in one adjustment: those seen most often."""
+    """Largest number of video points, and of stereo points, in the optimisation: those with the most observations."""
     knot_frames: Annotated[float, Range(0, 10)] = 0.0
-    """Video frames from one knot of the spline to the next; 0 chooses the most that can follow the motion."""
+    """Spacing of the spline's knots, in video frames; 0 chooses the widest spacing that follows the motion."""
     knot_misfit: Annotated[float, Range(0.1, 1000)] = 3.0
-    """How far poses may lie from that spline: mean square, in what the errors of their observations make of them."""
+    """Largest misfit of that spline to the poses: mean squared residual per degree of freedom, in standard deviations
+    of the poses."""
     estimate_rig: bool = False
-    """Refine how the video camera is turned on the rig, and where it sits."""
+    """Self-calibrate the pose of the video camera on the rig."""
     estimate_clock: bool = False
-    """Estimate how late the video camera's time stamps are."""
+    """Self-calibrate the time offset of the video camera."""
     rig_sigma_deg: Annotated[float, Range(0.001, 30)] = 2.0
-    """How far the video camera may be turned from what the calibration says, before any data."""
+    """Prior standard deviation of the video camera's rotation on the rig [deg]."""
     rig_sigma_m: Annotated[float, Range(0.0001, 1)] = 0.03
-    """How far it may sit from where the calibration says; found only where the rig turns."""
+    """Prior standard deviation of its position on the rig [m]; it is observable only where the rig rotates."""
     clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
-    """How far off the video's clock may be, before any data."""
+    """Prior standard deviation of the video's time offset [s]."""
     video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.13
-    """Error of a point tracked in the video, in the weight it has; covariances take what the adjustment leaves."""
+    """Noise (1 sigma) of a point tracked in the video [px]; sets its weight. Covariances use the measured residuals."""
     stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
-    """Error of a point followed from pair to pair, in the same way."""
+    """Noise (1 sigma) of a point tracked from pair to pair [px]; sets its weight."""
     disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
-    """Error of its match in the right image."""
+    """Noise (1 sigma) of the match in the right image [px]."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """As of the methods asked: the errors above are in pixels of the images that they track."""
+    """Downsampling limit of the methods that this one depends on: the noise above is in pixels of the images that they
+    track."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
-    """Scale of the Cauchy loss, in these errors."""
+    """Width of the Cauchy loss, in these standard deviations."""
     iterations: Annotated[int, Range(1, 30)] = 4
-    """Of each adjustment, at most."""
+    """Largest number of iterations per optimisation."""
     follow_stereo: bool = True
-    """Meet the stereo estimator's pose at every pair, or with a rolling shutter on average over as many pairs as are
-    adjusted together, so that both share one drift; else the drift is its own."""
+    """Align with the poses of the stereo estimator at every pair (with a rolling shutter: on average over the pairs in
+    the window), so that both share one drift; otherwise the drift is independent."""
 
     def build(self, rig: Rig) -> ModernIntegrated:
         return ModernIntegrated(rig, self)
@@ -94,9 +98,9 @@ class ModernIntegratedConfig:
 
 @dataclass(frozen=True, eq=False)
 class ModernIntegrated:
-    """Metric at video rate. World: the rig at the first stereo pair.
+    """Estimates metric poses at video rate. World: the rig at the first stereo pair.
 
-    Asks any monocular and stereo method whose Steps have their tracks.
+    Depends on any monocular and stereo method whose Steps contain their tracks.
     """
 
     rig: Rig
@@ -106,20 +110,21 @@ class ModernIntegrated:
         return ModernIntegratedState(JointWindow(self._rig_model, self._rig_model))
 
     def finish(self, state: ModernIntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
-        """Poses of the video exposures from the first stereo pair to the last."""
+        """Returns the poses of the video frames from the first stereo pair to the last."""
         in_window = [pose for view in state.window.views for pose in view.poses()]
         return video_poses(self._setup, [*state.settled, *in_window], asked["stereo"], tuple(state.begun_ns))
 
     def step(
         self, state: ModernIntegratedState, exposure: Measurement, asked: Mapping[str, Step]
     ) -> tuple[ModernIntegratedState, Step]:
-        """One exposure: observe, locate, and after a pair adjust the window."""
+        """Processes one frame: collects its observations, localises it, and after a pair optimises the window."""
         setup, watch, is_pair = self._setup, Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
         part = asked["stereo" if is_pair else "video"]
         fits = (right_fits(part),) if is_pair else ()
         if any(each.failed for each in fits):
             return _passed_over(state, part, fits)
-        # Poses hang on stereo's where it is followed, else on points: a blind start of the one is that of both, or not.
+        # Poses depend on stereo if it is followed, otherwise on points: stereo's gap is a gap here only in the first
+        # case.
         blind = is_pair and (part.restarted or state.apart)
         if blind and self.config.follow_stereo and state.window.views:
             state = start_new_segment(state, exposure.time_ns)
@@ -193,7 +198,7 @@ class ModernIntegrated:
 def _passed_over(
     state: ModernIntegratedState, part: Step, why: tuple[Decision, ...]
 ) -> tuple[ModernIntegratedState, Step]:
-    """A pair that measures no depth is none: the video goes on alone, as far as it sees points that were adjusted."""
+    """Skips a pair that measures no depth: the video continues alone as long as it observes optimised points."""
     status = Status.LOST if state.window.views else Status.INITIALISING
     seconds = {f"{part.method}: {k}": v for k, v in part.seconds.items()}
     state = replace(state, passed=state.passed + 1, apart=state.apart or part.restarted)
@@ -210,14 +215,14 @@ def _passed_over(
 
 
 def _calibration(window: JointWindow) -> Corrections:
-    """Returns the correction of the video camera's pose on the rig, and of its clock."""
+    """Returns the self-calibrated corrections of the video camera's pose on the rig, and of its clock."""
     if not window.rig.free.any() or not window.rig_estimates:
         return Corrections()
     return Corrections(mount=MountCorrection.of(window.rig.minus(window.calibrated), rig_covariance(window)))
 
 
 def _landmarks(window: JointWindow, onto: Pose, exposure: Measurement, part: Step) -> Landmarks:
-    """The points seen in this exposure, by the ids of the window: even in the video, odd in pairs."""
+    """Returns the landmarks observed in this frame; ids are the window's: even for the video, odd for pairs."""
     view = window.views[-1]
     place = window.table.places(view.ids)
     known = place >= 0

@@ -1,4 +1,4 @@
-"""The joint window as one problem over all that both cameras saw, each at its own time."""
+"""Builds the optimisation problem of the joint window: the observations of both cameras, each at its own time."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from ispom.solvers.spline.fit import fitted
 from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, RowBands, SplineProblem
 
 MIN_VIEWS = {True: 3, False: 2}
-"""Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
+"""Least number of observations of a point in the problem, for the video (two have no redundancy) and for stereo
+pairs."""
 MIN_POINTS = 12
-"""Fewer points make no problem: twice the least number that a pose takes."""
+"""Least number of points of a problem: twice the minimum that a pose requires."""
 HELD = 1e10
-"""Information [1/rad^2, 1/m^2] of a pose that others are relative to: 10 um and 10 urad hold it beside all data."""
+"""Information [1/rad^2, 1/m^2] of the reference pose: 10 um and 10 urad fix it against all data."""
 DEPTH_INFORMATION = 1.0
-"""Of the inverse depth that a point begins with [m^2]. A deviation of 1/m is no knowledge for any scene; it only bounds
-the step of a point that is seen without parallax."""
+"""Prior information of the inverse depth of a point [m^2]. A standard deviation of 1/m is vague in any scene; it only
+bounds the step of a point without parallax."""
 
 
 def joint_problem(
     window: JointWindow, noise: RigNoise, spacing_s: float, most: int
 ) -> tuple[SplineProblem | None, NDArray[np.int64]]:
-    """The problem with at most so many points of each camera, and which points of the table take part."""
+    """Returns the problem with at most `most` points of each camera, and the indices of these points in the table; None
+    instead of a problem if they are fewer than MIN_POINTS."""
     views, video_points = window.views, window.table.ids % 2 == 0
     place = np.concatenate([window.table.places(v.ids) for v in views])
     count = np.bincount(place, minlength=len(window.table.ids))
@@ -36,7 +38,7 @@ def joint_problem(
     if len(used) < MIN_POINTS:
         return None, used
     points = window.table.select(used).points
-    # A window's first pair has views on one side only: were it held, what it is off by would move all others.
+    # The first pair of a window has neighbours on one side only: if it were fixed, its error would move all others.
     held = window.pairs[1] if window.truncated and len(window.pairs) > 2 else 0
     observations, bands = _observations(window, noise, place, used)
     return SplineProblem(
@@ -55,7 +57,7 @@ def joint_problem(
 
 
 def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArray[np.int64]:
-    """Of the points seen often enough, those seen most often: up to `most` of the video and as many of the pairs."""
+    """Returns the points with the most observations: up to `most` of the video and as many of the pairs."""
     enough = np.flatnonzero(count >= least)
     order = enough[np.argsort(-count[enough], kind="stable")]
     return np.sort(np.concatenate([order[video[order]][:most], order[~video[order]][:most]]))
@@ -64,7 +66,8 @@ def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArr
 def _observations(
     window: JointWindow, noise: RigNoise, place: NDArray[np.int64], used: NDArray[np.int64]
 ) -> tuple[RigObservations, RowBands]:
-    """Those of the points in use, by point, then by exposure; `place` of all observations in the window's table."""
+    """Returns the observations of the points in use, by point, then by frame, and their row bands; `place` are the
+    indices of all observations in the window's table."""
     views = window.views
     exposure = np.repeat(np.arange(len(views)), [len(v.ids) for v in views])
     number = np.full(len(window.table.ids), -1)
@@ -84,9 +87,9 @@ def _observations(
 
 
 def _seen(window: JointWindow, moved: Array) -> Array:
-    """(O, 3) of all observations in the window: normalised coordinates and disparity, calibration errors removed.
+    """Returns (O, 3) normalised coordinates and disparities of all observations, without the calibration errors.
 
-    `moved` (O, 2) since the time that their row's band is taken to have.
+    `moved` (O, 2) is the displacement since the time of their row's band.
     """
     views = [v if v.middle is None else replace(v, middle=None) for v in window.views]
     uv = np.concatenate([window.seen(v) for v in views]) - moved
@@ -95,6 +98,6 @@ def _seen(window: JointWindow, moved: Array) -> Array:
 
 
 def _rig_prior(window: JointWindow) -> RigModel:
-    """What was known of the rig from observations that are no longer in the window: none counts twice."""
+    """Returns the estimate of the rig from observations that have left the window, so that none counts twice."""
     complete = window.truncated and len(window.rig_estimates) >= len(window.pairs) - 1
     return window.rig_estimates[0] if complete else window.calibrated

@@ -1,4 +1,4 @@
-"""Decisions about an adjustment of the joint window: how well it went, and what is wrong with the calibration."""
+"""Decisions about an optimisation of the joint window: convergence, outliers, and the calibration."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ispom.solvers.spline.problem import SplineProblem
 from ispom.types import Decision, SplineFit
 
 OUTLIER = 8.0
-"""[standard deviations] Observations that are farther off hardly count: the loss flattens from 1 on."""
+"""Residual, in standard deviations, beyond which an observation is an outlier: the loss flattens from 1 on."""
 
 
 def report(window: JointWindow, solution: Solution, iterations: int) -> tuple[Decision, ...]:
-    """Of the window as adjusted, in at most so many iterations."""
+    """Returns the decisions about an optimised window; `iterations` is the largest number allowed."""
     problem = solution.problem
     ratio = solution.cost_after / max(solution.cost_before, 1e-12)
     size = f"{len(problem.times_s)} frames, {len(problem.points)} points, {len(solution.errors)} observations"
@@ -33,7 +33,7 @@ def report(window: JointWindow, solution: Solution, iterations: int) -> tuple[De
 
 
 def spline_fit(start_ns: int, problem: SplineProblem, solution: Solution) -> SplineFit:
-    """The spline before and after; `problem` is as it was given to the solver, its times count from `start_ns`."""
+    """Returns the spline before and after; `problem` is the solver's input, whose times count from `start_ns`."""
     found, observed, count = solution.problem, problem.exposures, len(problem.times_s)
     begun = problem.sampled()
     return SplineFit(
@@ -53,7 +53,7 @@ def spline_fit(start_ns: int, problem: SplineProblem, solution: Solution) -> Spl
 
 
 def _medians(errors: Array, exposure: NDArray[np.int64], count: int) -> Array:
-    """(E,) of the errors (O,) at each exposure; NaN where there is none."""
+    """Returns the median (E,) of the errors (O,) at each frame; NaN where there are none."""
     order = np.argsort(exposure, kind="stable")
     edges = np.searchsorted(exposure[order], np.arange(count + 1))
     at = [errors[order[a:b]] for a, b in pairwise(edges.tolist())]
@@ -61,7 +61,7 @@ def _medians(errors: Array, exposure: NDArray[np.int64], count: int) -> Array:
 
 
 def rig_covariance(window: JointWindow) -> Array:
-    """(7, 7) of the change of the rig, 0 for what is held, by the estimates so far, of which there is one at least."""
+    """Returns the covariance (7, 7) of the rig's corrections, 0 for fixed ones. Requires at least one estimate."""
     covariance, free = np.zeros((RIG, RIG)), np.flatnonzero(window.rig.free)
     inside = np.ix_(free, free)
     covariance[inside] = np.linalg.inv(window.rig_estimates[-1].information[inside])
@@ -69,7 +69,7 @@ def rig_covariance(window: JointWindow) -> Array:
 
 
 def _rig_report(window: JointWindow) -> tuple[Decision, ...]:
-    """What is found to be wrong with the calibration of the video camera, beside twice its standard deviation."""
+    """Compares the corrections of the video camera's calibration with twice their standard deviations."""
     rig, change = window.rig, window.rig.minus(window.calibrated)
     covariance = rig_covariance(window)
     found = []

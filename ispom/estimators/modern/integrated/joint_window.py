@@ -1,4 +1,4 @@
-"""The last stereo pairs and all video frames between them: what the cameras saw, and where they were."""
+"""The joint window: the last stereo pairs and all video frames between them, with their observations and poses."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from ispom.solvers.spline.problem import RigModel
 from ispom.solvers.window.prior import LENS
 
 LEAST_INVERSE_DEPTH = 1e-4
-"""[1/m] A smaller one, from a disparity with its errors, is none: 10 km are beyond what any rig measures."""
+"""Least inverse depth [1/m] that a disparity gives; 10 km are beyond what any rig measures."""
 NEIGHBOURS = 5
-"""Points whose median depth a new point of the video is given: a median of fewer may be that of an outlier."""
+"""Number of neighbours whose median depth initialises a new video point: the median of fewer may be an outlier's."""
 NEAREST_BASELINES = 0.2
-"""Depth, in baselines, of the nearest known points that lend theirs to others: nearer ones are outliers."""
+"""Least depth, in baselines, of the points used for that: nearer ones are outliers."""
 USUAL_BASELINES = 20.0
-"""Depth, in baselines, of points where none is known yet: the middle of what a pair measures well."""
+"""Depth, in baselines, of new points if no depth is known: the middle of the range that a pair measures well."""
 MOST_EXTRAPOLATED = 3
-"""Intervals between the last two views that their motion is taken to go on; after longer gaps it says nothing."""
+"""Longest prediction of the motion, in intervals between the last two views; across longer gaps the pose is kept."""
 
 RATES = 8
-"""Video frames whose rates tell how far off rates are."""
+"""Number of video frames whose rates give the variance of a rate."""
 RATE_SHARE = 0.6
-"""How far off the rate by four poses is, over what it differs by from that of three (0.6 of true poses in sim:city)."""
+"""Error of the rate of four poses, relative to its difference from that of three (0.6 for true poses in sim:city)."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointWindow:
-    """The exposures that are adjusted together, and all that they were found to say."""
+    """The frames that are optimised together, and the results."""
 
     rig: RigModel
     calibrated: RigModel
@@ -44,46 +44,46 @@ class JointWindow:
     """Oldest first; the first is a stereo pair."""
     table: Table = field(default_factory=Table.empty)
     rig_estimates: tuple[RigModel, ...] = ()
-    """The rig with its information after each of the last adjustments."""
+    """The rig with its information after each of the last optimisations."""
     pair_errors: Array = field(default_factory=lambda: np.zeros(PAIR))
-    """What stereo found to be wrong with the pair (see right_camera.TERMS)."""
+    """Corrections of the stereo pair by the stereo method (see right_camera.TERMS)."""
     lens_correction: Array = field(default_factory=lambda: np.zeros(LENS))
-    """What monocular found to be wrong with the video camera (see window.Window.extra), as it was when the points were
-    adjusted: by another one they would not lie where they are seen."""
+    """Lens correction of the video camera by the monocular method (see window.Window.extra). It is that of the last
+    optimisation, as the points fit the observations only with the same correction."""
     lens_covariance: Array | None = None
-    """(2, 2) of it; None where it is not known."""
+    """(2, 2) covariance of the lens correction; None if unknown."""
     truncated: bool = False
-    """Whether views have left it."""
+    """Whether views have left the window."""
     knots: tuple[float, ...] = ()
-    """Video frames from one knot to the next, as chosen after each pair in it but the first."""
+    """Knot spacing in video frames, as chosen after each pair in the window but the first."""
     spline_error: float = 0.0
-    """How far their spline passes beside a pose, see knots.spline_error."""
+    """Squared error of the spline, see knots.spline_error."""
     reference: Reference | None = None
-    """Of the last adjustment."""
+    """Reference of the last optimisation."""
 
     @property
     def pairs(self) -> list[int]:
-        """Places of the stereo pairs among the views."""
+        """Indices of the stereo pairs among the views."""
         return [i for i, v in enumerate(self.views) if not v.video]
 
     @property
     def usual_ns(self) -> int | None:
-        """Longest interval between its pairs; None of fewer than two."""
+        """Longest interval between the pairs [ns]; None for fewer than two."""
         times_ns = [self.views[i].time_ns for i in self.pairs]
         return max((b - a for a, b in pairwise(times_ns)), default=None)
 
     def camera_pose(self, view: View) -> Pose:
-        """world_from_camera of the video or the left camera."""
+        """Returns world_from_camera of the video or the left camera."""
         return view.world_from_rig @ (self.rig.rig_from_video if view.video else self.rig.rig_from_left)
 
     def seen(self, view: View) -> Array:
-        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with its lens; where the
-        middle row would have seen them."""
+        """Returns the normalised coordinates (N, 2) in the video or the left camera, without lens errors, as the middle
+        row would have observed them."""
         seen = view.seen if view.middle is None else view.middle
         return corrected(seen, self.lens_correction) if view.video else without_lens(seen, self.pair_errors)
 
     def predicted(self, time_ns: int) -> Pose:
-        """world_from_rig if the motion of the last two views goes on; identity before any view."""
+        """Predicts world_from_rig with the velocity of the last two views; identity before any view."""
         if not self.views:
             return Pose()
         last = self.views[-1]
@@ -96,30 +96,32 @@ class JointWindow:
         return last.world_from_rig @ Pose.exp(share * way[0].log())
 
     def motion(self, video: bool) -> Array:
-        """(12,) of rig_from_world, as of rolling.mean_rates: the mean between a camera's last two views, 0 before."""
+        """Returns the motion (12,) of rig_from_world, see rolling.mean_rates: the mean between a camera's last two
+        views; 0 for fewer."""
         way = self._way(video)
         return np.zeros(12) if way is None else steady(-way[0].log() / (way[1] * 1e-9))
 
     def rate_variance(self) -> Array:
-        """(6,) of the rates by which rows of the last video frames were put together."""
+        """Returns the variance (6,) of the rates that corrected the rolling shutter of the last video frames."""
         off = [v.unforeseen for v in self.views if v.video and v.located][-RATES:]
         square = (np.reshape(off, (-1, 2, 3)) ** 2).mean(axis=(0, 2)) if off else np.zeros(2)
         return RATE_SHARE**2 * np.repeat(square, 3)
 
     def recent(self, time_ns: int) -> list[tuple[int, Pose]]:
-        """Times and poses world_from_rig of the last video frames before this time that tell how the rig moves then."""
+        """Returns times and poses world_from_rig of the last video frames before this time, for the rate of the
+        motion."""
         views = [v for v in self.views if v.video and v.located and time_ns - SPAN_S * 1e9 <= v.time_ns < time_ns]
         return [(v.time_ns, v.world_from_rig) for v in views[1 - AHEAD :]]
 
     def _way(self, video: bool) -> tuple[Pose, int] | None:
-        """before_rig_from_last_rig of the last two views of a camera, and the time [ns] between them."""
+        """Returns before_rig_from_last_rig of the last two views of a camera, and the time [ns] between them."""
         views = [v for v in self.views if v.video == video][-2:]
         if len(views) < 2 or views[1].time_ns <= views[0].time_ns:
             return None
         return views[0].world_from_rig.inverse() @ views[1].world_from_rig, views[1].time_ns - views[0].time_ns
 
     def with_view(self, view: View) -> JointWindow:
-        """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
+        """Adds a view with a rough pose; its new points get a depth from disparity or from neighbours."""
         new = self.table.places(view.ids) < 0
         anchor = self.camera_pose(view)
         seen = self.seen(view)[new]
@@ -131,7 +133,7 @@ class JointWindow:
         return replace(self, views=(*self.views, view), table=self.table.with_new(view.ids[new], anchor, values))
 
     def _neighbours(self, anchor: Pose, seen: Array) -> Array:
-        """Inverse depths (N,) of the known points that appear nearest to (N, 2)."""
+        """Returns the median inverse depths (N,) of the known points nearest to normalised coordinates (N, 2)."""
         xyz = anchor.inverse().apply(self.table.points.xyz_in_world)
         xyz = xyz[xyz[:, 2] > NEAREST_BASELINES * self.rig.baseline_m]
         if not len(xyz):
@@ -141,7 +143,7 @@ class JointWindow:
         return np.median(1 / xyz[np.reshape(near, (len(seen), k)), 2], axis=1)
 
     def with_views(self, views: tuple[View, ...], truncated: bool) -> JointWindow:
-        """With these of its views, and the points that they see."""
+        """Keeps only these views and the points that they observe."""
         seen = np.unique(np.concatenate([v.ids for v in views]))
         table = self.table.select(np.isin(self.table.ids, seen))
         return replace(self, views=views, table=table, truncated=truncated)

@@ -1,4 +1,4 @@
-"""How dense the knots of the spline must be to follow the motion."""
+"""Chooses the knot spacing of the spline."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from ispom.solvers.spline.fit import fitted, misfits
 from ispom.types import Decision
 
 KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)
-"""Video frames from one knot to the next, to choose from."""
+"""Knot spacings to choose from, in video frames."""
 USUAL_KNOT_FRAMES = 2.0
-"""Where the motion cannot tell."""
+"""Knot spacing, in video frames, if the motion gives no evidence."""
 MOST_DENSE = 40
-"""Knots a frame apart: the time of an adjustment goes with their cube."""
+"""Largest number of knots at a spacing of one frame: the time of an optimisation grows with their cube."""
 MIN_FREEDOM = 2
-"""Degrees of freedom of a misfit that says something."""
+"""Least number of degrees of freedom of a misfit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Poses by which the knots are chosen."""
+    """The poses by which the knot spacing is chosen."""
 
     times_s: Array
-    """(E,)."""
+    """(E,) times."""
     rotations: Array
-    """(E, 3, 3)."""
+    """(E, 3, 3) orientations."""
     positions: Array
-    """(E, 3)."""
+    """(E, 3) positions."""
     new: NDArray[np.bool_]
-    """(E,) which were located since the last adjustment; N of them."""
+    """(E,) which of them were localised since the last optimisation; N of them."""
     information: Array
-    """(N, 6, 6) of these."""
+    """(N, 6, 6) information of these."""
 
     @staticmethod
     def of(window: JointWindow) -> Located | None:
-        """Of the video; None where there are too few for a spline."""
-        # Pairs take no part: were the clocks apart, they would look like motion that only fine knots can follow.
+        """Returns the poses of the video; None if they are too few for a spline."""
+        # Pairs are not used: a time offset would look like motion that only dense knots can follow.
         views = tuple(replace(v, located=v.located and v.video) for v in window.views)
         if sum(v.located for v in views) < ORDER:
             return None
@@ -57,7 +57,7 @@ class Located:
 
 
 def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[JointWindow, Decision]:
-    """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
+    """Chooses the widest knot spacing whose misfit to the poses since the last optimisation is small enough."""
     chosen, misfit, located = KNOT_FRAMES[-1], None, Located.of(window)
 
     @cache
@@ -72,7 +72,7 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
             break
     if misfit is None:
         chosen, misfit = USUAL_KNOT_FRAMES, 0.0
-    # A window has one spacing: that of its liveliest part.
+    # A window has one spacing: that of its fastest part.
     knots = (*window.knots, chosen)[1 - len(window.pairs) :]
     because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", because of the motion before")
     window = replace(window, knots=knots, spline_error=spline_error(misfit_of, min(knots)))
@@ -80,9 +80,9 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
 
 
 def spline_misfit(located: Located, spacing_s: float) -> float | None:
-    """How far the poses located since the last adjustment lie from a spline with such knots.
+    """Returns the misfit of a spline with this knot spacing to the poses localised since the last optimisation.
 
-    Mean square per degree of freedom, in standard deviations of the poses; None where they are too few.
+    It is the mean square per degree of freedom, in standard deviations of the poses; None if they are too few.
     """
     times, new = located.times_s, located.new
     freedom = new.sum() - (times[new].max() - times[new].min()) / spacing_s if new.any() else 0.0
@@ -94,10 +94,10 @@ def spline_misfit(located: Located, spacing_s: float) -> float | None:
 
 
 def spline_error(misfit_of: Callable[[float], float | None], frames: float) -> float:
-    """Mean square of how far a spline with knots so many frames apart passes beside poses, but for their noise, in
-    their variances: what its misfit is larger by than with the next denser knots. Each knot took a share with it.
+    """Returns the squared error of a spline with this knot spacing in frames, in variances of the poses: the increase
+    of its misfit over that of the next denser knots. Each knot absorbs a share of it.
 
-    `misfit_of` that many frames: see spline_misfit.
+    `misfit_of` returns the misfit at a spacing, see spline_misfit.
     """
     denser = max((f for f in KNOT_FRAMES if f < frames), default=None)
     if denser is None:
@@ -107,17 +107,18 @@ def spline_error(misfit_of: Callable[[float], float | None], frames: float) -> f
 
 
 def dense_frames(window: JointWindow, frames: float, frame_s: float) -> float:
-    """Video frames from one knot to the next where two pairs are all, one before and one after the video.
+    """Returns the knot spacing, in video frames, of a window with two pairs, one before and one after the video.
 
-    The spline alone says how pairs and video lie to each other, so it has to follow all that they do: a knot a frame,
-    where that is few enough.
+    Only the spline connects pairs and video there, so it must follow the whole motion: one knot a frame, up to
+    MOST_DENSE knots.
     """
     span_s = (window.views[-1].time_ns - window.views[0].time_ns) * 1e-9
     return min(frames, max(KNOT_FRAMES[-1], span_s / frame_s / MOST_DENSE))
 
 
 def knot_spacing_s(window: JointWindow, frames: float, frame_s: float) -> float:
-    """Of knots that many video frames apart; of a thinned window, views apart: more knots would not be held."""
+    """Returns the knot spacing [s] for a spacing in video frames; in a thinned window, in views, as more knots would
+    not be constrained."""
     if not any(v.attached for v in window.views):
         return frames * frame_s
     span_s = (window.views[-1].time_ns - window.views[0].time_ns) * 1e-9

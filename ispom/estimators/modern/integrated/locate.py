@@ -1,4 +1,4 @@
-"""Where the rig is at one exposure: by resection from the points known by now, or as at the view before."""
+"""Localises the rig at one frame: by resection from known points, otherwise by stereo or the pose before."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from ispom.solvers.spline.pose_covariance import pose_information
 from ispom.types import Status
 
 ENOUGH_POINTS = 30
-"""Of points that were adjusted: with so many, an exposure is placed by them alone."""
+"""Number of optimised points from which a frame is localised by these only."""
 INLIER = 8.0
-"""Of a resection: larger reprojection errors, in standard deviations of an observation, are wrong points; wide, as new
-points have depths that are guesses."""
+"""Inlier limit of a resection, in standard deviations of an observation; wide, as the depths of new points are
+guesses."""
 LATE_PAIRS = 2
-"""Pairs passed over, or longest intervals between pairs of the window: after as many the next is missing."""
+"""Number of skipped pairs, or of longest intervals between pairs, after which pairs count as missing."""
 
 
 def located(
     setup: Setup, state: ModernIntegratedState, view: View
 ) -> tuple[ModernIntegratedState, PoseFit | None, Status]:
-    """The window with one more view, whose pose is that of the points known by now; else that of the stereo method,
-    which may have found the way after a gap; else that of the view before."""
+    """Adds a view to the window. Its pose is resected from known points; otherwise it is that of the stereo method,
+    which may have relocalised after a gap; otherwise that of the view before."""
     window = state.window
     if not window.views:
         if view.video or len(view.ids) < MIN_POINTS:
@@ -50,15 +50,15 @@ def located(
         view = replace(view, world_from_rig=pose, located=True, metric=_metric(window, view, found, state.passed))
         view = replace(view, information=_information(setup.noise, window, view))
     state = replace(state, window=window.with_view(view))
-    # The first frames have no points of known depth yet: the pair just before them says where they are.
+    # The first frames have no points of known depth; they take the pose of the pair just before them.
     near = found is None and window.reference is None
     known = (found is not None and view.metric) or by_stereo is not None or near
     return state, found, Status.TRACKING if known else Status.LOST
 
 
 def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> bool:
-    """Whether the points that locate a view are in metres: where pairs are missing, depths of new ones are guesses, and
-    those of the points seen by such a view guesses from guesses."""
+    """Checks that the points which localise a view are metric: where pairs are missing, depths of new points are
+    guesses, and those of the points first observed by such views depend on guesses."""
     usual_ns, missing = window.usual_ns, passed >= LATE_PAIRS
     if usual_ns is not None:
         missing |= view.time_ns - window.views[window.pairs[-1]].time_ns > LATE_PAIRS * usual_ns
@@ -69,8 +69,8 @@ def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> boo
 
 
 def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[View, PoseFit | None]:
-    """The view as if all its rows had been exposed together, by the motion before it and, of the video, that which
-    leads to it; and its resection."""
+    """Corrects the rolling shutter of a view by the predicted motion and, for the video, by the motion up to it;
+    returns the view and its resection."""
     view = at_middle(window, view, window.motion(view.video))
     found, recent = _resected(noise, window, view), window.recent(view.time_ns)
     if view.late_s is None or not view.video or len(recent) + 1 < LEAST:
@@ -87,7 +87,7 @@ def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[Vi
 
 
 def _resected(noise: RigNoise, window: JointWindow, view: View) -> PoseFit | None:
-    """camera_from_world by resection from the points known by now."""
+    """Returns camera_from_world by resection from known points; None for too few inliers."""
     place, (known, _) = window.table.places(view.ids), _known(window, view)
     if known.sum() < MIN_POINTS:
         return None
@@ -100,17 +100,17 @@ def _resected(noise: RigNoise, window: JointWindow, view: View) -> PoseFit | Non
 
 
 def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(N,) which of its points locate a view, and which were adjusted."""
+    """Returns (N,) which points localise a view, and which of its points were optimised."""
     known = window.table.places(view.ids) >= 0
     if window.reference is None:
         return known, np.zeros(len(known), bool)
     adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
-    # The depth of a new point is a guess.
+    # Depths of new points are guesses.
     return adjusted if adjusted.sum() >= ENOUGH_POINTS else known, adjusted
 
 
 def _information(noise: RigNoise, window: JointWindow, view: View) -> Array:
-    """(6, 6) of a pose by resection, relative to the points."""
+    """Returns the information (6, 6) of a resected pose, for fixed points."""
     place = window.table.places(view.ids)
     return pose_information(
         view.world_from_rig,

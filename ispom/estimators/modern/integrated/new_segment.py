@@ -1,4 +1,5 @@
-"""A new segment: where nothing joins a pair to those before, no window may, and no trajectory is bent to meet both."""
+"""Starts a new segment: without observations that connect a pair to those before, neither the window nor the trajectory
+may span the gap."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from ispom.estimators.modern.integrated.view import Table
 
 
 def start_new_segment(state: ModernIntegratedState, time_ns: int) -> ModernIntegratedState:
-    """The state before a pair at that time that begins a segment: what is known of rig and lens stays, poses and points
-    do not; of the views that leave, those that were located in metres keep their poses."""
+    """Returns the state before a pair at this time that begins a segment: rig and lens estimates stay, poses and points
+    do not. Of the views that leave, those with metric poses keep them."""
     window = state.window
     left = [pose for view in window.views if view.located and view.metric for pose in view.poses()]
     return replace(
@@ -24,7 +25,7 @@ def start_new_segment(state: ModernIntegratedState, time_ns: int) -> ModernInteg
 
 
 def _emptied(window: JointWindow) -> JointWindow:
-    """Without views: what they told of the rig is what was known before."""
+    """Removes all views; the rig estimate from them becomes the prior."""
     told = window.rig_estimates[-1:] if window.rig.free.any() else ()
     return replace(
         window,

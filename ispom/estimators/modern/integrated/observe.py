@@ -1,4 +1,5 @@
-"""The raw observations of one exposure, and what the methods asked found out about the cameras."""
+"""Collects the raw observations of one frame, and the calibration corrections of the methods that this one depends
+on."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from ispom.types import Rig, Status, Step, Tracks, TrackStatus
 
 
 def observed(rig: Rig, part: Step, video: bool) -> View:
-    """The tracks that are alive in the Step of the method asked; those of a pair need a disparity. Of a frame that it
-    could not locate they are what the last image looks like there: after a cut of another place."""
+    """Returns the view of the live tracks of a Step; tracks of a pair require a disparity. A frame that the method
+    could not localise has none: after a cut its tracks are random matches."""
     name = "video" if video else "left"
     camera, tracks = rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
     alive = (tracks.status < TrackStatus.LOST) & (part.status != Status.LOST)
@@ -33,7 +34,7 @@ def observed(rig: Rig, part: Step, video: bool) -> View:
 
 
 def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
-    """With the interval up to this frame, and the lens correction that the monocular method found."""
+    """Adds the interval up to this frame, and the lens correction of the monocular method."""
     state = replace(state, interval=state.interval.after(part.time_ns))
     lens = part.calibration.lens
     if lens is None:
@@ -43,14 +44,14 @@ def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedStat
 
 
 def with_lens(state: ModernIntegratedState) -> JointWindow:
-    """The window with the lens correction that the monocular method found last."""
+    """Returns the window with the latest lens correction of the monocular method."""
     if state.lens is None:
         return state.window
     return replace(state.window, lens_correction=state.lens[0], lens_covariance=state.lens[1])
 
 
 def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
-    """With the stereo method's poses in the window, and what it found to be wrong with the pair: one scale for both."""
+    """Updates the stereo method's poses in the window, and its corrections of the pair: both methods have one scale."""
     if part.calibration.pair is not None:
         state = replace(state, window=replace(state.window, pair_errors=part.calibration.pair.values))
     known = dict(state.metric)

@@ -1,4 +1,4 @@
-"""Whether a pair measures depth: it is taken where most of its points have a match in the right image that fits."""
+"""Checks that a pair measures depth: most of its points must have a consistent match in the right image."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from ispom.estimators.modern.integrated import checks
 from ispom.types import Decision, Step, Tracks, TrackStatus
 
 MIN_SHARE = 1 / 3
-"""Ordinary pairs have 0.5 and more, those with half of the right image covered mostly 0.4 to 0.7. A right camera that
-shows nothing, another moment, or what the left one should, leaves 0 to 0.25: points far away, and wrong matches."""
+"""Least share of points with a consistent right match. Ordinary pairs have 0.5 and more, those with half of the right
+image covered mostly 0.4 to 0.7. A right image that is empty, of another time, or of the wrong camera leaves 0 to 0.25:
+distant points and wrong matches."""
 FEWEST = 30
-"""The share is one of so many points at least: where nearly all are gone, those left agree by chance."""
+"""Least number of points over which the share is computed: a few remaining ones agree by chance."""
 
 
 def right_fits(part: Step) -> Decision:
-    """Of a pair by the stereo method's Step.
+    """Checks the pair of a Step of the stereo method.
 
-    Without a right match a point says where the rig is, but not how far it went: a window of such pairs has no unit,
-    and wrong matches give it one.
+    Without a right match a point constrains the motion, but not its length: a window of such pairs has no scale, and
+    wrong matches give it a wrong one.
     """
     tracks = part.tracks.get("left", Tracks.of(np.zeros(0), np.zeros((0, 2))))
     matched, new = tracks.disparity_px > 0, tracks.status == TrackStatus.NEW
@@ -26,5 +27,5 @@ def right_fits(part: Step) -> Decision:
     judged = int((old | (tracks.status == TrackStatus.REPROJECTION)).sum())
     if judged:
         return checks.RIGHT_FITS.of(float((matched & old).sum() / max(judged, FEWEST)), MIN_SHARE)
-    # Where stereo begins all points are new ones: nothing else is known that they could fit.
+    # Where stereo begins, all points are new: there is nothing else to compare with.
     return checks.RIGHT_FITS.of(float((matched & new).sum() > 0), MIN_SHARE)

@@ -1,4 +1,4 @@
-"""Rolling shutters: what a view saw where its middle row would have seen it, and bands of rows for the spline."""
+"""Rolling shutter: corrects views to the time of the middle row, and groups rows into bands for the spline."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from ispom.geometry import Array
 from ispom.solvers.spline.problem import RowBands
 
 BAND_S = 0.002
-"""Rows within it share a time of the spline; for the rest of the time their points move as in `at_middle`."""
+"""Height of a band [s]: its rows share a time of the spline; within it, points are moved as in `at_middle`."""
 
 
 def at_middle(window: JointWindow, view: View, motion: Array) -> View:
-    """The view with what the middle row would have seen, if the rig moves by (12,), as `JointWindow.motion`."""
+    """Returns the view with the positions at the time of the middle row; the rig has the motion (12,), see
+    `JointWindow.motion`."""
     if view.late_s is None:
         return view
     rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
@@ -29,7 +30,8 @@ def at_middle(window: JointWindow, view: View, motion: Array) -> View:
 
 
 def by_rate(window: JointWindow, view: View) -> Array:
-    """(N, 2, 6) how what the middle row would have seen follows the rate of rig_from_world (rho [m/s], phi [rad/s])."""
+    """Returns the Jacobian (N, 2, 6) of the positions at the time of the middle row with respect to the rate of
+    rig_from_world (rho [m/s], phi [rad/s])."""
     assert view.late_s is not None
     rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
     ray, far = np.column_stack([view.seen, np.ones(len(view.seen))]), _inverse_depths(window, view)
@@ -41,7 +43,8 @@ def by_rate(window: JointWindow, view: View) -> Array:
 
 
 def _inverse_depths(window: JointWindow, view: View) -> Array:
-    """(N,) [1/m] of what a view sees: by disparity, or as the window's points have it; else their median."""
+    """Returns the inverse depths (N,) [1/m] of a view's points: by disparity, or from the window's points; else their
+    median."""
     if not view.video:
         return np.maximum(view.disparity, 0.0) / window.rig.baseline_m
     place, found = window.table.places(view.ids), np.full(len(view.ids), np.nan)
@@ -53,8 +56,10 @@ def _inverse_depths(window: JointWindow, view: View) -> Array:
 
 
 def banded(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBands, NDArray[np.int64], Array]:
-    """The bands of rows; of all observations of the views, which are of exposures (O,), the index of their time as in
-    RigObservations; and (O, 2) how far they moved since that band, in the normalised image."""
+    """Groups the rows of all observations (O,) of the views into bands; `exposure` (O,) are the views' indices.
+
+    Returns the bands, the index (O,) of each observation's time as in RigObservations, and its displacement (O, 2)
+    since the time of its band, normalised."""
     still = np.zeros((len(exposure), 2))
     if all(v.late_s is None for v in views):
         return RowBands(), exposure, still

@@ -1,4 +1,4 @@
-"""The rig and the settings of the integrated method, in the units that are computed with."""
+"""The rig and the settings of the integrated method, in the units of the computation."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from ispom.estimators.modern.integrated.view import RigNoise
 from ispom.types import Rig
 
 MIN_POINTS = 8
-"""Fewer known points than this, and an exposure is placed by the motion before it."""
+"""Least number of known points for a resection: with fewer a frame is not localised by points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """See ModernIntegratedConfig for what the settings mean."""
+    """Rig and settings; ModernIntegratedConfig describes the settings."""
 
     rig: Rig
     noise: RigNoise

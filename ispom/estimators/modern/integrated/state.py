@@ -1,4 +1,4 @@
-"""What the modern integration remembers from exposure to exposure."""
+"""State of the modern integration between frames."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from ispom.persistent_list import PersistentList
 class ModernIntegratedState:
     window: JointWindow
     interval: FrameInterval = FrameInterval()
-    """Between two video frames."""
+    """Interval between two video frames."""
     metric: tuple[tuple[int, Pose], ...] = ()
     """The stereo estimator's poses in the window."""
     metric_covariance: Array | None = None
-    """(6, 6) of the newest of them."""
+    """(6, 6) covariance of the newest of them."""
     lens: tuple[Array, Array | None] | None = None
-    """What the monocular method last found to be wrong with the video camera, and its covariance, as in JointWindow."""
+    """Latest lens correction of the video camera by the monocular method, and its covariance, as in JointWindow."""
     passed: int = 0
-    """Pairs passed over since the last one that was taken."""
+    """Number of skipped pairs since the last used one."""
     apart: bool = False
     """Whether the stereo method began a new segment at one of these."""
     begun_ns: PersistentList[int] = PersistentList()
-    """The pairs at which new segments began."""
+    """Times of the pairs at which new segments began."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
-    """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
+    """Time, world_from_rig in the window's own world, and whether of the video, of all frames that have left the
+    window."""

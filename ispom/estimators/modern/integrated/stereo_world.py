@@ -1,4 +1,4 @@
-"""The world in which poses are given: that of the stereo method where it is followed, so that both share one drift."""
+"""World of the reported poses: that of the stereo method if it is followed, so that both share one drift."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from ispom.solvers.trajectory.anchoring import anchored, averaged
 from ispom.types import Decision, Trajectory
 
 LEAST_LENGTH_BASELINES = 0.1
-"""A window that is shorter, in baselines, gives no ratio of lengths: both are noise."""
+"""Least length of a window, in baselines, for a ratio of lengths: below it both lengths are noise."""
 
 
 def common_pair(setup: Setup, state: ModernIntegratedState) -> View | None:
-    """The last pair; where stereo is followed, of those that it located, too. Poses are given relative to it."""
+    """Returns the last pair, if stereo is followed the last one that it localised. Reported poses are relative to
+    it."""
     located = dict(state.metric)
     pairs = [v for v in state.window.views if not v.video]
     if setup.follow_stereo:
@@ -28,7 +29,7 @@ def common_pair(setup: Setup, state: ModernIntegratedState) -> View | None:
 
 
 def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
-    """What carries the window's world onto that of the stereo estimator, at the last pair of both."""
+    """Returns the transformation from the window's world to that of the stereo estimator, at the last common pair."""
     pair, metric = common_pair(setup, state), dict(state.metric)
     if not setup.follow_stereo or pair is None or pair.time_ns not in metric:
         return Pose()
@@ -40,10 +41,10 @@ def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
 
 
 def anchors(setup: Setup, own: Trajectory, metric: Trajectory) -> Trajectory:
-    """Where pairs are to be: as the stereo method located them.
+    """Returns the target poses of the pairs: those of the stereo method.
 
-    Of a rolling shutter that knows little of how a single pair moved while its rows were exposed, and the video much;
-    there it says where as many neighbours as are adjusted together are on average.
+    With a rolling shutter, stereo barely observes how a single pair moved during readout, and the video does; the
+    targets are then averages over as many neighbouring pairs as the window has.
     """
     return averaged(own, metric, setup.window_pairs) if _rolls(setup) else metric
 
@@ -53,8 +54,8 @@ def _rolls(setup: Setup) -> bool:
 
 
 def pose_by_stereo(setup: Setup, state: ModernIntegratedState, view: View) -> Pose | None:
-    """world_from_rig of a pair that is not in the window yet, as the stereo method located it; None where it did not,
-    or is not followed."""
+    """Returns world_from_rig of a pair that is not in the window yet, by the stereo method; None if it was not
+    localised or is not followed."""
     pair, metric = common_pair(setup, state), dict(state.metric)
     if view.video or not setup.follow_stereo or pair is None or not {pair.time_ns, view.time_ns} <= metric.keys():
         return None
@@ -62,7 +63,7 @@ def pose_by_stereo(setup: Setup, state: ModernIntegratedState, view: View) -> Po
 
 
 def alignment(setup: Setup, state: ModernIntegratedState) -> tuple[Decision, ...]:
-    """How the window's pairs lie on stereo's poses, once carried onto them at the last pair; of one pair, nothing."""
+    """Compares the window's pairs with stereo's poses, once aligned at the last pair; nothing for a single pair."""
     metric = dict(state.metric)
     pairs = [v for v in state.window.views if not v.video and v.time_ns in metric]
     if not setup.follow_stereo or len(pairs) < 2:
@@ -84,8 +85,8 @@ def alignment(setup: Setup, state: ModernIntegratedState) -> tuple[Decision, ...
 def video_poses(
     setup: Setup, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory, begun_ns: tuple[int, ...] = ()
 ) -> Trajectory:
-    """Those of the video, up to the last pair, in the world of the stereo estimator's poses; segments that begin at
-    those pairs each by itself."""
+    """Returns the poses of the video up to the last pair, in the world of the stereo estimator. Each segment, which
+    begin at the pairs `begun_ns`, is aligned separately."""
     last = max((t for t, _, video in poses if not video), default=0)
     inside = [(t, pose) for t, pose, video in poses if not video or t <= last]
     own = Trajectory.of(inside)

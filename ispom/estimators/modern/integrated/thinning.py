@@ -1,4 +1,5 @@
-"""What leaves the joint window: the oldest pairs, and of very many views between two pairs every second."""
+"""Removes views from the joint window: the oldest pairs, and every second view of a very long interval between
+pairs."""
 
 from __future__ import annotations
 
@@ -8,13 +9,13 @@ from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import View
 
 NEWEST = 8
-"""The last views are never thinned out: what comes next is located by their points."""
+"""Number of the newest views that are never thinned out: their points localise the next frames."""
 MOST_ATTACHED = 3
-"""Frames that move along with others, per view that the window may have: with more its oldest part leaves it."""
+"""Largest number of attached frames, per view that the window may have: beyond it the oldest part leaves the window."""
 
 
 def shortened(window: JointWindow, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
-    """With this many stereo pairs, and the views that left."""
+    """Keeps this number of stereo pairs; returns the window and the views that left."""
     places = window.pairs
     if len(places) <= pairs:
         return window, ()
@@ -23,10 +24,11 @@ def shortened(window: JointWindow, pairs: int) -> tuple[JointWindow, tuple[View,
 
 
 def thinned(window: JointWindow, most: int) -> tuple[JointWindow, tuple[View, ...]]:
-    """With at most so many views, and those that left: none, unless a very long time passes between two pairs.
+    """Keeps at most `most` views; returns the window and the views that left: none, unless the time between two pairs
+    is very long.
 
-    Where there are too many, every second video view of the longest way between two pairs (or since the last one)
-    becomes a frame that moves along with the view before it.
+    Every second video view in the interval between pairs (or since the last one) that has the most views is attached to
+    the view before it, and moves along with that.
     """
     if len(window.views) <= most:
         return window, ()

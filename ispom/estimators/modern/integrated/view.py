@@ -1,4 +1,4 @@
-"""What the joint window holds: views of exposures, their points, and the exposure that covariances are relative to."""
+"""Contents of the joint window: views, points, and the reference of the covariances."""
 
 from __future__ import annotations
 
@@ -15,55 +15,58 @@ from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
 
 LEAST_APART_S = 1e-6
-"""Of two exposures at one time only one is a point of a spline."""
+"""Least time between two poses of a spline [s]: of two frames at one time, one is used."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What was seen at one exposure."""
+    """The observations and the pose of one frame."""
 
     time_ns: int
     video: bool
     ids: NDArray[np.int64]
-    """(N,) ascending; even in the video, odd in stereo pairs."""
+    """(N,) ids, ascending; even for the video, odd for stereo pairs."""
     seen: Array
     """(N, 2) normalised coordinates in the video or the left camera."""
     disparity: Array
-    """(N,) x in the left camera minus that in the right one, as matched; NaN where unknown, and for the video."""
+    """(N,) normalised disparity, x in the left camera minus x in the right one; NaN if unknown, and for the video."""
     late_s: Array | None = None
-    """(N,) by how much later their rows are exposed than the middle one, by whose time the pose is; None for none."""
+    """(N,) exposure time of each row relative to the middle one, at which the pose is; None for a global shutter."""
     middle: Array | None = None
-    """(N, 2) `seen` as the middle row would have, by the motion then known; None where rows are exposed together."""
+    """(N, 2) `seen` at the time of the middle row, by the motion known then; None for a global shutter."""
     rate: Array = field(default_factory=lambda: np.zeros(6))
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
+    """(6,) left rate of left_from_world (rho [m/s], phi [rad/s]) with which a delay of the right shutter is
+    corrected."""
     unforeseen: Array = field(default_factory=lambda: np.zeros(6))
-    """(6,) by how much the rate of rig_from_world by which its rows were put together (rho [m/s], phi [rad/s]) differs
-    from what one pose less tells."""
+    """(6,) difference of the rates of rig_from_world (rho [m/s], phi [rad/s]) by all poses used and by one pose less: a
+    measure of their error."""
     world_from_rig: Pose = field(default_factory=Pose)
     located: bool = True
-    """Whether the pose is from what was seen; else it is that of the view before."""
+    """Whether the pose was estimated from observations; otherwise it is that of the view before."""
     metric: bool = True
-    """Whether that is in metres (see `locate`)."""
+    """Whether the pose is metric (see `locate`)."""
     information: Array | None = None
-    """(6, 6) of the pose as first located."""
+    """(6, 6) information of the pose when it was first localised."""
     smoothed: Pose | None = None
-    """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
+    """The pose as last optimised with views on both sides of it; at the start of the window it has only those after
+    it."""
     attached: tuple[tuple[int, Pose], ...] = ()
-    """Time and rig_from_later_rig of video frames after it that were thinned out: they move along with this view."""
+    """Time and rig_from_later_rig of the later video frames that were thinned out: they move along with this view."""
 
     def poses(self) -> list[tuple[int, Pose, bool]]:
-        """Time, world_from_rig, whether of the video: its own, and those of the frames attached to it."""
+        """Returns time, world_from_rig, and whether of the video, of this view and of the frames attached to it."""
         pose = self.smoothed or self.world_from_rig
         return [(self.time_ns, pose, self.video), *((t, pose @ way, True) for t, way in self.attached)]
 
     def with_attached(self, later: View) -> View:
-        """With a later view that is none any more: it and what was attached to it move along with this one."""
+        """Attaches a later view and the frames attached to that."""
         way = self.world_from_rig.inverse() @ later.world_from_rig
         attached = ((later.time_ns, way), *((t, way @ further) for t, further in later.attached))
         return replace(self, attached=(*self.attached, *attached))
 
     def rectified(self, extra: Array, baseline_m: float) -> Array:
-        """(N,) disparities without the errors of the pair, `extra` (E,) of right_camera.TERMS."""
+        """Returns the disparities (N,) without the errors of the pair; `extra` (E,) are the corrections
+        right_camera.TERMS."""
         if self.video:
             return self.disparity
         seen = without_errors(np.column_stack([self.seen, self.seen[:, 0] - self.disparity]), extra)
@@ -76,10 +79,10 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The points known by now."""
+    """The known points."""
 
     ids: NDArray[np.int64]
-    """(M,) ascending."""
+    """(M,) ids, ascending."""
     points: AnchoredPoints
 
     @staticmethod
@@ -87,7 +90,7 @@ class Table:
         return Table(np.zeros(0, np.int64), AnchoredPoints(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))))
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(N,) index of each id, -1 where unknown."""
+        """Returns the index (N,) of each id, -1 where unknown."""
         return places(self.ids, ids)
 
     def select(self, index: NDArray) -> Table:
@@ -95,7 +98,7 @@ class Table:
         return Table(self.ids[index], AnchoredPoints(p.anchors_r[index], p.anchors_t[index], p.values[index]))
 
     def with_new(self, ids: NDArray[np.int64], anchor: Pose, values: Array) -> Table:
-        """With points that are anchored in a camera's pose."""
+        """Adds points anchored in a camera's pose."""
         n, p = len(ids), self.points
         all_ids = np.concatenate([self.ids, ids])
         rotations = np.concatenate([p.anchors_r, np.repeat(anchor.rotation[None], n, 0)])
@@ -119,28 +122,28 @@ class RigNoise:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The exposure that covariances of points and of later poses are relative to: its own error is not part of them."""
+    """The frame that covariances of points and of later poses are relative to: they exclude its own error."""
 
     time_ns: int
     world_from_rig: Pose
     ids: NDArray[np.int64]
-    """(K,) of the points whose errors are known, ascending."""
+    """(K,) ids of the points with a covariance, ascending."""
     uncertainty: PointUncertainty
-    """Of these points."""
+    """Uncertainty of these points."""
     newest: Array
-    """(6, 6) covariance of the newest pose that was adjusted."""
+    """(6, 6) covariance of the newest optimised pose."""
     drift: Array
-    """(6, 6) covariance of the exposure's own pose in the window's world."""
+    """(6, 6) covariance of the frame's own pose in the window's world."""
 
 
 def times_s(views: tuple[View, ...], rig: RigModel) -> Array:
-    """(E,) of the exposures since the first, by the clock of the pairs."""
+    """Returns the times (E,) [s] of the frames since the first, by the clock of the pairs."""
     stamped = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
     return stamped + np.where([v.video for v in views], rig.clock_offset_s, 0.0)
 
 
 def located_poses(views: tuple[View, ...], times_s: Array) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """Which views (E,) have poses of their own, in the order of their times; times, rotations, positions."""
+    """Returns the indices (E,) of the views with poses of their own, ordered by time; times, rotations, positions."""
     order = np.argsort(times_s, kind="stable")
     order = order[np.array([views[i].located for i in order])]
     order = order[np.concatenate([[True], np.diff(times_s[order]) > LEAST_APART_S])]
