@@ -1,4 +1,4 @@
-"""Where frames are missing, the last one before the gap becomes a key frame: what follows is known by what it saw."""
+"""Makes the last frame before a gap in the video a keyframe, so that later frames can be matched with it."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ispom.estimators.modern.monocular.tracks import moving, unrolled
 from ispom.estimators.tracked_frame import TrackedFrame
 
 MISSING = 5.5
-"""Times the interval between the last two frames, from which on there is a gap: five frames or more are missing. Where
-fewer are, as where a camera drops some, tracking loses little, and key frames would follow each other too closely."""
+"""Ratio of the frame interval to the one before, from which there is a gap: at least five frames are missing. For
+shorter gaps, as where a camera drops frames, tracking loses little, and keyframes would be too frequent."""
 
 
 def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> ModernMonocularState:
-    """With the last frame as a key frame of the map, if the next one, at `time_ns`, comes after a gap.
+    """Adds the last frame to the map as a keyframe if the next frame, at `time_ns`, comes after a gap.
 
-    Tracks of the last second may have no place yet, as only a key frame gives them one, and few of them outlast the
-    gap. The poses stay as they are until the next key frame adjusts them all.
+    Tracks of the last second may be untriangulated, as only keyframes add points, and few of them survive the gap. The
+    poses are not changed until the next keyframe optimises them all.
     """
     world, live = state.map, state.live
     if world is None or live.grey is None or state.missed:

@@ -1,4 +1,4 @@
-"""No map yet: wait for parallax, hold the place on pure rotation, then take the best map that two views allow."""
+"""Initialisation: waits for parallax, holds the position on pure rotation, then builds the map from two views."""
 
 from __future__ import annotations
 
@@ -27,21 +27,23 @@ from ispom.solvers.window.adjustment import adjust
 from ispom.types import Decision, Status, TrackStatus
 
 LEAVING_SHARE = 0.4
-"""When fewer points of the first frame are left, a map is tried with what parallax there is, before all are gone."""
+"""Share of the first frame's points below which a map is attempted with less parallax, before all of them are lost."""
 LEAVING_PARALLAX = 0.25
-"""Share of the usual parallax that such a map wants."""
+"""Share of the usual parallax that such a map requires."""
 STAYING_SHARE = 0.25
-"""Share of the usual parallax that no turn and zoom of a camera that stays where it is may explain. Forward motion is
-most like a zoom: 117 starts on roads, on a board, in simulated streets and rooms wait for it for 50 frames in all."""
+"""Residual motion after rotation and zoom, as a share of the usual parallax, from which the camera has translated.
+Forward motion is most similar to a zoom: 117 starts on roads, on a board, in simulated streets and rooms wait for it
+for 50 frames in all."""
 STAYING_NOISE = 1.25
-"""At least so many widths of the loss of it: in small images a share of the parallax is noise. Errors of tracks alone,
-as large as `noise_px` says, have a median distance of 0.8 widths."""
+"""The same in loss widths, as a lower bound: in small images a share of the parallax is noise. Tracking errors of
+`noise_px` have a median distance of 0.8 widths."""
 IMPATIENT = 3.0
-"""With so many times the parallax wanted, the best map is taken, clearly the best or not: more will not tell."""
+"""Multiple of the required parallax from which the best map is accepted even if it is ambiguous: more parallax would
+not help."""
 
 
 def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
-    """One more frame towards the first map, or towards one after a loss."""
+    """Processes one frame of the initialisation, of the first map or of a new one after tracking was lost."""
     frame = tracked_frame(setup.camera, state.live, new.followed, new.time_ns)
     start = state.start or Start(extra_sigma=setup.extra_sigma)
     if setup.camera.line_delay_s:
@@ -73,18 +75,18 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """What one more frame gave."""
+    """Result of one frame of the initialisation."""
 
     start: Start
     decisions: tuple[Decision, ...]
     held: Pose | None
-    """The frame's pose as long as there is no map; None where it moves already and the place is unknown."""
+    """The frame's pose while there is no map; None if the camera already moves and its position is unknown."""
     map: Map | None = None
     settled: tuple[tuple[int, Pose], ...] = ()
 
 
 def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: float) -> Progress:
-    """One more frame. `noise` of a track, normalised."""
+    """Adds one frame. `noise` of a track, normalised."""
     if not start.frames:
         frame = replace(frame, world_from_camera=start.base)
         return Progress(replace(start, frames=(frame,)), (), start.base)
@@ -120,11 +122,11 @@ def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: f
 
 
 def _travelled(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> tuple[Decision, ...]:
-    """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom.
+    """Checks that the camera translated between two frames with points (N, 2), and did not only rotate and zoom.
 
-    By area: something small that is full of corners and moves before a still background is no travel. Where there is
-    none, what moves all the same is told. What is left is an angle of the camera that stays, whose focal length is
-    found with its turn: by a given one that is too short, errors of the lens or the shutter in a pan look like travel.
+    Points are weighted by area: a small textured object that moves is no translation. If the check fails, a second
+    motion is reported too. The residual is an angle of the static camera, whose focal length is estimated with its
+    rotation: with a focal length that is too short, lens or shutter errors in a pan look like translation.
 
     `width` of the robust loss, normalised.
     """
@@ -141,7 +143,8 @@ def _travelled(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> t
 def _restarted(
     start: Start, frame: TrackedFrame, noise: Noise, few: Decision, others: tuple[Decision, ...] = ()
 ) -> Progress:
-    """Too few of the reference's points are left: this frame becomes the reference."""
+    """Restarts the initialisation with this frame as the reference, as too few of the old reference's points are
+    left."""
     new, gone = start.restarted(frame, noise.width)
     again = "initialisation starts again from this frame"
     few = replace(few, consequence=f"{few.consequence}, so {again}" if few.consequence else again)

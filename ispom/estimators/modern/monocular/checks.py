@@ -21,7 +21,7 @@ STAGES = {
     "new points": "Detects new corners at keyframes, where tracks are missing.",
     "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
 }
-"""By their names in Step.seconds, in order."""
+"""Descriptions of the stages of a step, by their keys in Step.seconds, in order."""
 
 POSE_POINTS = Check(
     "pose_points",

@@ -1,4 +1,4 @@
-"""What a frame leaves behind: new corners, the next state, and the Step that says all of it."""
+"""Finishes a frame: detects new corners, and builds the next state and the Step."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ from ispom.types import (
 )
 
 CORNER_DISTANCE = 0.011
-"""Least distance of a new corner from other points, of the longer side of the image: 7 px at 640, half a tracking
-window."""
+"""Least distance of a new corner from other points, relative to the longer side of the image: 7 px at 640, half a
+tracking window."""
 
 
 def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float32]:
-    """New corners (N, 2) [px] between the points alive, at a key frame or at the reference of a start; else none."""
+    """Detects new corners (N, 2) [px] between the live points, at a keyframe or at the reference of an
+    initialisation."""
     at_reference = outcome.start is not None and len(outcome.start.frames) == 1
     if not (outcome.key_frame or at_reference):
         return np.zeros((0, 2), np.float32)
@@ -47,7 +48,7 @@ def _late(setup: Setup, outcome: Outcome, fresh: NDArray[np.float32]) -> NDArray
 def next_state(
     setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage, fresh: NDArray[np.float32]
 ) -> ModernMonocularState:
-    """With the fresh corners in the map or the start, and the tracks that are alive."""
+    """Returns the next state, with the new corners in the map or the initialisation, and the live tracks."""
     world, start, live, sights = outcome.map, outcome.start, state.live, state.sights
     segments, segment = _segment(state, outcome)
     if len(fresh):
@@ -68,7 +69,7 @@ def next_state(
     if state.map is None and world is not None:
         moved = sorted(world.trajectory(), key=lambda item: item[0])
     database = _database(setup, state.database, outcome, new, segment)
-    # Another world says nothing of the motion from the last pose.
+    # In another world the motion before the last pose is unknown.
     recent = moved if outcome.restarted and moved else [*state.recent, *moved]
     return ModernMonocularState(
         live=live,
@@ -96,7 +97,7 @@ def _depth_sigmas(setup: Setup, state: ModernMonocularState, outcome: Outcome) -
 
 
 def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
-    """After a frame: how many segments have begun, and the first one that has the world of its pose."""
+    """Returns, after a frame, the number of segments so far, and the segment in whose world the pose is."""
     if not outcome.restarted:
         return state.segments, state.segment
     return state.segments + 1, state.segments if outcome.segment is None else outcome.segment
@@ -105,7 +106,7 @@ def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
 def _database(
     setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage, segment: int
 ) -> KeyframeDatabase:
-    """With what a keyframe of the map saw, and the others' poses as they are now."""
+    """Updates the poses of all keyframes, and adds a new one."""
     world, pose = outcome.map, outcome.pose
     if outcome.restarted and outcome.start is not None and outcome.start.lost is None:
         return KeyframeDatabase()
@@ -128,7 +129,7 @@ def as_step(
     fresh: NDArray[np.float32],
     seconds: Mapping[str, float],
 ) -> Step:
-    """The Step of an outcome that led from one state to the next."""
+    """Returns the Step of a frame, from the states before and after it."""
     followed, adjusted = outcome.followed, outcome.uncertainty
     unknown = np.full(len(followed.status), np.nan, np.float32)
     residual = unknown if outcome.residual_px is None else outcome.residual_px
@@ -158,7 +159,7 @@ def as_step(
 
 
 def _told(outcome: Outcome) -> dict[str, Tracks]:
-    """The tracks of another motion, where there is one."""
+    """Returns the tracks of a second motion, if there is one."""
     return {"video": outcome.other_motion} if outcome.other_motion is not None and len(outcome.other_motion) else {}
 
 
@@ -172,7 +173,7 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> Corrections:
 
 
 def _landmarks(exposure: Frame, after: ModernMonocularState) -> Landmarks:
-    """The points of the map that are tracked on."""
+    """Returns the landmarks that are still tracked."""
     assert after.map is not None
     xyz = after.map.known(after.live.ids)
     known = np.isfinite(xyz[:, 0])

@@ -1,12 +1,12 @@
-"""Uncertainty of the monocular estimator: of its key frames, of frames located in the map, and of its unit.
+"""Covariances of the monocular estimator: of its keyframes, of frames localised in the map, and of its scale.
 
-All to first order, by how the cost of the window curves and how far its gradient scatters (`scatter`), in the gauge
-that the map holds: the pose of its first frame is the world, the distance to the last frame of its start the unit.
+All are first order, from the curvature of the window's cost and the scatter of its gradient (`scatter`), in the gauge
+of the map: the pose of its first frame is the world, the distance to the last frame of its initialisation the unit.
 
-A frame that is located in the map is one more view of the same tracks. What is wrong with a track there mostly was so
-in the last key frame, too, and has moved the map the same way: so each track says all that it has to say, by way of the
-map and in the frame, before its square is taken. By the two apart, poses ahead of a young map were taken for sure by a
-quarter too much.
+A frame localised in the map is one more view of the same tracks. The error of a track is mostly the same as in the last
+keyframe, and has already moved the map. So the contributions of a track by way of the map and in the frame are added
+before they are squared. With independent contributions, standard deviations of poses ahead of a young map were a
+quarter too small.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from ispom.solvers.window.prior import LENS, POSE
 
 @dataclass(frozen=True, eq=False)
 class MapUncertainty:
-    """The uncertainty of a map, as long as it stays as it is."""
+    """Uncertainty of a map until it changes."""
 
     key_times_ns: tuple[int, ...]
-    """Of its C key frames."""
+    """Times of its C keyframes."""
     ids: NDArray[np.int64]
-    """(M,) ascending, of the points that the last key frame sees."""
+    """(M,) ids, ascending, of the points that the last keyframe observes."""
     by_poses: Array
-    """(M, 3, D) how each point moves with poses and camera."""
+    """(M, 3, D) Jacobian of each of these points with respect to poses and lens corrections."""
     spread: Spread
-    """Of these; `pulls` (M, D) are those of the tracks of the points."""
+    """Covariance of these parameters; its `pulls` (M, D) are those of the points' tracks."""
     pose: Array
-    """(6, 6) covariance of the last key frame's pose, twist on the right of world_from_camera."""
+    """(6, 6) covariance of the last keyframe's pose, right twist of world_from_camera."""
     scale_sigma: float
-    """Deviation of the logarithm of the last step's length, between key frames, in the unit that the map holds."""
+    """Standard deviation of ln of the last step's length, between keyframes, in the gauge of the map."""
     step_scale_sigma: float
-    """The same against the step before; `scale_sigma` where there is none."""
+    """The same for the ratio to the step before; `scale_sigma` if there is none."""
     depth_sigma: float
-    """Median deviation of the logarithm of the depth of the points that the last key frame sees, in the unit that the
-    map holds, but for what each point is off by itself; infinite where it sees none."""
+    """Median standard deviation of ln depth of the points that the last keyframe observes, in the gauge of the map,
+    without the points' own errors; infinite if there are none."""
 
     @staticmethod
     def of(
         window: Window, key_times_ns: tuple[int, ...], ids: NDArray[np.int64], sigma: float, shared: float
     ) -> MapUncertainty:
-        """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised."""
+        """Computes the uncertainty of a window with points `ids` (M,); `sigma`: width of the loss, normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
@@ -72,7 +72,7 @@ class MapUncertainty:
 
     @property
     def lens(self) -> Array:
-        """(2, 2) covariance of the camera's correction."""
+        """(2, 2) covariance of the lens corrections."""
         root = self.spread.root[-LENS:]
         return root @ root.T
 
@@ -85,11 +85,11 @@ class MapUncertainty:
         scale: float,
         untriangulated: UntriangulatedTracks | None = None,
     ) -> Array:
-        """(6, 6) covariance of a pose located by points (N,), at (N, 3), seen at (N, 2); twist on the right.
+        """Returns the covariance (6, 6), right twist, of a pose localised by points (N,), at (N, 3), observed at (N,
+        2).
 
-        `scale`: width of the loss by which it was located, normalised; `untriangulated`: the tracks without a point
-        that had their part in it. That of the last key frame, which it is no less, where none of the points was seen
-        there.
+        `scale`: width of the loss used for the pose, normalised; `untriangulated`: the tracks without a point that were
+        also used. Returns the covariance of the last keyframe if that observes none of the points.
         """
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use, pose = motion.inliers & (self.ids[place] == ids), motion.camera_from_world
@@ -112,15 +112,15 @@ class MapUncertainty:
                 at = POSE * self.key_times_ns.index(untriangulated.key_ns)
                 follow[:, at : at + POSE] -= curved @ (pose @ untriangulated.world_from_key).adjoint
         own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
-        # Six of the errors' degrees of freedom went into the pose.
+        # Six degrees of freedom of the errors were used by the pose.
         slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
         both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
         return own @ (of_map @ of_map.T + self.spread.wider * (slopes.T @ slopes + both + both.T)) @ own
 
 
 def _of_depths(window: Window, xyz: Array, by_poses: Array, root: Array) -> float:
-    """Median deviation of the logarithm of the depth of points (M, 3) in the last camera, which move with poses and
-    corrections by `by_poses` (M, 3, D)."""
+    """Returns the median standard deviation of ln depth of points (M, 3) in the last camera; `by_poses` (M, 3, D) is
+    their Jacobian with respect to poses and corrections."""
     rotation, last = window.rotations[-1], POSE * (len(window.rotations) - 1)
     near = xyz @ rotation.T + window.translations[-1]
     rows = np.einsum("k,mkd->md", rotation[2], by_poses)
@@ -134,8 +134,8 @@ def _of_depths(window: Window, xyz: Array, by_poses: Array, root: Array) -> floa
 
 
 def _inverse(held: Array, bent: Array) -> Array:
-    """Of the second derivatives held - bent; a direction keeps at least LEAST_SHARE of `held`, which has no negative
-    eigenvalues, and none where that is 0."""
+    """Inverts the second derivatives held - bent; each direction keeps at least LEAST_SHARE of `held`, which is
+    positive semidefinite, and null directions of `held` get 0."""
     values, vectors = np.linalg.eigh(held)
     known = values > 1e-15 * values[-1]
     root = vectors[:, known] / np.sqrt(values[known])
@@ -145,14 +145,15 @@ def _inverse(held: Array, bent: Array) -> Array:
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:
-    """Of normalised coordinates of points (N, 3): by their place (N, 2, 3), by a left twist of camera_from_world
-    (N, 2, 6), by the camera's correction (N, 2, 2)."""
+    """Returns the Jacobians of the normalised coordinates of points (N, 3): with respect to position (N, 2, 3), left
+    twist of camera_from_world (N, 2, 6), and lens corrections (N, 2, 2)."""
     uv, by_place, by_twist = reprojected(in_camera)
     return by_place, by_twist, np.stack([uv, uv * (uv**2).sum(axis=1, keepdims=True)], axis=2)
 
 
 def _of_steps(window: Window, all_poses: Array) -> tuple[float, float]:
-    """Deviations of the logarithm of the last step's length: by itself, and against the step before."""
+    """Returns the standard deviations of ln of the last step's length: of itself, and of its ratio to the step
+    before."""
     count = len(window.rotations)
     centres = -np.einsum("cji,cj->ci", window.rotations, window.translations)
     rows = []

@@ -38,48 +38,47 @@ class ModernMonocularConfig:
     """Settings of the modern monocular estimator."""
 
     max_tracks: Annotated[int, Range(50, 2000)] = 500
-    """Points tracked at a time."""
+    """Largest number of points tracked at a time."""
     key_frames: Annotated[int, Range(4, 20)] = 10
-    """Key frames adjusted together; what leaves them goes on as a prior."""
+    """Number of keyframes optimised together; older ones are marginalised into a prior."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 2.5
-    """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
+    """Median parallax since the last keyframe, without rotation, that triggers the next one [deg]."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.3
-    """A key frame is taken before a smaller share of the last one's points is left."""
+    """A keyframe is taken before a smaller share of the last one's points is left."""
     max_view_angle_deg: Annotated[float, Range(1, 90)] = 10.0
-    """A key frame is taken when the camera has turned by this since the last one."""
+    """Rotation since the last keyframe that triggers the next one [deg]."""
     max_interval_s: Annotated[float, Range(0.05, 60)] = 1.0
-    """A key frame is taken after this time, where a quarter of the parallax is there."""
+    """Time since the last keyframe that triggers the next one [s], if a quarter of the parallax is reached."""
     start_parallax_deg: Annotated[float, Range(0.1, 20)] = 1.0
-    """Median displacement, rotation taken away, from which the first map is attempted."""
+    """Median parallax, without rotation, from which the first map is attempted [deg]."""
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
-    """Points seen under a smaller angle get no place in the map yet."""
+    """Least parallax of a point in the map [deg]."""
     features: Annotated[str, Choices(front_ends)] = KLT.name
-    """What finds, tracks and recognises points: klt (corners), patches, sift, orb, or what a package adds."""
+    """Detects, tracks and describes features: klt (corners), patches, sift, orb, or one that a package adds."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
-    """Deviation of a tracked place after some key frames, by which what is far off is dropped, and the loss is set
-    until residuals say that it can be narrower; covariances take it for that until residuals say more (`noise`)."""
+    """Tracking noise after some keyframes, 1 sigma [px]; sets outlier limits, the initial width of the loss, and
+    covariances until the noise is measured from residuals (`noise`)."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
-    those then."""
+    """Images whose longer side exceeds this [px] are downsampled by 2; other settings and checks are in the smaller
+    pixels."""
     relocalise: bool = True
-    """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
+    """Relocalise a lost camera among all keyframes by descriptors; if off, only near the last pose: plain odometry."""
     loops: bool = False
-    """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
+    """Close loops: recognise places after a long path, and correct all poses; if off: plain odometry."""
     follow: Follow = "static"
-    """Where two things move by themselves: what the map was begun with, which mostly stands still; or what fills more
-    of the image, in a new map."""
+    """Which of two rigid motions to follow: that of the first map, mostly the static scene, or, in a new map, the one
+    that covers more of the image."""
     self_calibration: bool = True
-    """Correct the camera's focal length and radial distortion a little, by what its images say. The settings that
-    follow are standard deviations before any data, where the rig's file does not say how sure its calibration is
-    (video_sigma)."""
+    """Self-calibrate focal length and radial distortion. The next two settings are used unless the rig's file has the
+    calibration's standard deviations (video_sigma)."""
     focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
-    """Of how far off its focal length is, as a share: what a careful calibration leaves."""
+    """Prior standard deviation of the focal length, relative to its value; the default fits a careful calibration."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
-    """Of how far off its radial distortion k1 is."""
+    """Prior standard deviation of the radial distortion k1."""
 
     def lens_sigma(self, told: LensSigma | None = None) -> Array:
-        """(2,) of focal length and radial distortion; 0 holds them. `told` by the calibration, in place of the
-        settings."""
+        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. `told` are
+        those of the calibration, which replace the settings."""
         sigma = told or LensSigma(self.focal_sigma, self.radial_sigma)
         return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
@@ -89,8 +88,10 @@ class ModernMonocularConfig:
 
 @dataclass(frozen=True, eq=False)
 class ModernMonocular:
-    """Every frame, no metric scale. World: the video camera at the first frame; where the start began again, at the
-    first one of the map, but turned as at the first frame of all. Unit: the first baseline of the map."""
+    """Estimates a pose for every frame, without metric scale.
+
+    World: the video camera at the first frame. If the initialisation restarted, its origin is the camera at the first
+    frame of the map, with the orientation of the first frame of all. Unit: the first baseline of the map."""
 
     rig: Rig
     config: ModernMonocularConfig
@@ -104,7 +105,8 @@ class ModernMonocular:
         return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
-        """One frame: follow the tracks, locate it in the map (or begin one), and look for new corners."""
+        """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
+        corners."""
         exposure = self._size.reduced(require_frame(exposure, VIDEO))
         setup, watch, before = self._setup, Stopwatch(), state
         state = remembered(setup, state, exposure.time_ns)
@@ -157,7 +159,7 @@ class ModernMonocular:
 
 
 def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Image) -> NewImage:
-    """The tracks in the new image, guided by the motion model where there is a map."""
+    """Tracks all features into the new image; with a map, starts from the positions that the motion model predicts."""
     live = state.live
     if state.map is None:
         nowhere = np.full((len(live.ids), 3), np.nan)

@@ -1,4 +1,4 @@
-"""The first map: each motion that two views allow, adjusted over the frames between; the one that explains most."""
+"""First map: optimises each two-view hypothesis over the frames between, and chooses the one with the lowest cost."""
 
 from __future__ import annotations
 
@@ -28,38 +28,43 @@ from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from ispom.types import Decision, Trajectory
 
 MIN_SHARE = 0.3
-"""Of the points in two views, those of the still scene: fewer make no map."""
+"""Least share of the points in two views that belong to the static scene."""
 MOSTLY_PLANAR = 0.7
-"""Share of points that a plane explains, from which the report calls the scene planar; it steers nothing."""
+"""Share of points that a plane explains, from which the report calls the scene planar; it has no other effect."""
 MIN_EXPLAINED = 0.5
-"""Share of the points that a pose explains: with fewer, more parallax should tell the scene from what moves in it."""
+"""Least share of the points that the best hypothesis must explain: below it, more parallax should separate the scene
+from moving objects."""
 OUTLIER = 4.0
-"""A point that is off by so many widths of the loss is none of the scene: its cost grows no more."""
+"""Residuals beyond this many loss widths are outliers; their cost is constant."""
 OUTLIER_COST = 0.5 * float(np.log1p(OUTLIER**2))
 SPEED_SIGMA = 0.3
-"""Deviation of the logarithm of the speed, after a loss over that before it."""
+"""Standard deviation of ln of the ratio of the speeds after and before tracking was lost."""
 NO_RIVAL = 99.0
-"""Relative cost from which on, or without a rival at all, the report says no more than that."""
+"""Largest relative cost of a second hypothesis that is reported, also if there is none."""
 CLEARLY_BETTER = 1.25
-"""Cost of the second best hypothesis over that of the best: less is ambiguous, and waits for more parallax."""
+"""Least ratio of the costs of the second-best and the best hypothesis: less is ambiguous, and waits for more
+parallax."""
 TWO_VIEW = 2.0
-"""Inlier limit of the two-view hypotheses, in widths of the loss: 1.0 px at the default noise."""
+"""Inlier limit of the two-view hypotheses, in loss widths: 1.0 px at the default noise."""
 ROUGH = 8.0
-"""Inlier limit, in widths of the loss, of frames resected from points of two views that are not adjusted yet."""
+"""Inlier limit, in loss widths, of frames resected from points of two views before their optimisation."""
 MIN_SIGNIFICANCE = 3.0
-"""Inverse depth over its standard deviation from which a point enters the map: bundle adjustment improves the rest."""
+"""Least inverse depth of a point in the map, in its standard deviations: bundle adjustment improves the rest."""
 BETWEEN = 4
-"""Frames between the two views that are adjusted with them, of the newest ones: older ones of a long wait show less."""
+"""Number of frames optimised between the two views, taken from the newest ones: older ones of a long wait share
+less."""
 FIRST_PASS, SECOND_PASS = (12, 1e-3), (40, 1e-5)
-"""Most iterations, and the relative decrease of the cost that ends them, before and after points are chosen anew."""
+"""Largest number of iterations, and the relative decrease of the cost that ends them, before and after points are
+selected again."""
 SAME_SHARE, SAME_RAD = 0.1, 0.02
-"""Two trials are one solution where their last poses differ by less, of the baseline and in angle."""
+"""Trials are the same solution if their last poses differ by less than this, as a share of the baseline and in
+radians."""
 
 
 def first_map(
     start: Start, last: TrackedFrame, noise: Noise, impatient: bool
 ) -> tuple[Map | None, tuple[Decision, ...]]:
-    """The best of the hypotheses, if it is clearly the best over all frames since the reference."""
+    """Returns the best hypothesis, if it is clearly the best over all frames since the reference."""
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
     found = hypotheses(reference.at(ids), last.at(ids), TWO_VIEW * noise.width)
@@ -82,16 +87,16 @@ def first_map(
 
 
 def _chosen(trials: list[Trial | None], best: Trial) -> Trial:
-    """Of the trials that are one solution with the best, and not clearly worse, the first.
+    """Returns the first trial with the same solution as the best one, if its cost is not clearly higher.
 
-    That is the essential matrix's, where there is one: it took no plane for granted to choose its points.
+    This is the essential matrix's, if there is one: its points are not selected by a plane.
     """
     alike = (t for t in trials if t is not None and _same(best.map, t.map))
     return next((t for t in alike if _relative_cost(t, best) < CLEARLY_BETTER), best)
 
 
 def _clear(good: list[Trial], tried: int) -> Decision:
-    """Whether the first one is clearly the best, of so many hypotheses tried; one that has no rival never is."""
+    """Checks that the best hypothesis beats the second best by CLEARLY_BETTER. A single hypothesis never passes."""
     if tried == 1:
         return checks.AMBIGUITY.of(1.0, CLEARLY_BETTER, "there is no second one")
     others = [t for t in good[1:] if not _same(good[0].map, t.map)]
@@ -101,7 +106,7 @@ def _clear(good: list[Trial], tried: int) -> Decision:
 
 
 def _model(by_essential: list[Trial | None], by_homography: list[Trial | None]) -> Decision:
-    """Which of the two models gives the better map; one of them does."""
+    """Reports which of the two models gives the better map; at least one must have a map."""
     general, planar = _best(by_essential), _best(by_homography)
     if planar is None:
         because = "gives no map" if by_homography else "explains too few points to be tried"
@@ -113,12 +118,12 @@ def _model(by_essential: list[Trial | None], by_homography: list[Trial | None]) 
 
 
 def _best(trials: list[Trial | None]) -> Trial | None:
-    """That of least cost; None where none has a map."""
+    """Returns the trial with the least cost; None if none has a map."""
     return min((t for t in trials if t is not None), key=lambda t: t.costs.sum(), default=None)
 
 
 def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
-    """The map in the unit of the one before it, where enough points are in both: median ratio of their depths."""
+    """Scales the map to the one before it, by the median depth ratio of their common points, if they are enough."""
     _, here, there = np.intersect1d(state.points.ids, start.points.ids, return_indices=True)
     back = start.base.inverse()
     before, now = back.apply(start.points.xyz[there])[:, 2], back.apply(state.points.xyz[here])[:, 2]
@@ -149,15 +154,16 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A hypothesis after its adjustment."""
+    """A hypothesis after its optimisation."""
 
     costs: Array
-    """(N,) of each point common to both views: mean of its observations, OUTLIER_COST where it is in no map."""
+    """(N,) cost of each point common to both views: the mean over its observations, or OUTLIER_COST outside of the
+    map."""
     map: Map
 
 
 def _relative_cost(rival: Trial, best: Trial) -> float:
-    """Cost over that of the best, of the points that either of them explains: others may move by themselves."""
+    """Returns the ratio of the costs of points that either trial explains: the others may move."""
     either = np.minimum(rival.costs, best.costs) < OUTLIER_COST
     return float(rival.costs[either].sum() / max(best.costs[either].sum(), 1e-12))
 
@@ -167,7 +173,7 @@ def _anchored(start: Start, poses: tuple[Pose, ...], unit_sigma: float) -> Prior
 
 
 def _same(a: Map, b: Map) -> bool:
-    """Whether two trials converged to one solution."""
+    """Checks that two trials converged to the same solution."""
     change = a.poses[-1].inverse() @ b.poses[-1]
     base = np.linalg.norm(a.poses[-1].translation - a.poses[0].translation)
     return bool(np.linalg.norm(change.translation) < SAME_SHARE * base and np.linalg.norm(change.rotvec) < SAME_RAD)
@@ -176,7 +182,7 @@ def _same(a: Map, b: Map) -> bool:
 def _trial(
     start: Start, last: TrackedFrame, ids: NDArray[np.int64], second_from_first: Pose, noise: Noise
 ) -> Trial | None:
-    """One hypothesis, adjusted over a few frames between as well; None where it explains too few points."""
+    """Optimises one hypothesis, with a few frames between; None if it explains too few points."""
     reference, width = start.frames[0], noise.width
     seconds = (last.time_ns - reference.time_ns) * 1e-9
     unit = 1.0 if start.speed is None else start.speed * seconds
@@ -195,7 +201,7 @@ def _trial(
     state = replace(state, keys=(*keys, pair[1]))
     unit_sigma = 0.0 if start.speed is None else SPEED_SIGMA
     state, _, _ = adjusted(replace(state, prior=_anchored(start, state.poses, unit_sigma)), width, *FIRST_PASS)
-    # What was off at first may fit by now.
+    # Outliers of the first pass may fit now.
     state = _with_points(replace(state, prior=_anchored(start, state.poses, unit_sigma)), ids, noise)
     state, found, before = adjusted(state, width, *SECOND_PASS)
     if len(state.points.ids) < enough:
@@ -212,11 +218,11 @@ def _costs(
     ids: NDArray[np.int64],
     width: float,
 ) -> Array:
-    """(N,) see Trial; `found` is the adjustment of `before` that gave the map."""
+    """Returns the costs (N,) of Trial; `found` is the optimisation of `before` that gave the map."""
     owners = found.window.owners
     mean = np.bincount(owners, _cost(found.distances, width)) / np.bincount(owners)
     kept = np.isin(before.ids, state.points.ids)
-    # A point without a place may be too far for one: then the turn alone moves it.
+    # An untriangulated point may be too distant: then only the rotation moves it.
     turn = state.poses[-1].rotation.T @ start.base.rotation
     costs = _cost(np.linalg.norm(rotate(turn, start.frames[0].at(ids)) - last.at(ids), axis=1), width)
     costs[np.searchsorted(ids, before.ids[kept])] = mean[kept]
@@ -224,14 +230,14 @@ def _costs(
 
 
 def _spaced(frames: tuple[TrackedFrame, ...], count: int) -> list[TrackedFrame]:
-    """At most `count` of them, evenly, the first and the last included."""
+    """Returns up to `count` of the frames, evenly spaced, including the first and the last."""
     if not frames:
         return []
     return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int))]
 
 
 def _with_points(state: Map, ids: NDArray[np.int64], noise: Noise) -> Map:
-    """With those of the tracks (M,) as points that have a place."""
+    """Adds those of the tracks (M,) as points that can be triangulated."""
     found = intersected(state, ids, noise)
     good = (found.depth > 0) & (found.worst < MISTRACKED * noise.width) & (found.significance > MIN_SIGNIFICANCE)
     return replace(state, points=ScenePoints(ids[good], found.xyz_in_world[good]))
@@ -252,7 +258,7 @@ def _resected(state: Map, frame: TrackedFrame, guess: Pose, threshold: float, le
 
 
 def _filled(state: Map, start: Start, width: float) -> Map:
-    """With all other frames since the reference, and those before it that see enough, by resection from the map."""
+    """Adds all other frames since the reference, and earlier ones that observe enough points, by resection."""
     keys = {k.time_ns: k for k in state.keys}
     current, guess, others = state.keys[0], start.base, []
     for frame in start.frames:
@@ -268,7 +274,7 @@ def _filled(state: Map, start: Start, width: float) -> Map:
 
 
 def _before(state: Map, start: Start, width: float) -> tuple[RelativeFrame, ...]:
-    """The frames before the reference, back to the first one that sees too few points of the map for that."""
+    """Returns the frames before the reference, back to the first one that observes too few points for a resection."""
     first, guess, found = state.keys[0], start.base, list[RelativeFrame]()
     assert first.world_from_camera is not None
     for frame in reversed(start.earlier):
@@ -282,8 +288,8 @@ def _before(state: Map, start: Start, width: float) -> tuple[RelativeFrame, ...]
 
 
 def poses_outside_first_map(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
-    """The poses of frames that the first map does not place: between others by these; before them all turned as they
-    were held, where the first one was."""
+    """Returns the poses of frames outside of the first map. Those between its frames are interpolated; those before it
+    keep their orientations, at the position of its first frame."""
     placed = Trajectory.of(world.trajectory())
     first_ns, place = placed.times_ns[0], placed.translations[0]
     held = dict([*poses_held(start.earlier), *start.passed])
@@ -293,20 +299,21 @@ def poses_outside_first_map(world: Map, start: Start) -> tuple[tuple[int, Pose],
 
 
 def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, unit_sigma: float) -> Prior:
-    """Makes the first pose the world, and its distance to the last the unit; no correction of the camera yet.
+    """Returns a prior that makes the first pose the world and its distance to the last the unit, without lens
+    correction.
 
-    `first` (6, 6) covariance of the first pose, twist on the right of world_from_camera, and `unit_sigma` deviation of
-    the logarithm of the unit: zero but for a map that goes on from another one. `extra_sigma` (2,): of the camera's
-    correction. All as widened as the loss is.
+    `first` (6, 6) is the covariance of the first pose, right twist of world_from_camera, and `unit_sigma` the standard
+    deviation of ln scale: both are zero except for a map that continues another one. `extra_sigma` (2,) is that of the
+    lens correction. All are scaled by the loss width over the noise.
     """
     rotations, translations = views(poses)
     size = POSE * len(poses) + LENS
     hessian = np.zeros((size, size))
     apart = poses[-1].translation - poses[0].translation
     unit = float(np.linalg.norm(apart))
-    # A right twist of world_from_camera is, but for its sign, the left one of its inverse.
+    # A right twist of world_from_camera is, except for its sign, the left one of its inverse.
     hessian[:POSE, :POSE] = np.linalg.inv(first + 1e-12 * np.diag([unit**2] * 3 + [1.0] * 3))
-    # How left twists' rho move the last centre away from the first, which may be anywhere after a loss.
+    # Derivative of the distance between the last and the first centre; the first pose is uncertain after a loss.
     along, last = np.zeros(size), POSE * (len(poses) - 1)
     along[last : last + 3] = -rotations[-1] @ apart / unit
     if first.any():

@@ -1,4 +1,4 @@
-"""What makes a frame a key frame of the monocular estimator, and how the map is extended by one and adjusted."""
+"""Decides on keyframes of the monocular estimator, and extends and optimises the map with them."""
 
 from __future__ import annotations
 
@@ -19,23 +19,25 @@ from ispom.numerics.robust import Noise
 from ispom.types import Decision
 
 ITERATIONS = 5
-"""Of each bundle adjustment, at most: the next key frame's continues from there."""
+"""Largest number of iterations per bundle adjustment; the next keyframe's continues from the result."""
 MIN_SIGNIFICANCE = 7.5
-"""A point enters the map once its inverse depth exceeds this many standard deviations of it: its depth is then known
-to about 13 %, within which bundle adjustment is close to linear."""
+"""Least inverse depth of a new point, in its standard deviations: its depth is then known to about 13 %, within which
+bundle adjustment is close to linear."""
 SURE_DEPTH, MIN_DEPTHS = 15.0, 8
-"""The same for points whose depths are compared between the last two keyframes and the map; fewer give no scale."""
+"""The same for points whose depths are compared between the last two keyframes and the map, and the least number of
+such points for a scale."""
 MAX_DRIFT = 10.0
-"""Scale drift since the start [%, 1 sigma] beyond which the report marks it; it steers nothing."""
+"""Scale drift since the start [%, 1 sigma] beyond which the report marks it; it has no other effect."""
 
 
 def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Decision, ...]:
-    """Each of them, when passed, makes `frame` the next key frame of the map; it has a pose."""
+    """Returns the checks each of which, if passed, makes `frame` the next keyframe of the map; the frame must have a
+    pose."""
     key = world.keys[-1]
     assert key.world_from_camera is not None and frame.world_from_camera is not None
     parallax = parallax_deg(key, frame, setup.noise.width)
     placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
-    # Tracks without a place may be on what moves by itself, and outlast the scene.
+    # Untriangulated tracks may be on a moving object, and outlast the scene.
     share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
     turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
@@ -55,28 +57,28 @@ def _share_left(before: NDArray[np.int64], now: NDArray[np.int64]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Extended:
-    """The map with one more key frame."""
+    """The map with one more keyframe."""
 
     map: Map
     dropped: NDArray[np.int64]
-    """Tracks that are no images of one still point."""
+    """Tracks that do not observe a static point."""
     uncertainty: MapUncertainty
-    """Of the map."""
+    """Uncertainty of the map."""
     scale: float | None
     decisions: tuple[Decision, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class WithKeyFrame:
-    """The map with one more key frame, not yet adjusted."""
+    """The map with one more keyframe, before the optimisation."""
 
     map: Map
     moving: NDArray[np.int64]
-    """Tracks without a point that are no images of a still one."""
+    """Untriangulated tracks that do not observe a static point."""
 
 
 def with_key_frame(setup: Setup, world: Map, frame: TrackedFrame) -> WithKeyFrame:
-    """New points where the parallax suffices; poses and points that were there stay."""
+    """Adds the keyframe and new points with enough parallax; existing poses and points are unchanged."""
     width, world = setup.noise.width, replace(world, keys=(*world.keys, frame))
     open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
     new = intersected(world, open_ids, setup.noise)
@@ -88,7 +90,7 @@ def with_key_frame(setup: Setup, world: Map, frame: TrackedFrame) -> WithKeyFram
 
 
 def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
-    """New points where the parallax suffices, and windowed bundle adjustment."""
+    """Adds the keyframe and new points with enough parallax, and runs windowed bundle adjustment."""
     known, width, f = world.points.ids, setup.noise.width, setup.camera.fx
     grown = with_key_frame(setup, world, frame)
     world, bundle, before = adjusted(grown.map.with_loss(width), width, ITERATIONS)
@@ -111,7 +113,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
 
 
 def _correction(setup: Setup, world: Map) -> tuple[Decision, ...]:
-    """The correction of the camera's calibration that its images suggest."""
+    """Reports the lens correction, if it is self-calibrated."""
     if not world.extra_sigma.any():
         return ()
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
@@ -123,8 +125,8 @@ def _correction(setup: Setup, world: Map) -> tuple[Decision, ...]:
 def _scale(
     world: Map, known: NDArray[np.int64], noise: Noise, uncertainty: MapUncertainty
 ) -> tuple[float | None, tuple[Decision, ...]]:
-    """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
-    last two key frames alone give. The uncertainty of both comes from the normal equations."""
+    """Returns the scale of the last step relative to the map, and its checks. The scale is the ratio of the depths of
+    points that the map had before (`known` ids) to those triangulated from the last two keyframes only."""
     against = f"{100 * uncertainty.step_scale_sigma:.2g} % in the last step alone"
     since = checks.SCALE_DRIFT.of(100 * uncertainty.scale_sigma, MAX_DRIFT, against)
     pair = replace(world, keys=world.keys[-2:])

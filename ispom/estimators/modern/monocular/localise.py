@@ -1,4 +1,4 @@
-"""Locating a frame in the map: pose from the points seen, tracks set right by it, then the pose again."""
+"""Localises a frame in the map: pose from the tracked points, correction of the tracks by it, then the pose again."""
 
 from __future__ import annotations
 
@@ -31,49 +31,49 @@ from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
 MIN_LOCATED = 15
-"""Fewer points that agree with a pose are a loss: a pose has 6 unknowns, and with two equations a point so many leave
-it determined four times over where a third of them is wrong alike."""
+"""Least number of inliers of a pose; below it tracking is lost. A pose has 6 unknowns, and a point gives two equations:
+with a third of the points wrong in the same way, it is still overdetermined by a factor of four."""
 MOST = 0.5
-"""Of the points tracked: where fewer agree with a pose the camera has jumped. They may lie on one thing that moves, or
-at one side of the image, and are compared with what descriptors show."""
+"""Least share of inliers among the tracked points: below it the camera has jumped. The inliers may lie on one moving
+object or at one side of the image, so descriptors are compared too."""
 SURE = 2 * MIN_LOCATED
-"""So many must agree with a pose that descriptors alone find, as nothing foretold it: fewer may agree by chance, or lie
-close together on one thing. By fewer, poses were up to 0.4 m off, and what was seen next was placed by them."""
+"""Least number of inliers of a pose from descriptors alone, without a prediction: fewer may be chance matches, or lie
+close together on one object. With fewer, poses had errors of up to 0.4 m, which later points inherited."""
 TOO_FAR = 2.0
-"""Times the error of tracks by their own pose, at which another pose is none for them. Right ones leave 1.0 to 1.3
-times as much; one by 54 points that descriptors placed wrongly left 4.6 times as much to 46 tracks that all agreed:
-it took a 14th of the true step, and with it the unit."""
+"""Ratio of the tracks' residuals at another pose to those at their own, beyond which the tracks contradict that pose.
+Right poses leave 1.0 to 1.3 times as much. A wrong pose from 54 descriptor matches left 4.6 times as much to 46 tracks
+that all agreed: it had a 14th of the true step, and changed the scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class Localisation:
-    """A frame located in the map."""
+    """A frame localised in the map."""
 
     followed: Followed
     compared: NDArray[np.bool_]
-    """Which tracks were found by the patch of their origin."""
+    """Which tracks were aligned with the patch of their origin."""
     motion: PoseFit | None
     ids: NDArray[np.int64]
-    """(N,) ascending, of the points seen."""
+    """(N,) ids, ascending, of the observed points."""
     xyz: Array
-    """(N, 3)."""
+    """(N, 3) points."""
     seen: Array
-    """(N, 2) where, normalised and corrected."""
+    """(N, 2) observations, normalised and corrected."""
     untriangulated: UntriangulatedTracks | None = None
-    """What tracks without a point say of the pose as well."""
+    """Tracks without a point that also constrain the pose."""
 
     @property
     def count(self) -> int:
-        """Points that agree with one pose."""
+        """Number of inliers."""
         return 0 if self.motion is None else int(self.motion.inliers.sum())
 
     @property
     def agreeing(self) -> bool:
-        """Whether they are enough."""
+        """Whether there are enough inliers."""
         return self.count >= MIN_LOCATED
 
     def error_of(self, camera_from_world: Pose) -> float:
-        """Root mean square distance, normalised, that a pose leaves to the points that agree here."""
+        """Returns the root mean square residual, normalised, of the inliers at another pose."""
         assert self.motion is not None
         near = camera_from_world.apply(self.xyz[self.motion.inliers])
         off = near[:, :2] / near[:, 2:] - self.seen[self.motion.inliers]
@@ -81,7 +81,7 @@ class Localisation:
 
 
 def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
-    """From the tracks as followed; where that fails, from tracks displaced as the image's features are."""
+    """Localises a frame by its tracks; if that fails, by tracks displaced like the features of the image."""
     found = _located(setup, live, world, new, new.followed)
     if not found.agreeing and (jumped := displaced_by_features(setup.front_end, live, new.grey)) is not None:
         followed = follow(setup.front_end, setup.camera, live, new.time_ns, new.grey, jumped)
@@ -90,7 +90,7 @@ def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Local
 
 
 def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed) -> Localisation:
-    """The pose that the tracks give once their patches of origin are found again."""
+    """Estimates the pose, aligns tracks with their patches of origin, and estimates it again."""
     assert new.predicted is not None
     places = world.known(live.ids)
     _, xyz, x = _seen(setup, live, world, followed, places)
@@ -114,8 +114,10 @@ def located_by(
     places: Array | None = None,
     predicted: Pose | None = None,
 ) -> Localisation:
-    """The pose that these tracks give, from a good guess. `places` (N, 3) as `Map.known` of them, where it is there;
-    `predicted` where the motion before leads, if that is another one."""
+    """Estimates the pose from these tracks, from a good guess.
+
+    `places` (N, 3) are the tracks' points as of `Map.known`, if already known; `predicted` is the motion model's pose,
+    if different from the guess."""
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
     limit = INLIER * setup.noise.width
@@ -130,7 +132,7 @@ def located_by(
 def _seen(
     setup: Setup, live: LiveTracks, world: Map, followed: Followed, places: Array
 ) -> tuple[NDArray[np.int64], Array, Array]:
-    """Points of the map (N,), (N, 3), and where they are seen (N, 2), normalised and corrected."""
+    """Returns the points of the map, ids (N,) and (N, 3), and their observations (N, 2), normalised and corrected."""
     some = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isfinite(places[:, 0]))
     x = corrected(setup.camera.normalise(unrolled(setup.camera, followed)[some]), world.extra)
     return live.ids[some], places[some], x
@@ -139,7 +141,7 @@ def _seen(
 def set_right(
     setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed, pose: Pose, places: Array
 ) -> tuple[Followed, NDArray[np.bool_]]:
-    """Points of the map, at (N, 3), that tracking lost or misplaced are looked for where the pose puts them."""
+    """Searches points of the map, at (N, 3), that tracking lost or misplaced, at their projections."""
     lens = Lens(setup.camera, world.extra)
     late = late_px(setup.camera, followed.uv, followed.speed)
     expected = projected(lens, places, pose, followed.uv - late) + late
@@ -151,8 +153,8 @@ def set_right(
 
 
 def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation, again: Localisation) -> bool:
-    """Whether a pose that descriptors gave, `again`, is none for the tracks, most of which agree with `found` where
-    that leaves them in sight: others went out of the image as it turned, and say nothing against it."""
+    """Checks whether the tracks contradict a pose from descriptors, `again`: most of them must agree with `found`.
+    Tracks that left the image during a rotation do not count."""
     if found.motion is None or again.motion is None or not found.agreeing:
         return False
     near = found.motion.camera_from_world.apply(world.known(live.ids))
@@ -164,9 +166,10 @@ def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation
 
 
 def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
-    """Those of the tracks `ids` (M,) ascending, where both frames have them, that are no images of a still point.
+    """Returns those of the tracks `ids` (M,), ascending, observed in both frames, that do not observe a static point.
 
-    They are farther than `limit` (normalised) from their epipolar line, which begins where an infinitely far point is.
+    They are farther than `limit` (normalised) from their epipolar line, which starts at the projection of a point at
+    infinity.
     """
     assert key.world_from_camera is not None and frame.world_from_camera is not None
     ids = ids[common(ids, key.ids)[0]]

@@ -1,4 +1,4 @@
-"""Loops of the monocular estimator: what its key frames show, and its Steps as they are with the loops."""
+"""Loop closures of the monocular estimator: describes its keyframes, and corrects its Steps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def with_loops(
     new: NewImage,
     step: Step,
 ) -> tuple[ModernMonocularState, Step]:
-    """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
+    """Updates the loops after a frame; returns the state, and the Step in the corrected world."""
     camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.noise.sigma, setup.front_end.matcher), None
     if outcome.key_frame and after.map is not None:
         joined = outcome.segment is not None or (
@@ -46,7 +46,7 @@ def with_loops(
 
 
 def corrected(loops: Loops, poses: Trajectory) -> Trajectory:
-    """All poses with the loops."""
+    """Returns all poses, corrected by the loops."""
     return Correction.of(loops).of_trajectory(poses) if loops.closed else poses
 
 
@@ -64,7 +64,7 @@ def _corrected(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[L
 def _key_frame_seen(
     setup: Setup, after: ModernMonocularState, world: Map, outcome: Outcome, grey: Image, joined: bool
 ) -> KeyFrameSeen:
-    """The newest key frame of the map."""
+    """Returns the newest keyframe of the map."""
     window = dict(sorted((*outcome.settled, *world.trajectory()), key=lambda told: told[0]))
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
@@ -73,14 +73,15 @@ def _key_frame_seen(
 
 
 def _depth(world: Map, pose: Pose) -> float:
-    """Of half of the points that the newest key frame sees."""
+    """Returns the median depth of the points that the newest keyframe observes."""
     known = world.known(world.keys[-1].ids)
     near = pose.inverse().apply(known[np.isfinite(known[:, 0])])[:, 2]
     return float(np.median(near)) if len(near) else float("nan")
 
 
 def _sight(setup: Setup, lens: Lens, followed: Followed, grey: Image, depth: float) -> DescribedPoints:
-    """Of a rolling shutter where the middle row would have seen the features, which move as the nearest tracks do."""
+    """Describes a keyframe. With a rolling shutter, features are moved to the time of the middle row, with the
+    velocities of the nearest tracks."""
     found = setup.front_end.descriptor.detect_and_describe(grey, FEATURES)
     uv = found.uv - late_px(lens.camera, found.uv, speed_where(followed, found.uv))
     return DescribedPoints.of(grey, lens.normalise(uv), found, depth=depth)

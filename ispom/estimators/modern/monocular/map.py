@@ -1,4 +1,5 @@
-"""The map of the monocular estimator: a window of key frames, the points they see, and what has left it, as a prior."""
+"""The map of the monocular estimator: a window of keyframes, the points they observe, and a prior of those
+marginalised."""
 
 from __future__ import annotations
 
@@ -18,17 +19,17 @@ from ispom.solvers.window.adjustment import Adjusted, Window, adjust
 from ispom.solvers.window.prior import LENS, Prior
 
 WIDTH_IN_MEDIANS = 3.0
-"""Of the loss, in median distances of points from where they were seen: 3.5 deviations of normal errors, of which it
-keeps 98 % of what they say. Beside these there are larger errors, of patches on more than one surface: by a width of
-their own kind, 0.5 px, poses in rooms, streets and sim:tiny were off by a tenth to a quarter more."""
+"""Width of the loss, in median residuals: 3.5 standard deviations of normal errors, of whose information it keeps 98 %.
+There are larger errors too, of patches on more than one surface: with a width for these, 0.5 px, pose errors in rooms,
+streets and sim:tiny were larger by a tenth to a quarter."""
 NARROWEST = 0.1
-"""Of the widest loss: images without any noise leave none to be told from others."""
+"""Least width of the loss relative to the widest one: without image noise all residuals would be outliers."""
 
 
 @dataclass(frozen=True, eq=False)
 class RelativeFrame:
-    """A frame that is no key frame: its pose is held relative to the key frame before it, or to the first one, and
-    moves along with that."""
+    """A frame that is no keyframe: its pose is relative to the keyframe before it, or to the first one, and moves with
+    it."""
 
     time_ns: int
     key_ns: int
@@ -37,36 +38,36 @@ class RelativeFrame:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """World: the first video frame, or the place of the first of the map (see ModernMonocular); unit: own."""
+    """World: the first video frame, or the position of the first frame of the map (see ModernMonocular); own scale."""
 
     keys: tuple[TrackedFrame, ...]
-    """In order of time, each with its pose and all its tracks, those without a point included."""
+    """Ordered by time, each with its pose and all its tracks, including those without a point."""
     points: ScenePoints
     prior: Prior | None
-    """Over the first poses of the window; holds the world and the unit."""
+    """Prior over the first poses of the window; fixes the world and the scale."""
     loss: float
-    """Width of the robust loss, normalised, in which the prior and `extra_sigma` count."""
+    """Width of the robust loss, normalised, in which the prior and `extra_sigma` are scaled."""
     relative_frames: tuple[RelativeFrame, ...] = ()
     extra: Array = field(default_factory=lambda: np.zeros(LENS))
-    """Correction of the camera, see lens.py; the key frames' coordinates are without it."""
+    """Lens corrections, see lens.py; the keyframes' coordinates are without them."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
-    """Its deviations before any data, widened as the loss is; 0 where it is held."""
+    """Their prior standard deviations, scaled like the loss; 0 for fixed ones."""
     noise: TrackNoise = TrackNoise()
-    """What the windows' residuals said of the tracks."""
+    """Noise of the tracks, measured from the windows' residuals."""
 
     @property
     def poses(self) -> tuple[Pose, ...]:
-        """world_from_camera of the key frames."""
+        """world_from_camera of the keyframes."""
         return tuple(k.world_from_camera for k in self.keys if k.world_from_camera is not None)
 
     def trajectory(self) -> list[tuple[int, Pose]]:
-        """All frames of the window."""
+        """Returns times and poses of all frames of the window."""
         of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}
         others = [(b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames]
         return [*of_key.items(), *others]
 
     def pose_at(self, time_ns: int) -> Pose | None:
-        """world_from_camera of the last key frame, or of the last frame after it, if it is of that time."""
+        """Returns world_from_camera at this time if it is that of the last keyframe or of the last frame after it."""
         if self.keys[-1].time_ns == time_ns:
             return self.poses[-1]
         last = self.relative_frames[-1] if self.relative_frames else None
@@ -75,7 +76,7 @@ class Map:
         return self.poses[-1] @ last.key_from_camera
 
     def since(self, time_ns: int) -> list[tuple[int, Pose]]:
-        """Frames of the window from a time on, in order of time."""
+        """Returns the frames of the window from this time on, ordered by time."""
         of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}
         others = [
             (b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames if b.time_ns >= time_ns
@@ -83,7 +84,7 @@ class Map:
         return sorted([*((t, p) for t, p in of_key.items() if t >= time_ns), *others], key=lambda item: item[0])
 
     def known(self, ids: NDArray[np.int64]) -> Array:
-        """Points (N, 3) of these tracks, NaN where there is none."""
+        """Returns the points (N, 3) of these tracks, NaN for untriangulated ones."""
         place = self.points.places(ids)
         if not len(self.points.ids):
             return np.full((len(ids), 3), np.nan)
@@ -95,7 +96,7 @@ class Map:
         return replace(self, relative_frames=(*self.relative_frames, new))
 
     def moved(self, time_ns: int, world_from_camera: Pose) -> Map:
-        """With another pose of the frame of that time, which is no key frame."""
+        """Replaces the pose of the frame at this time, which is no keyframe."""
         of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}
         frames = (
             replace(b, key_from_camera=of_key[b.key_ns].inverse() @ world_from_camera) if b.time_ns == time_ns else b
@@ -104,24 +105,24 @@ class Map:
         return replace(self, relative_frames=tuple(frames))
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Map:
-        """Adds tracks first seen in the last key frame to it."""
+        """Adds tracks that start in the last keyframe."""
         return replace(self, keys=(*self.keys[:-1], self.keys[-1].with_new(ids, x)))
 
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Map:
-        """With tracks (M,) at other coordinates (M, 2) in the key frame of that time, if there is one."""
+        """Replaces the coordinates (M, 2) of tracks (M,) in the keyframe at this time, if there is one."""
         return replace(
             self, keys=tuple(k.with_updated_coordinates(ids, x) if k.time_ns == time_ns else k for k in self.keys)
         )
 
     def with_loss(self, widest: float) -> Map:
-        """With a loss as wide as the errors of its last window ask for, and `widest` (normalised) at most."""
+        """Adapts the width of the loss to the residuals of the last window; at most `widest` (normalised)."""
         loss = min(max(WIDTH_IN_MEDIANS * self.noise.spread * self.loss, NARROWEST * widest), widest)
         share = loss / self.loss
         prior = None if self.prior is None else self.prior.times(1 / share**2)
         return replace(self, loss=loss, prior=prior, extra_sigma=share * self.extra_sigma)
 
     def without(self, ids: NDArray[np.int64]) -> Map:
-        """Forgets these points."""
+        """Removes these points."""
         return replace(self, points=self.points.without(ids))
 
 
@@ -131,21 +132,21 @@ class BundleProblem:
 
     window: Window
     ids: NDArray[np.int64]
-    """(M,) of its points."""
+    """(M,) ids of its points."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackObservations:
-    """All observations of some tracks (places 0..M-1) by the key frames, sorted by track, then by key frame."""
+    """All observations of some tracks (indices 0..M-1) by the keyframes, sorted by track, then by keyframe."""
 
     cameras: NDArray[np.int64]
     owners: NDArray[np.int64]
     seen: Array
-    """(K, 2) normalised."""
+    """(K, 2) normalised coordinates."""
 
 
 def observations_of(keys: tuple[TrackedFrame, ...], ids: NDArray[np.int64]) -> TrackObservations:
-    """`ids` (M,) ascending."""
+    """Collects the observations of the tracks `ids` (M,), ascending."""
     wanted = ScenePoints(ids, np.zeros((len(ids), 3)))
     cameras, owners, seen = [], [], []
     for c, key in enumerate(keys):
@@ -160,13 +161,13 @@ def observations_of(keys: tuple[TrackedFrame, ...], ids: NDArray[np.int64]) -> T
 
 
 def views(poses: tuple[Pose, ...]) -> tuple[Array, Array]:
-    """camera_from_world (C, 3, 3) and (C, 3)."""
+    """Returns camera_from_world: rotations (C, 3, 3) and translations (C, 3)."""
     inverses = [p.inverse() for p in poses]
     return np.stack([p.rotation for p in inverses]), np.stack([p.translation for p in inverses])
 
 
 def bundle_problem(state: Map) -> BundleProblem:
-    """The points that two key frames or more see, with all their observations."""
+    """Returns the points that at least two keyframes observe, with all their observations."""
     seen = observations_of(state.keys, state.points.ids)
     counts = np.bincount(seen.owners, minlength=len(state.points.ids))
     use = counts >= 2
@@ -189,7 +190,7 @@ def bundle_problem(state: Map) -> BundleProblem:
 
 
 def adjusted(state: Map, width: float, iterations: int, tolerance: float = 1e-3) -> tuple[Map, Adjusted, BundleProblem]:
-    """The map after windowed bundle adjustment, without the points that end behind a view or disagree with one.
+    """Runs windowed bundle adjustment, and removes points that end behind a camera or have an outlier.
 
     `width` of the widest loss, normalised.
     """
@@ -212,7 +213,7 @@ def adjusted(state: Map, width: float, iterations: int, tolerance: float = 1e-3)
 
 
 def intersected(state: Map, ids: NDArray[np.int64], noise: Noise) -> InverseDepths:
-    """Intersects the rays of tracks (M,), ascending, from all keyframes that see them; `noise` normalised."""
+    """Triangulates tracks (M,), ascending, from all keyframes that observe them; `noise` normalised."""
     seen = observations_of(state.keys, ids)
     x = corrected(seen.seen, state.extra)
     return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), noise)

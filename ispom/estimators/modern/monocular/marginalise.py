@@ -1,4 +1,5 @@
-"""What leaves the monocular estimator's window of key frames: the oldest, into a prior, or the most redundant one."""
+"""Removes keyframes from the monocular window: marginalises the oldest into a prior, or drops the most redundant
+one."""
 
 from __future__ import annotations
 
@@ -16,19 +17,19 @@ from ispom.solvers.window.prior import POSE, Prior, Sandwich
 from ispom.types import Decision
 
 DYING_SHARE = 0.3
-"""Share of its points still tracked, below which the oldest key frame leaves: it constrains nothing new any more."""
+"""Share of its points still tracked, below which the oldest keyframe is marginalised: it adds no new constraints."""
 MAX_RELATIVE_FRAMES = 100
-"""Frames between key frames whose poses still follow their key frame once a key frame is taken; older ones are final.
-Without a key frame, as at rest, they may become twice as many."""
+"""Largest number of frames between keyframes whose poses still move with their keyframe, once a keyframe is taken;
+older ones are final. Without a new keyframe, as at rest, they may become twice as many."""
 NEWEST = 3
-"""The last key frames that always stay: they carry the motion, and the youngest points."""
+"""Number of the newest keyframes that always stay: they constrain the motion and the youngest points."""
 
 
 def shortened(state: Map, alive: NDArray[np.int64], count: int) -> tuple[Map, list[tuple[int, Pose]]]:
-    """At most `count` key frames: the map and the poses that nothing will revise any more.
+    """Keeps at most `count` keyframes; returns the map and the poses that are final.
 
-    The oldest goes, into the prior, when hardly any of its points is still tracked; otherwise the one that says
-    least that the others do not say (Engel et al. 2018, section 3.1): a map stays while it is in view.
+    The oldest keyframe is marginalised if hardly any of its points is still tracked; otherwise the most redundant one
+    is removed (Engel et al. 2018, section 3.1): a map stays while it is visible.
     """
     settled: list[tuple[int, Pose]] = []
     while len(state.keys) > count:
@@ -48,7 +49,8 @@ def shortened(state: Map, alive: NDArray[np.int64], count: int) -> tuple[Map, li
 
 
 def what_left(before: Map, after: Map, count: int) -> Decision:
-    """Whether a key frame had to leave the window of at most `count`, and as what; of the maps around `shortened`."""
+    """Reports whether a keyframe left the window of at most `count`, and how; from the maps before and after
+    `shortened`."""
     then, gone = "", len(before.points.ids) - len(after.points.ids)
     if after.keys[0].time_ns != before.keys[0].time_ns:
         then = f"the oldest was marginalised, and {gone} points left the map"
@@ -58,7 +60,7 @@ def what_left(before: Map, after: Map, count: int) -> Decision:
 
 
 def _redundant(state: Map) -> int:
-    """Index of the key frame nearest to the others and farthest from the newest."""
+    """Returns the index of the keyframe nearest to the others and farthest from the newest."""
     centres = np.array([p.translation for p in state.poses])
     distance = np.linalg.norm(centres[:, None] - centres[None], axis=2)
     typical = np.median(distance[distance > 0]) if (distance > 0).any() else 1.0
@@ -70,7 +72,8 @@ def _redundant(state: Map) -> int:
 
 
 def _oldest_into_prior(state: Map, alive: NDArray[np.int64]) -> tuple[Prior, NDArray[np.int64]]:
-    """With the points that it sees and that are tracked no more; their ids: all that they say is now in the prior."""
+    """Marginalises the oldest keyframe and its points that are no longer tracked; returns the prior and the ids of
+    these points, whose observations are now all in the prior."""
     found = bundle_problem(state)
     by_oldest = np.zeros(len(found.ids), bool)
     by_oldest[found.window.owners[found.window.cameras == 0]] = True
@@ -84,7 +87,8 @@ def _oldest_into_prior(state: Map, alive: NDArray[np.int64]) -> tuple[Prior, NDA
 
 
 def _prior_without(state: Map, j: int) -> Prior | None:
-    """The prior with pose j eliminated; its observations are given up, as the other key frames say the same."""
+    """Eliminates pose j from the prior; its observations are discarded, as the other keyframes are redundant with
+    them."""
     prior = state.prior
     if prior is None or j >= len(prior.rotations):
         return prior
@@ -104,7 +108,7 @@ def _prior_without(state: Map, j: int) -> Prior | None:
 
 
 def _without_key(state: Map, j: int) -> tuple[Map, list[tuple[int, Pose]]]:
-    """Key frame j is a frame like others from now on: it moves along with the one before it; the first one is final."""
+    """Makes keyframe j an ordinary frame, relative to the keyframe before it; the first keyframe becomes final."""
     key, pose = state.keys[j], state.poses[j]
     mine = [b for b in state.relative_frames if b.key_ns == key.time_ns]
     others = tuple(b for b in state.relative_frames if b.key_ns != key.time_ns)
@@ -119,8 +123,8 @@ def _without_key(state: Map, j: int) -> tuple[Map, list[tuple[int, Pose]]]:
 
 
 def limited(state: Map, most: int = 2 * MAX_RELATIVE_FRAMES) -> tuple[Map, list[tuple[int, Pose]]]:
-    """Where more than `most` frames lie between key frames, the map with MAX_RELATIVE_FRAMES of them, and the poses of
-    the oldest beyond, which are final: a map in view may last."""
+    """Keeps MAX_RELATIVE_FRAMES frames between keyframes if there are more than `most`; returns the map and the final
+    poses of the oldest ones. A map may stay visible for long."""
     if len(state.relative_frames) <= most:
         return state, []
     extra = len(state.relative_frames) - MAX_RELATIVE_FRAMES

@@ -1,4 +1,4 @@
-"""Where the camera is while nothing is seen: at the velocity of the last two poses, which fades."""
+"""Motion model for frames without observations: the velocity of the last two poses, which decays."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 
 COASTING_S = 2.0
-"""Time constant [s] with which an unobserved velocity fades: a vehicle's speed changes on that scale."""
+"""Time constant [s] of the decay: a vehicle's speed changes on that scale."""
 MIN_SPEED = 1e-6
-"""[units/s]: a map at rest has a unit, too."""
+"""Least speed [units/s], so that a map at rest has a scale, too."""
 COASTING_SHARE = 0.5
 """Standard deviation of an unobserved motion, as a share of it."""
 
 
 def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
-    """world_from_camera at the velocity of the last two poses, which fades."""
+    """Predicts world_from_camera with the decaying velocity of the last two poses."""
     (before_ns, before), (last_ns, last) = recent[0], recent[-1]
     if before_ns == last_ns:
         return last
@@ -28,7 +28,8 @@ def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
 
 
 def coasted_covariance(covariance: Array, before_from_now: Pose) -> Array:
-    """Of a pose reached out of sight, from that of the last one in sight: COASTING_SHARE of the way may be wrong."""
+    """Returns the covariance of a predicted pose, from that of the last estimated one: the standard deviation grows by
+    COASTING_SHARE of the motion."""
     adjoint = before_from_now.inverse().adjoint
     way, turn = np.linalg.norm(before_from_now.translation), np.linalg.norm(before_from_now.rotvec)
     return adjoint @ covariance @ adjoint.T + np.diag(
@@ -37,7 +38,7 @@ def coasted_covariance(covariance: Array, before_from_now: Pose) -> Array:
 
 
 def speed_of(world: Map) -> float:
-    """Median speed over the map's last frames [units per second], above zero."""
+    """Returns the median speed over the map's last frames [units/s], at least MIN_SPEED."""
     poses = sorted(world.trajectory(), key=lambda item: item[0])[-10:]
     speeds = [
         float(np.linalg.norm(q.translation - p.translation)) / ((v - u) * 1e-9) for (u, p), (v, q) in pairwise(poses)

@@ -1,4 +1,4 @@
-"""A frame located: does one other rigid motion explain the tracks that its pose does not?"""
+"""Checks after localisation whether one other rigid motion explains the outlier tracks."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.types import Decision, Status, TrackStatus
 
 PAUSE = 5
-"""Images from a test in vain to the next: contours that slide along would be tested at each of them."""
+"""Number of images without a search after one that found no motion: tracks that slide along contours would be tested at
+each image."""
 NONE = np.zeros(0, np.int64)
 
 
 def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
-    """The outcome with what disagrees with its pose followed on, and with what that says."""
+    """Tracks the outliers of the pose further, and adds the check of a second motion to the outcome."""
     live, world, pose = state.live, outcome.map, outcome.pose
     if world is None or pose is None or live.grey is None or outcome.residual_px is None:
         return outcome
@@ -48,7 +49,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
 
 
 def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
-    """A new start where the other motion fills more of the image than what the map was made of."""
+    """Starts a new map if the other motion covers more of the image than the map does."""
     assert outcome.map is not None and outcome.pose is not None
     assert outcome.other_motion is not None and outcome.residual_px is not None
     world, other, live, followed = outcome.map, outcome.other_motion, state.live, outcome.followed
@@ -65,18 +66,18 @@ def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: Ne
     frame = tracked_frame(setup.camera, live, followed, new.time_ns)
     begun = new_start(setup, state, frame, followed, outcome.pose, None, decisions)
     assert begun.start is not None
-    # What keyframes showed stands still in another world than what is followed now.
+    # Keyframes were static in another world than the one followed now.
     return replace(begun, start=replace(begun.start, lost=None), status=Status.INITIALISING, other_motion=other)
 
 
 def other_motion(
     world: Map, frame: TrackedFrame, agreeing: int, width: float
 ) -> tuple[Decision | None, NDArray[np.int64]]:
-    """Whether one other motion explains tracks that do not agree with a frame's pose, beside so many that do; and the
-    ids (M,) of those it explains, none where it is not told. No Decision where too few move.
+    """Checks whether one other motion explains the outlier tracks of a frame; `agreeing` is the number of inliers.
 
-    They are compared with the key frame that saw most of them; what stands still after all takes no part. `width` of
-    the robust loss, normalised.
+    Returns the check, None for too few outliers, and the ids (M,) of the explained tracks, none if it passed. The
+    tracks are compared with the keyframe that observes most of them; those consistent with a static point are excluded.
+    `width` of the robust loss, normalised.
     """
     if len(frame.ids) < LEAST:
         return None, NONE

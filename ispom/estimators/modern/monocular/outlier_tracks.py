@@ -1,5 +1,5 @@
-"""Tracks that ended because nothing that stands still moves like them, followed on by themselves: one other rigid
-motion may explain them, and then the scene may be the other one."""
+"""Tracks outliers of the static scene further: another rigid motion may explain them, and may turn out to be the
+scene."""
 
 from __future__ import annotations
 
@@ -16,41 +16,43 @@ from ispom.numerics.reductions import lengths
 from ispom.types import Image, Tracks, TrackStatus
 
 ENOUGH = LEAST // 2
-"""Fewer tracks are not followed on: some always go astray, and following costs as much as for twice as many."""
+"""Least number of tracks that are followed: some are always wrong, and following costs as much as for twice as many."""
 LASTING, LONGEST = 2, 20
-"""Images that a track is followed on into before it counts: what went astray is mostly not found forwards and
-backwards; and after which it is given up, where no motion has explained it: contours that slide last long."""
+"""Number of images into which a track is followed before it counts, as wrong tracks mostly fail the forward-backward
+check; and number of images after which it ends if no motion explains it, as tracks that slide along contours last long.
+"""
 BACK_PX = 0.7
-"""A patch found again leads back to where it was within so much, as `klt.Klt` wants it of tracks without a map."""
+"""Largest forward-backward error [px], as `klt.Klt` requires for tracks without a map."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlierTracks:
-    """Tracks that ended as no images of a still point, at most as many as are tracked in all."""
+    """Tracks that ended because they do not observe a static point, at most as many as are tracked in all."""
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) ascending; those that the tracks had."""
+    """(N,) ids that they had as tracks, ascending."""
     uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(N, 2) [px] in the last image."""
+    """(N, 2) [px] positions in the last image."""
     flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     """(N, 2) [px] motion into it."""
     age: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) images since the track ended, or was explained."""
+    """(N,) number of images since the track ended, or was explained."""
     rest: int = 0
-    """Images to come in which no motion is sought."""
+    """Number of images in which no motion is searched."""
 
     @property
     def lasting(self) -> NDArray[np.bool_]:
-        """(N,) which ones count."""
+        """(N,) which tracks count."""
         return self.age >= LASTING
 
     @property
     def expected(self) -> Moved:
-        """In the next image, each where its last motion leads: no map says where it should be."""
+        """Predicted positions in the next image, with constant velocity: no map predicts them."""
         return Moved(self.uv, self.uv + self.flow)
 
     def followed(self, before: Image, now: Image, found: Moved) -> OutlierTracks:
-        """Those found in the next image that lead back to where they were; none in one of another size."""
+        """Keeps the tracks found in the next image that pass the forward-backward check; none if the image size
+        changed."""
         if not len(self.ids) or len(found.status) != len(self.ids):
             return OutlierTracks()
         kept = np.flatnonzero((found.status == TrackStatus.ALIVE) & (self.age < LONGEST))
@@ -61,7 +63,7 @@ class OutlierTracks:
         return OutlierTracks(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
 
     def joined(self, live: LiveTracks, followed: Followed, most: int) -> OutlierTracks:
-        """With the tracks that end now; none where there are too few, the newest where there are too many."""
+        """Adds the tracks that end now; keeps none if they are too few, and the newest if they are too many."""
         ended = (followed.status == TrackStatus.EPIPOLAR) | (followed.status == TrackStatus.REPROJECTION)
         ended &= places(self.ids, live.ids) < 0
         ids = np.concatenate([self.ids, live.ids[ended]])
@@ -74,16 +76,16 @@ class OutlierTracks:
         return OutlierTracks(ids[order], uv[order], flow[order], age[order], self.rest)
 
     def explained(self, ids: NDArray[np.int64]) -> OutlierTracks:
-        """Some of them (M,) are followed on for as long again."""
+        """Resets the age of explained tracks (M,)."""
         if not len(ids):
             return self
         return replace(self, age=np.where(np.isin(self.ids, ids), LASTING, self.age))
 
     def speed(self, live: LiveTracks, time_ns: int) -> NDArray[np.float32]:
-        """(N, 2) [px/s] into the image at that time from the one of `live`."""
+        """Returns velocities (N, 2) [px/s] into the image at this time from that of `live`."""
         return self.flow / np.float32((time_ns - live.time_ns) * 1e-9)
 
     def tracks(self, ids: NDArray[np.int64]) -> Tracks:
-        """Some of them (M,) as a Step shows them."""
+        """Returns some of the tracks (M,) for the Step."""
         some = np.isin(self.ids, ids)
         return Tracks.of(self.ids[some], self.uv[some], uv_prev=(self.uv - self.flow)[some])

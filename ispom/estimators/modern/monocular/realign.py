@@ -1,4 +1,4 @@
-"""Tracks set right by their patches of origin: a chain of small steps from image to image drifts."""
+"""Corrects tracks by aligning them with their patches of origin, as tracking from image to image drifts."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from ispom.types import Image, TrackStatus
 
 BACK = Klt(levels=1)
 MIN_CORRELATION = 0.8
-"""Normalised correlation of a patch found again with its origin; less is another thing."""
+"""Least normalised correlation of a patch with its origin."""
 TAPER_PX = 3.0
-"""Deviation by which pixels of a patch count (see patches.align). What lies before or behind a point moves otherwise,
-and mostly is at the patch's border: where all counted the same, the end of a corridor was seen to come nearer, and the
-camera to turn with each step to a side. Poses of simulations are best with 2.3 to 3, off by a tenth more with 4, and by
-up to a third more where all count the same; KITTI 06 is the same with all of them."""
+"""Standard deviation [px] of the pixel weights in a patch (see patches.align). Surfaces at other depths move
+differently, and are mostly at the patch's border: with equal weights the end of a corridor seemed to come nearer, and
+the camera to rotate with each sideways step. Simulations give the best poses with 2.3 to 3, errors larger by a tenth
+with 4, and by up to a third with equal weights; KITTI 06 is the same with all of them."""
 MAX_SHIFT_PX = 3.0
-"""Alignment with the origin corrects tracking by no more."""
+"""Largest correction [px] of a track by alignment with its origin."""
 MIN_WARP, MAX_WARP = 0.35, 1.8
-"""Change of area, origin per image, within which the patch of the origin can be used."""
+"""Limits of the change of area, origin relative to image, within which the patch of the origin is used."""
 BORDER_PX = 6
-"""Half a patch and its gradients: nearer to the image's border none is compared."""
+"""Half a patch and its gradients [px]: no patch is compared nearer to the image's border."""
 
 
 def realigned(
@@ -45,10 +45,10 @@ def realigned(
     pose: Pose,
     origins: dict[int, Pose],
 ) -> tuple[Followed, NDArray[np.bool_]]:
-    """Each point where its patch of origin, warped as the scene (N, 3) says, fits best; which ones (N,) were compared.
+    """Aligns each point with its patch of origin, warped by the scene (N, 3); also returns which (N,) were compared.
 
-    Looked for around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time: world_from_camera. What does
-    not look like its origin is lost; what cannot be compared is lost where it does not lead back to the last image.
+    The search is around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time, are world_from_camera. A
+    point that does not match its origin is lost; one that cannot be compared is lost if it fails the backward check.
     """
     uv, status = followed.uv.copy(), followed.status.copy()
     in_camera = pose.inverse().apply(scene)
@@ -82,7 +82,7 @@ def realigned(
 
 
 def _motions(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:
-    """origin_from_camera (K, 3, 3), (K, 3) of poses world_from_camera."""
+    """Returns origin_from_camera (K, 3, 3), (K, 3) for poses world_from_camera."""
     back = np.stack([p.rotation.T for p in origins])
     ways = back @ (pose.translation - np.stack([p.translation for p in origins]))[:, :, None]
     return back @ pose.rotation, ways[..., 0]
@@ -97,7 +97,7 @@ def _aligned(
     warps: Array,
     bends: Array,
 ) -> tuple[Array, Array]:
-    """`patches.align` of points (N,) with patches of several images: `origin` (N,) says which."""
+    """Calls `patches.align` for points (N,) with patches of several images, of indices `origin` (N,)."""
     order = np.argsort(origin, kind="stable")
     of, origin_uv, expected = origin[order], origin_uv[order], expected[order]
     warps, bends = warps[order], bends[order]
@@ -122,8 +122,10 @@ def patches_found(
     expected: Array,
     reduction: float = 1.0,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Where an image has the patches that a place has at `seen` (N, 2) [px], looked for around `expected` (N, 2) [px];
-    and which (N,) it has. `near` (N, 3): their points in the image's camera; `reduction`: its pixels per the camera's.
+    """Aligns patches of a keyframe at `seen` (N, 2) [px] with an image, around `expected` (N, 2) [px].
+
+    `near` (N, 3) are their points in the image's camera, `reduction` is the image's size relative to the camera's.
+    Returns the positions (N, 2) [px], and which (N,) match.
     """
     turn, way = place_from_camera.rotation[None], place_from_camera.translation[None]
     warps, bends = warps_of(lens.camera, turn, way, near, slopes(near))

@@ -1,4 +1,4 @@
-"""What a key frame saw and an image shows as well: by descriptors, intersected between the key frames around it."""
+"""Matches a lost image with keyframes by descriptors, whose features are triangulated with neighbouring keyframes."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.rotation import rotate
 
 FEATURE_ERROR = 3.0
-"""Standard deviation of a described feature over that of a tracked point: about a pixel. It is the width of the loss,
-too."""
+"""Standard deviation of a described feature relative to that of a tracked point: about a pixel. The loss has this
+width, too."""
 MAX_OFF = 2.0
-"""Deviations from an epipolar line, between key frames, beyond which a feature is another one."""
+"""Largest distance from an epipolar line, between keyframes, in standard deviations of a feature."""
 MIN_SIGNIFICANCE = 1.0
-"""A feature's inverse depth exceeds so many standard deviations of it: far ones still say how the camera is turned."""
+"""Least inverse depth of a feature, in its standard deviations: distant ones still constrain rotation."""
 MIN_PATCH_SIGNIFICANCE = 1.5
-"""The same of points triangulated from patches."""
+"""The same for points triangulated from patches."""
 FEWEST = 7
-"""Points that agree with a pose, from which the tracks that there were are looked for where it puts them."""
+"""Least number of inliers of a pose; it predicts where to search the existing tracks."""
 ENOUGH = 15
-"""With so many, as a pose needs, no further key frame is compared."""
+"""Number of inliers, sufficient for a pose, from which no further keyframe is compared."""
 ALIGNED = 30
-"""With so many whose patches look alike, enough for a pose (SURE), others take no part: half of these are other things
-that happen to lie near, 4 to 14 px off at the 90th percentile in sim:city where those are 1 px off."""
+"""Number of aligned patches, sufficient for a pose (SURE), from which features without one are discarded: half of those
+are wrong matches nearby, with errors of 4 to 14 px at the 90th percentile in sim:city, where aligned ones have 1 px."""
 MOST_DESCRIBED = 5
-"""Images described at one exposure, the new one and the last one aside: those of two key frames, mostly."""
+"""Largest number of images described per frame, besides the new one and the last one: mostly those of two keyframes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """A frame that shows what a key frame saw."""
+    """A frame matched with a keyframe."""
 
     views: tuple[tuple[Keyframe, Array], ...]
-    """The key frame, last, and those before it with which its features were intersected: where (N, 2) each has them
-    [px], NaN where not."""
+    """The keyframes with which its features were triangulated, and last the keyframe itself, each with the positions
+    (N, 2) [px] of the features; NaN if not matched."""
     xyz: Array
-    """(N, 3) in the world."""
+    """(N, 3) points in the world."""
     uv: NDArray[np.float32]
-    """(N, 2) [px] where the new image has them."""
+    """(N, 2) [px] positions in the new image."""
     world_from_camera: Pose
 
 
@@ -65,10 +65,11 @@ def recognised(
     before: Keyframe | None,
     turn: int,
 ) -> tuple[KeyframeDatabase, Recognised | None]:
-    """The image that shows most of what the new one shows, if that is enough; and the database with what was described.
+    """Matches the new image with the last localised one, `before`, if given, and with some keyframes, others at each
+    `turn`.
 
-    Of the last one located, `before`, if there is one, and some keyframes, at each `turn` others. `extra` (2,) is the
-    lens's correction, `now` are the features of the new image.
+    Returns the database with the new descriptions, and the match with the most points; None if no match is sufficient.
+    `extra` (2,) is the lens correction, `now` are the features of the new image.
     """
     best, described = None, 0
     first = () if before is None else (before,)
@@ -90,7 +91,7 @@ def recognised(
 
 
 def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewImage, now: Features) -> Recognised | None:
-    """The pose by resection from what the last of the keyframes and the image show; None for too few points."""
+    """Estimates the pose by resection from the last of the keyframes; None for too few points."""
     place, lens, sigma = keyframes[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.noise.sigma
     then = place.features
     assert then is not None
@@ -117,7 +118,7 @@ def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewIma
     if sure.sum() < FEWEST:
         return None
     if 2 * sure.sum() < len(sure):
-        # The lesser part of them cannot take over the map; the greater part did.
+        # A minority of points with uncertain depths is kept; a majority did take over the map.
         xyz, uv, seen = xyz[sure], uv[sure], [at[sure] for at in seen]
     back, near = place.camera_from_world @ found.camera_from_world.inverse(), found.camera_from_world.apply(xyz)
     aligned, good = patches_found(lens, place, seen[-1], back, near, new.grey, uv)
@@ -130,12 +131,12 @@ def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewIma
 def depth_confirmed(
     xyz: Array, camera_from_world: Pose, others: list[tuple[Pose, NDArray[np.bool_]]], least: float
 ) -> NDArray[np.bool_]:
-    """Which (N,) of the points (N, 3) that a camera sees have depths that two of the other views speak for.
+    """Checks which (N,) of the points (N, 3) that a camera observes have depths confirmed by two of the other views.
 
-    `others`: camera_from_world, and which of the points (N,) agree with it. Whatever lies on an epipolar line gives
-    some depth, and from near the first camera any depth agrees. So besides the view that gave it another one must see
-    the point farther from where an infinitely far one would be than it may be off: `least`, normalised. What no view
-    sees displaced by as much is where an infinitely far one would be, whatever its depth.
+    `others`: camera_from_world, and which of the points (N,) agree with it. Anything on an epipolar line gives some
+    depth, and near the first camera any depth agrees. So besides the view that gave the depth, another one must have a
+    parallax of more than `least` (normalised). A point without such a parallax in any view counts as distant, whatever
+    its depth.
     """
     near, shifts = camera_from_world.apply(xyz), list[Array]()
     for pose, agree in others:
@@ -147,7 +148,7 @@ def depth_confirmed(
 
 
 def at_middle(setup: Setup, place: Keyframe, uv: Array) -> Array:
-    """Where the middle row would have seen what a place has at (N, 2) [px]; NaN for NaN."""
+    """Returns pixels (N, 2) of a keyframe, moved to the time of the middle row; NaN stays NaN."""
     if place.moving is None:
         return uv
     at = uv.astype(np.float32)
@@ -157,7 +158,8 @@ def at_middle(setup: Setup, place: Keyframe, uv: Array) -> Array:
 def _seen(
     setup: Setup, extra: Array, place: Keyframe, index: NDArray[np.int64], other: Keyframe, sigma: float
 ) -> Array:
-    """(N, 2) [px] where another place has these features of a place: on their epipolar lines; NaN where it has not."""
+    """Returns the positions (N, 2) [px], in another keyframe, of a keyframe's features, matched along their epipolar
+    lines; NaN without a match."""
     assert place.features is not None and other.features is not None
     here, there = place.features, other.features
     if other is place:
@@ -173,7 +175,7 @@ def _seen(
 
 
 def _agreeing(setup: Setup, extra: Array, place: Keyframe, uv: Array, xyz: Array, limit: float) -> Array:
-    """(N, 2) [px] where a place has points (N, 3), NaN also where it has something else there. `limit` normalised."""
+    """Returns the positions `uv` (N, 2) [px] of points (N, 3) in a keyframe, NaN for outliers. `limit` normalised."""
     near = place.camera_from_world.apply(xyz)
     x = corrected(setup.camera.normalise(at_middle(setup, place, uv)), extra)
     off = x - near[:, :2] / np.maximum(near[:, 2:], 1e-9)
@@ -181,8 +183,8 @@ def _agreeing(setup: Setup, extra: Array, place: Keyframe, uv: Array, xyz: Array
 
 
 def _intersected(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: list[Array], sigma: float) -> Array:
-    """Points (N, 3) in the world, NaN where not known well enough: by all the keyframes together or, as one may show
-    another thing, by the last and the one that is farthest from it of those that agree."""
+    """Triangulates points (N, 3) in the world; NaN if uncertain. Uses all keyframes together or, as one may have a
+    wrong match, the last one with a single other one: the most distant that agrees."""
     xyz, last = np.full((len(seen[0]), 3), np.nan), len(keyframes) - 1
     for others in (range(last), *([i] for i in range(last))):
         chosen = [*others, last]
@@ -194,7 +196,7 @@ def _intersected(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: li
 
 
 def rays_met(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: list[Array], noise: Noise) -> InverseDepths:
-    """Along the rays of the last place, which has all the points."""
+    """Triangulates along the rays of the last keyframe, which has all the points."""
     stacked = np.stack([at_middle(setup, p, uv) for p, uv in zip(keyframes[::-1], seen[::-1], strict=True)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [p.camera_from_world for p in keyframes[::-1]]
@@ -204,11 +206,11 @@ def rays_met(setup: Setup, extra: Array, keyframes: list[Keyframe], seen: list[A
 
 
 def resighted(setup: Setup, database: KeyframeDatabase, world: Map, found: Recognised) -> Recognised:
-    """What was found with its points (N, 3) intersected from where patches are, also in the window's other key frames.
+    """Triangulates the points (N, 3) of a match again from aligned patches, also in the window's other keyframes.
 
-    A descriptor's position is off by a pixel, and the two or three keyframes that were compared lie close together,
-    before a turn above all: what was seen again by them alone held the pose after a gap less well than tracks do. Where
-    patches do not agree with one still point, or no other keyframe has them, it stays as descriptors say.
+    A descriptor's position has an error of a pixel, and the two or three compared keyframes are close together,
+    especially before a turn: such points constrained the pose after a gap less than tracks do. A point keeps its
+    position if its patches do not agree with a static point, or if no other keyframe has them.
     """
     place, at = found.views[-1]
     others, window = {p.time_ns: (p, uv) for p, uv in found.views[:-1]}, {k.time_ns for k in world.keys}
@@ -225,7 +227,8 @@ def resighted(setup: Setup, database: KeyframeDatabase, world: Map, found: Recog
 
 
 def _sighted(setup: Setup, extra: Array, place: Keyframe, at: Array, xyz: Array, other: Keyframe) -> Array:
-    """(N, 2) [px] where another place has the patches that a place has `at` (N, 2) [px], of points (N, 3); else NaN."""
+    """Returns the positions (N, 2) [px], in another keyframe, of a keyframe's patches `at` (N, 2) [px] of points (N,
+    3); NaN without a match."""
     lens, near = Lens(setup.camera, extra), other.camera_from_world.apply(xyz)
     expected = lens.in_image(near)
     some = np.flatnonzero(np.isfinite(expected[:, 0]) & np.isfinite(at[:, 0]))

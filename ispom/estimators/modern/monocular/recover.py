@@ -1,4 +1,4 @@
-"""A frame that was not located: hold the place on a pure turn, wait, or begin a new map."""
+"""Handles a frame that was not localised: holds the position on pure rotation, waits, or starts a new map."""
 
 from __future__ import annotations
 
@@ -20,25 +20,26 @@ from ispom.solvers.multiview.rotation import dominant_rotation, median_displacem
 from ispom.types import Decision, Status
 
 PATIENCE = 5
-"""So many frames are compared with the last good one before a loss leads to a new start."""
+"""Number of frames compared with the last localised one before a new map starts."""
 SPOT_DEG = 0.5
-"""Tracks that a turn alone explains to within this (median) show no travel."""
+"""Largest median residual [deg] of a pure rotation: tracks below it show no translation."""
 
 
 def recover(
     setup: Setup, state: ModernMonocularState, new: NewImage, followed: Followed, failed: tuple[Decision, ...]
 ) -> Outcome:
-    """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
+    """Waits for a frame that matches the last localised one; after PATIENCE frames, or on pure rotation, starts a new
+    map."""
     frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
     last_ns, last = state.recent[-1]
     before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(unrolled(setup.camera, state.live)), last)
     turn = turned(before, frame, setup.noise.width)
-    # As for a keyframe: later there may be no tracks left that tell how the camera has turned.
+    # The limit is that of a keyframe: later, too few tracks may be left to measure the rotation.
     leaving = before.common(frame) < setup.min_share * len(before.ids)
     if turn is not None and (leaving or state.missed >= PATIENCE):
         because, held = turn
         return new_start(setup, state, frame, followed, held, held, (*failed, _lost(because)))
-    # From a dark or covered lens no map can start.
+    # A dark or covered lens cannot start a map.
     if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
         waiting = replace(failed[-1], consequence="the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
@@ -52,7 +53,7 @@ def _lost(because: Decision) -> Decision:
 
 
 def turned(before: TrackedFrame, frame: TrackedFrame, width: float) -> tuple[Decision, Pose] | None:
-    """Where enough tracks moved as a pure turn moves them: that test, and the last place with the new orientation."""
+    """Returns the check and the last position with the new orientation if enough tracks moved by a pure rotation."""
     ids = np.intersect1d(before.ids, frame.ids, assume_unique=True)
     if len(ids) < MIN_POINTS or before.world_from_camera is None:
         return None
@@ -73,7 +74,7 @@ def new_start(
     held: Pose | None,
     because: tuple[Decision, ...],
 ) -> Outcome:
-    """A new start at `base`, in the old world and as far as possible in its unit; `held` is the pose given now."""
+    """Starts a new map at `base`, in the old world and if possible in its scale; `held` is the pose reported now."""
     world, frame = state.map, replace(frame, world_from_camera=base)
     assert world is not None
     coasting = None if held is not None else partial(coasted, state.recent)

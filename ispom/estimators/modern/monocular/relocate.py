@@ -1,4 +1,4 @@
-"""Finding a frame again that tracking lost, and going on from there in the old place and unit."""
+"""Relocalises a lost frame, and continues in the old world and scale."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from ispom.types import TrackStatus
 
 HELD_SHARE = 1e-3
-"""Of a track's deviation: how closely the first keyframe is held where it is the world, so that no digits are lost."""
+"""Standard deviation of the first keyframe's pose where it is the world, relative to a track's noise: small, but large
+enough for the numerics."""
 
 
 @dataclass(frozen=True, eq=False)
 class Relocated:
-    """A frame located from an image of an earlier keyframe, with the state and map that it is located in."""
+    """A relocalised frame, with the state and the map in which it is localised."""
 
     state: ModernMonocularState
     map: Map
     found: Localisation
     segment: int
-    """That of the keyframe."""
+    """The segment of the matched keyframe."""
 
 
 def relocated(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage
 ) -> tuple[ModernMonocularState, Relocated | None]:
-    """Finds the frame in the last located image and in keyframes; the state is the one before, with what was
-    described."""
+    """Relocalises the frame in the last localised image and in keyframes; the returned state has the new
+    descriptions."""
     (last_ns, last), grey = state.recent[-1], state.live.grey
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, None
@@ -52,13 +53,13 @@ def relocated(
 def relocated_after_loss(
     setup: Setup, state: ModernMonocularState, new: NewImage
 ) -> tuple[ModernMonocularState, Relocated | None]:
-    """Finds a frame in the keyframes of the segments before, while a new map is still to begin."""
+    """Relocalises a frame in the keyframes of earlier segments, before the new map exists."""
     start, live = state.start, state.live
     if start is None or start.lost is None or not setup.relocalise or not state.database.keyframes:
         return state, None
     if live.grey is None or not has_contrast(new.grey, live.grey):
         return state, None
-    # The tracks since the loss belong to the map that was to begin, and so do guessed poses.
+    # Tracks since the loss, and guessed poses, belong to the map that was being initialised.
     none = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
     other = replace(state, live=none, settled=state.settled.extended(start.held if start.joined else ()))
     new = replace(new, scene=np.zeros((0, 3)))
@@ -83,7 +84,7 @@ def _relocated(
 def _by_points(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Recognised
 ) -> tuple[ModernMonocularState, Map, Localisation]:
-    """By the tracks there are, where the pose puts them, and by what both images show besides."""
+    """Localises by the existing tracks, searched with the pose, and by the matched features."""
     tracked, compared = _tracks_at(setup, state, world, new, found.world_from_camera)
     joint, grown = joined(setup, state, world, found)
     count = len(found.uv)
@@ -99,7 +100,7 @@ def _by_points(
 def _tracks_at(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, world_from_camera: Pose
 ) -> tuple[Followed, NDArray[np.bool_]]:
-    """The tracks there are, found again by their patches where a pose puts them; which ones (N,) were compared."""
+    """Searches the existing tracks by their patches with a pose; also returns which (N,) were compared."""
     lost = np.full(len(state.live.ids), TrackStatus.LOST, np.uint8)
     followed = Followed(state.live.uv, lost, np.zeros_like(state.live.uv))
     return set_right(setup, state.live, world, new, followed, world_from_camera, world.known(state.live.ids))
@@ -108,9 +109,9 @@ def _tracks_at(
 def joined(
     setup: Setup, state: ModernMonocularState, world: Map, found: Recognised
 ) -> tuple[ModernMonocularState, Map]:
-    """The state and the map with what the frame and the key frames have in common as tracks, after those there are.
+    """Adds the features that the frame and the keyframes share as tracks, after the existing ones, and as points.
 
-    Key frames that have left the window begin a new one, as sure of the first's pose as it was.
+    Keyframes that have left the window form a new one, with the covariance that the first of them had.
     """
     live, count = state.live, len(found.uv)
     ids = live.next_id + np.arange(count, dtype=np.int64)
@@ -127,20 +128,20 @@ def joined(
 
 
 def _seeing(setup: Setup, key: TrackedFrame, ids: NDArray[np.int64], uv: Array) -> TrackedFrame:
-    """A key frame with those of the points (N,) that it has at (N, 2) [px]."""
+    """Adds those of the points (N,) to a keyframe that it observes, at (N, 2) [px]."""
     has = np.isfinite(uv[:, 0])
     return key.with_new(ids[has], setup.camera.normalise(uv[has]))
 
 
 def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
-    """A window of the key frames found, without any points yet."""
+    """Returns a window of the matched keyframes, without points."""
     none = np.zeros(0, np.int64), np.zeros((0, 2))
     places = sorted((p for p, _ in found.views), key=lambda p: p.time_ns)
     poses = tuple(p.camera_from_world.inverse() for p in places)
     keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
     near = places[-1].camera_from_world.apply(found.xyz)
-    # In the unit of the cost, in which a loss as wide as before any data stands for errors of `noise`.
+    # In the units of the cost, a loss as wide as initially corresponds to errors of `noise`.
     sigma = setup.noise.sigma
     widened, depth = world.loss / sigma, float(np.median(near[:, 2]))
     prior = prior_of_keyframes(poses, world.extra_sigma, widened**2 * known, widened * sigma, depth)
@@ -148,14 +149,16 @@ def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
 
 
 def prior_of_keyframes(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, sigma: float, depth: float) -> Prior:
-    """Holds keyframes to each other as an earlier adjustment left them: they carry the unit, however near they are.
+    """Returns a prior that fixes keyframes relative to each other, as optimised before: they define the scale, however
+    close they are.
 
     Args:
         poses: world_from_camera of each.
-        extra_sigma: (2,) deviations of the camera's correction; 0 holds it.
-        first: (6, 6) covariance of the first pose, twist on the left of camera_from_world.
-        sigma: of a track, normalised: each turn is known to that, against the first, and each place to that of `depth`.
-        depth: of the points that they saw.
+        extra_sigma: (2,) prior standard deviations of the lens correction; 0 fixes it.
+        first: (6, 6) covariance of the first pose, left twist of camera_from_world.
+        sigma: of a track, normalised: standard deviation of each rotation [rad] relative to the first, and, times
+            `depth`, of each position.
+        depth: of the points that they observe.
     """
     rotations, translations = views(poses)
     size = POSE * len(poses) + LENS

@@ -1,11 +1,10 @@
-"""What the covariance of a window is made of: how its cost curves, and how far its gradient scatters.
+"""Covariance of a window from the curvature of its cost and the scatter of its gradient.
 
-A sandwich (Huber 1967; White 1982): an estimate is off by H^-1 g, so its covariance is H^-1 S H^-1, with S the
-covariance of the gradient g where the truth is. The normal equations alone take all errors to be independent and of one
-size, and hold the loss's weights: they take some directions for sure by half as much again as they are. For what
-says most of how far a camera went are the nearest points, and just these have the largest errors. So H has the loss's
-own second derivatives, and S is the sum of what each track says by itself: whatever its errors are, and however they
-hang together from view to view, they are in it.
+It is the sandwich covariance H^-1 S H^-1 (Huber 1967; White 1982): the error of an estimate is H^-1 g, and S is the
+covariance of the gradient g at the true value. The normal equations alone assume independent errors of one size and
+fixed weights of the loss: their standard deviations are too small, in some directions by half. The nearest points,
+which constrain the translation most, have the largest errors. So H uses the second derivatives of the loss, and S is
+the sum over tracks of their squared scores: it contains any size of their errors, and any correlation between frames.
 """
 
 from __future__ import annotations
@@ -22,19 +21,20 @@ from ispom.solvers.window.observation import Observed
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
 LEAST_SHARE = 0.1
-"""Of the curvature with weights held: a point that keeps less says nothing of poses, and no direction keeps less."""
+"""Least curvature relative to that with fixed weights: a point with less constrains no poses, and each direction keeps
+at least this share."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How far poses and corrections are off."""
+    """Covariance of poses and corrections, as factors."""
 
     root: Array
-    """(D, D) how they move with D independent unit errors: times itself transposed it is their covariance."""
+    """(D, D) square root of the covariance: times its own transpose it is the covariance."""
     pulls: Array
-    """(M, D) how each track moves them, with all its errors."""
+    """(M, D) change of poses and corrections by the errors of each track."""
     wider: float
-    """How many times as much as each by itself tracks move them together, by what they share and leave open."""
+    """Factor on the variance of the tracks' errors, for their correlation and the small sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,32 +48,34 @@ class Curvature:
 
     @staticmethod
     def of(window: Window, sigma: float) -> Curvature:
-        """`sigma`: width of the loss, normalised."""
+        """Computes the derivatives; `sigma`: width of the loss, normalised."""
         arrays = window.observed
         return Curvature(window, arrays, curved(arrays, sigma, LEAST_SHARE))
 
     def sandwich(self, shared: float) -> Sandwich:
-        """With that of the window's prior; tracks pull together `shared` times as much as each by itself."""
+        """Returns the factors of the sandwich, including the window's prior; `shared` is the variance factor of
+        correlated tracks."""
         return Sandwich(self._curvature(), self._scatter(self.found.scores, shared))
 
     def spread(self, sigma: float, shared: float) -> Spread:
-        """With the window's prior; tracks pull together `shared` times as much as each by itself."""
+        """Returns the covariance, including the window's prior; `shared` is the variance factor of correlated
+        tracks."""
         root, middle = self._factors(sigma)
         inverse = root.T @ middle @ root
         scores, last = self.left_out(inverse), POSE * len(self.window.rotations)
         wider = shared * small_sample_factor(scores @ inverse[:, last - POSE : last], shared)
         scatter = self._scatter(scores, wider)
-        # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
+        # Scaled by the normal equations: the gauge prior, 1e12 times as precise, would leave no digits for the rest.
         values, vectors = np.linalg.eigh(root @ scatter @ root.T)
         return Spread(root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0))), -scores @ inverse, wider)
 
     def inverse(self, sigma: float) -> Array:
-        """(D, D) of the second derivatives, those of the window's prior included."""
+        """Returns the inverse (D, D) of the second derivatives, including those of the window's prior."""
         root, middle = self._factors(sigma)
         return root.T @ middle @ root
 
     def _curvature(self) -> Array:
-        """(D, D) with that of the prior."""
+        """Returns the curvature (D, D), including that of the prior."""
         prior = self.window.prior
         if prior is None:
             return self.found.reduced.copy()
@@ -81,7 +83,7 @@ class Curvature:
         return self._with_prior(self.found.reduced, prior, kept)
 
     def _scatter(self, scores: Array, shared: float) -> Array:
-        """(D, D) of the gradient, with that of the prior."""
+        """Returns the scatter (D, D) of the gradient, including that of the prior."""
         prior, own = self.window.prior, shared * scores.T @ scores
         if prior is None:
             return own
@@ -89,26 +91,28 @@ class Curvature:
 
     @staticmethod
     def _with_prior(own: Array, prior: Prior, kept: Array) -> Array:
-        """(D, D) `own` plus what is kept of the prior's poses, which are the first, and of the corrections."""
+        """Adds the prior's part `kept` to `own` (D, D), at the prior's poses, which are the first, and at the
+        corrections."""
         at = np.concatenate([np.arange(POSE * len(prior.rotations)), np.arange(len(own) - LENS, len(own))])
         out = own.copy()
         out[np.ix_(at, at)] += kept
         return out
 
     def _factors(self, sigma: float) -> tuple[Array, Array]:
-        """(D, D) each, of `inverse`: the first that of the normal equations' Cholesky factor."""
+        """Returns the factors (D, D) of `inverse`; the first is the inverse Cholesky factor of the normal equations."""
         held = Equations.of(self.window, sigma).symmetric
         found = self._curvature()
         fixed = np.flatnonzero(self.window.extra_sigma <= 0) + len(found) - LENS
         found[fixed, fixed] = held[fixed, fixed]
         try:
             root = np.linalg.inv(np.linalg.cholesky(held))
-        except np.linalg.LinAlgError:  # no minimum, to the last digits: then neither is said to be one
+        except np.linalg.LinAlgError:  # no numerical minimum: the normal equations are used
             return np.eye(len(held)), np.linalg.inv(held)
         share, turn = np.linalg.eigh(root @ found @ root.T)
         return root, turn / np.maximum(share, LEAST_SHARE) @ turn.T
 
     def left_out(self, inverse: Array) -> Array:
-        """(M, D) scores as they would be, to first order, had each track had no part in the poses, with the `inverse`
-        of all second derivatives: few tracks tell much of some directions, and leave little there."""
+        """Returns the scores (M, D) that each track would have, to first order, if it had not influenced the poses;
+        `inverse` is that of all second derivatives. A few tracks dominate some directions, and leave small residuals
+        there."""
         return left_out(self.observed, self.found, self.found.scores @ inverse)

@@ -1,4 +1,4 @@
-"""Whether what the camera's motion leaves unexplained moves rigidly, too: then the scene may be the other one."""
+"""Checks whether the outliers of the camera's motion move rigidly as well: then the scene may be the other motion."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ispom.solvers.multiview.rotation import dominant_rotation, rotate
 from ispom.types import Decision
 
 SAMPLES = 200
-"""Of five points, at most: where half of the points move alike, one of so many is of these alone in 998 of 1,000 cases.
-Where none moves with the others, a search among 150 takes 5 ms, and ten times as many samples take 27."""
+"""Largest number of samples of five points: if half of the points move together, one of 200 samples contains only these
+in 998 of 1,000 cases. If none do, a search among 150 takes 5 ms, and ten times as many samples take 27."""
 
 
 def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], width: float) -> Decision:
-    """Of points at normalised coordinates (N, 2) in two views, the share that one other rigid motion explains.
+    """Checks the share of points, at normalised coordinates (N, 2) in two views, that one other rigid motion explains.
 
     `width` of the robust loss, normalised.
     """
@@ -26,9 +26,9 @@ def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], width: f
 
 
 def rigid(x1: Array, x2: Array, width: float) -> NDArray[np.bool_]:
-    """Which of the points at (N, 2) in two views the one motion explains that explains most; none of fewer than LEAST.
+    """Returns which of the points (N, 2) in two views the best rigid motion explains; none of fewer than LEAST.
 
-    A turn alone is tried first, none at all included: what stands still before a still camera.
+    A pure rotation is tried first; it includes no motion at all, of a static object before a static camera.
     """
     if len(x1) < LEAST:
         return np.zeros(len(x1), bool)

@@ -1,4 +1,4 @@
-"""The camera and the settings of the monocular method, in the units that are computed with."""
+"""The camera and the settings of the monocular method, in the units of the computation."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from ispom.types import Camera
 LOSS = 1.5
 """Width of the robust loss, in standard deviations of a tracked coordinate."""
 INLIER = 4.0
-"""A point agrees with a pose, or with the map, within so many widths of the loss: 2.0 px at the default noise."""
+"""Inlier limit of a point, in loss widths: 2.0 px at the default noise."""
 WIDTH = INLIER / 2
-"""Of the loss by which a frame is located, over the map's."""
+"""Width of the loss for localising a frame, relative to the map's."""
 MISTRACKED = 6.0
-"""Beyond so many the track of a map point ends: 3.1 px are more than tracking is off by on the same point."""
+"""Residual, in loss widths, beyond which the track of a map point ends: 3.1 px are more than the tracking error."""
 MOVING = 8.0
-"""Beyond so many a track is no image of a still point (from its epipolar line, or from its point): 4.1 px. Wider than
-for map points, as the pose's error, and that of a young point, come in addition."""
+"""Residual, in loss widths, beyond which a track does not observe a static point (from its epipolar line, or from its
+point): 4.1 px. It is wider than for map points, as the errors of the pose and of a young point are added."""
 TURN_LOSS = 3.0
-"""Width of the loss where a pure turn is fitted, in those of a pose: parallax is an error there, too."""
+"""Width of the loss for a pure rotation, relative to that for a pose: parallax is an error there, too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """See ModernMonocularConfig for what the settings mean."""
+    """Camera and settings; ModernMonocularConfig describes the settings."""
 
     camera: Camera
     noise_px: Noise
-    """Of a track before any data [px]."""
+    """Noise of a track before it is measured [px]."""
     extra_sigma: Array
-    """(2,) deviations of the lens correction before any data, widened as the loss is; 0 holds it."""
+    """(2,) prior standard deviations of the lens correction, scaled like the loss; 0 fixes it."""
     max_tracks: int
     key_frames: int
     start_parallax_rad: float

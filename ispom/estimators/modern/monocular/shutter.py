@@ -1,9 +1,9 @@
-"""A rolling shutter, once there is a map: what rows saw is put where the middle row's would have been by the camera's
-motion, and once more for the last two frames, as the poses after a frame tell its motion ten times better. A map whose
-newest key frame is put right that way is adjusted again at once: all frames up to the next one are located by it.
+"""Rolling shutter with a map: moves observations to the time of the middle row by the camera's motion. The last two
+frames are corrected once more, as poses on both sides of a frame give its motion ten times better. If this changes the
+newest keyframe, the map is optimised at once, as it localises all frames up to the next keyframe.
 
-The motion at a frame is that of the polynomial through the poses around it, velocity and acceleration. It is not sought
-in the frame's own rows: a motion that is wrong bends the map, and in a bent map it looks right the next time.
+The motion at a frame, velocity and acceleration, is that of the polynomial through the poses around it. It is not
+estimated from the frame's own rows: a wrong motion bends the map, and seems right in a bent map.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
 
 AROUND = 5
-"""Poses of the polynomial before the newest frame (see rolling.AHEAD)."""
+"""Number of poses of the polynomial, before the newest frame (see rolling.AHEAD)."""
 LEAST_LATE_S = 1e-4
-"""Rows nearer to the middle one move as this one does, over which the difference is taken."""
+"""Least time [s] from the middle row for a difference quotient; nearer rows use this one."""
 
 
 def speeds_by(
     lens: Lens, uv: NDArray[np.float32], scene: Array, camera_from_world: Pose, motion: Array
 ) -> NDArray[np.float32]:
-    """(N, 2) velocities [px/s] with which `late_px` puts points (N, 2) of the scene (N, 3) where the middle row's
-    exposure would have seen them; `motion` as of `motion_at`."""
+    """Returns the velocities (N, 2) [px/s] with which `late_px` moves points `uv` (N, 2) of the scene (N, 3) to the
+    time of the middle row; `motion` as of `motion_at`."""
     late = late_s(lens.camera, uv[:, 1].astype(float))
     late = np.where(np.abs(late) < LEAST_LATE_S, LEAST_LATE_S, late)
     depth = camera_from_world.apply(scene)[:, 2]
@@ -45,8 +45,8 @@ def speeds_by(
 
 
 def begun_by_motions(setup: Setup, world: Map, sights: tuple[Sight, ...]) -> Map:
-    """A first map, which was begun by what the tracks alone tell of their motions, with all of its frames put right by
-    its poses, and adjusted; unchanged unless the shutter rolls."""
+    """Corrects all frames of a first map, which used the tracks' velocities, by its poses, and optimises it. Returns it
+    unchanged for a global shutter."""
     if not setup.camera.line_delay_s:
         return world
     return adjusted(with_motions(setup, world, sights), setup.noise.width, ITERATIONS)[0]
@@ -55,8 +55,8 @@ def begun_by_motions(setup: Setup, world: Map, sights: tuple[Sight, ...]) -> Map
 def by_motions(
     setup: Setup, live: LiveTracks, world: Map, sights: tuple[Sight, ...], time_ns: int, found: Localisation
 ) -> tuple[Localisation, Map]:
-    """A frame located once more by the motion that the poses tell, and the map with the last frames, of these sights,
-    put right by its pose; unchanged unless the shutter rolls."""
+    """Localises a frame again with the motion of the poses, and corrects the map's last frames, of these sights, with
+    its pose. Returns both unchanged for a global shutter."""
     if not setup.camera.line_delay_s:
         return found, world
     found = located_by_motion(setup, live, world, time_ns, found)
@@ -76,8 +76,8 @@ def by_motions(
 
 
 def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, found: Localisation) -> Localisation:
-    """A frame located once more, its tracks put to the middle row by its motion; unchanged where too few poses tell
-    that."""
+    """Localises a frame again, with its tracks moved to the time of the middle row; unchanged if there are too few
+    poses."""
     before = world.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
     if len(before) + 1 < LEAST:
         return found
@@ -98,8 +98,8 @@ def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, 
 
 
 def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tuple[tuple[int, Pose], ...] = ()) -> Map:
-    """The map with the frames of these sights, in order of time, seen or located anew by the motion of the poses around
-    each. `newest` are not in the map."""
+    """Corrects the frames of these sights, ordered by time, by the motion of the poses around each. `newest` are not in
+    the map."""
     poses = [*world.since(sights[0].time_ns - round(SPAN_S * 1e9)), *newest]
     known = dict(poses)
     for sight in sights:
@@ -110,7 +110,7 @@ def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tu
 
 
 def _around(poses: list[tuple[int, Pose]], time_ns: int) -> list[tuple[int, Pose]]:
-    """Those of the polynomial at one of their times: as many after it as before it, where there are."""
+    """Returns the poses of the polynomial at the time of one of them, if possible as many after it as before it."""
     span_ns = SPAN_S * 1e9
     near = [item for item in poses if abs(item[0] - time_ns) <= span_ns]
     count = [t for t, _ in near].index(time_ns) + 1 + AROUND // 2
@@ -122,7 +122,7 @@ def _around(poses: list[tuple[int, Pose]], time_ns: int) -> list[tuple[int, Pose
 
 
 def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motion: Array) -> Map:
-    """A key frame gets other coordinates, for the next adjustment; another frame the pose that they lead to."""
+    """Replaces the coordinates of a keyframe, for the next optimisation, or localises another frame again."""
     lens, xyz = Lens(setup.camera, world.extra), world.known(sight.ids)
     pose, scene = world_from_camera.inverse(), scene_points(lens, sight.uv, xyz, world_from_camera)
     uv = sight.uv - late_px(setup.camera, sight.uv, speeds_by(lens, sight.uv, scene, pose, motion))

@@ -1,4 +1,4 @@
-"""Before the first map, and after a loss: frames since a reference, and the place that is held for them."""
+"""State of the initialisation, at first or after tracking was lost: frames since a reference, with held poses."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ispom.solvers.multiview.rotation import dominant_rotation
 from ispom.solvers.window.prior import LENS
 
 NEWEST, BUFFER = 40, 120
-"""Frames remembered while waiting: the newest ones all, older ones the fewer the longer it takes."""
+"""Number of the newest frames, which are all stored, and largest number of frames; older ones are thinned out."""
 MIN_POINTS = 40
-"""Fewer points make no map: it has to last until the next key frame with a third of them lost."""
+"""Least number of points of a map: it must last until the next keyframe, with a third of them lost."""
 MIN_SHARED = 8
-"""Fewer points say nothing sure about a turn, nor, of an old map, about the unit of a new one."""
+"""Least number of points that determine a rotation, or transfer the scale of an old map to a new one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,42 +30,42 @@ class Start:
     """Frames since the reference, which has the pose `base`."""
 
     frames: tuple[TrackedFrame, ...] = ()
-    """The first is the reference. Each with the pose held for it (its own rotation, the place of the reference)."""
+    """The first is the reference. Each has its held pose: its own rotation, the position of the reference."""
     base: Pose = Pose()
     speed: float | None = None
-    """Units per second before a loss, taken for those of the new map's first baseline; None: that is 1 long."""
+    """Speed before the loss [units/s], which scales the new map's first baseline; None: that baseline is 1."""
     points: ScenePoints = ScenePoints()
-    """Of the map before a loss: where tracks go on, they carry the unit over."""
+    """Points of the map before the loss: surviving tracks transfer the scale."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
-    """How far the camera's calibration may be corrected."""
+    """Prior standard deviations of the lens corrections."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    """(6, 6) of the base in the world from before a loss; zero where the base is the world."""
+    """(6, 6) covariance of the base in the world before the loss; zero if the base is the world."""
     coasting: Callable[[int], Pose] | None = None
-    """The pose that goes on from before a loss, by time, for as long as nothing is seen."""
+    """Predicts the pose, by time, from the motion before the loss, while nothing is observed."""
     joined: bool = True
-    """Whether tracks tell how the reference is turned against the frames before, and points of the map before a loss
-    what the unit is; where they do not, what begins there is a segment of its own."""
+    """Whether tracks connect the rotation of the reference to the frames before, and points of the map before a loss
+    the scale; otherwise a new segment begins there."""
     lost: Map | None = None
-    """The map before a loss, without its keyframes and points: frames may still be found in what they showed."""
+    """The map before the loss, without its keyframes and points: frames may still be relocalised in its keyframes."""
     sights: tuple[Sight, ...] = ()
-    """What the frames but the last one showed; none unless the shutter rolls."""
+    """Tracks of the frames except the last one; none for a global shutter."""
     earlier: tuple[TrackedFrame, ...] = ()
-    """Those before the reference, of starts that began again: too few of their points went on to make a map with them,
-    but the map may tell where they were."""
+    """Frames before the reference, of restarted initialisations: too few of their points survived for a map, but the
+    map may localise them."""
     passed: PersistentList[tuple[int, Pose]] = PersistentList()
-    """The poses held for frames that are not remembered; what the map tells of those before and after places them."""
+    """Held poses of frames that are no longer stored; they are interpolated once there is a map."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
-        """Adds tracks first seen in the reference, while that is the only frame."""
+        """Adds tracks that start in the reference, while that is the only frame."""
         return replace(self, frames=(self.frames[0].with_new(ids, x),))
 
     def with_sight(self, sight: Sight) -> Start:
-        """With what the last frame showed; what frames that are gone did is forgotten."""
+        """Adds the tracks of the last frame, and removes those of frames that are no longer stored."""
         kept = {f.time_ns for f in self.frames}
         return replace(self, sights=tuple(s for s in (*self.sights, sight) if s.time_ns in kept))
 
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
-        """With tracks (M,) at other coordinates (M, 2) in the frame of that time, if there is one."""
+        """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if there is one."""
 
         def placed(frames: tuple[TrackedFrame, ...]) -> tuple[TrackedFrame, ...]:
             return tuple(f.with_updated_coordinates(ids, x) if f.time_ns == time_ns else f for f in frames)
@@ -74,11 +74,11 @@ class Start:
 
     @property
     def held(self) -> tuple[tuple[int, Pose], ...]:
-        """The poses held for all of its frames, in no order."""
+        """The held poses of all frames, unordered."""
         return (*self.passed, *poses_held((*self.earlier, *self.frames)))
 
     def limited(self) -> Start:
-        """Without one of the frames, where there are too many: of the older ones, that with the nearest neighbours."""
+        """Removes a frame if there are too many: of the older ones, that with the nearest neighbours in time."""
         frames, reference = (*self.earlier, *self.frames), len(self.earlier)
         if len(frames) <= BUFFER:
             return self
@@ -91,12 +91,14 @@ class Start:
         return replace(self, earlier=kept[:first], frames=kept[first:], passed=passed)
 
     def restarted(self, frame: TrackedFrame, width: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
-        """With this frame as the reference, the rotation so far kept; and the poses held for those before it, where no
-        observation joins it to them. `width` of the robust loss, normalised."""
+        """Makes this frame the reference; keeps the rotation so far.
+
+        Also returns the held poses of the frames before it, if no observation connects it to them. `width` of the
+        robust loss, normalised."""
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
-        # Of frames in which nothing was seen no pose is told: there is nothing to be joined to.
+        # Frames without observations have no pose that could be connected.
         shared = len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED
         same_unit = self.lost is None or self.points.count(frame.ids) >= MIN_SHARED
         if len(ids) >= MIN_SHARED:
@@ -112,5 +114,5 @@ class Start:
 
 
 def poses_held(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]:
-    """The poses held for frames in which enough was seen to tell at least how they were turned."""
+    """Returns the held poses of frames with enough observations for a rotation."""
     return tuple((f.time_ns, f.world_from_camera) for f in frames if f.world_from_camera and len(f.ids) >= MIN_SHARED)

@@ -1,4 +1,4 @@
-"""What the modern monocular estimator remembers from frame to frame, and what one frame leads to."""
+"""State of the modern monocular estimator between frames, and the outcome of a frame."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ from ispom.types import Decision, Image, Status, Tracks
 class ModernMonocularState:
     live: LiveTracks = LiveTracks()
     sights: tuple[Sight, ...] = ()
-    """Of the frame before that of `live`, and of all that the map was begun with; none unless the shutter rolls."""
+    """Tracks of the frame before that of `live`, and of the frames of the first map; none for a global shutter."""
     start: Start | None = None
-    """While there is no map."""
+    """The initialisation, while there is no map."""
     map: Map | None = None
     recent: tuple[tuple[int, Pose], ...] = ()
     """The last two poses, for the motion model."""
     missed: int = 0
-    """Frames since the last pose."""
+    """Number of frames since the last pose."""
     uncertainty: MapUncertainty | None = None
-    """Of the map, since the last key frame."""
+    """Uncertainty of the map, since the last keyframe."""
     depth_sigmas: tuple[float, ...] = ()
-    """`uncertainty.depth_sigma` at the last key frames, as many as the window has."""
+    """`uncertainty.depth_sigma` at the last keyframes, as many as the window has."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    """(6, 6) of the last pose."""
+    """(6, 6) covariance of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
-    """Poses that nothing will revise."""
+    """Poses that are final."""
     database: KeyframeDatabase = KeyframeDatabase()
-    """Where a lost frame is looked for."""
+    """Keyframes for relocalisation."""
     segments: int = 1
-    """How many have begun."""
+    """Number of segments so far."""
     segment: int = 0
-    """The first one that has the world of the last pose."""
+    """The segment in whose world the last pose is."""
     loops: Loops = Loops()
-    """Where a way came back, and what follows for the poses; all else here is odometry without it."""
+    """Loop closures and their corrections; everything else here is odometry without them."""
     outlier_tracks: OutlierTracks = OutlierTracks()
-    """What the poses of the last images do not explain; it steers nothing."""
+    """Outliers of the last poses, tracked further; they do not affect the pose."""
 
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
-        """With tracks (M,) at other coordinates (M, 2) in the frame of that time, where it is kept."""
+        """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if it is stored."""
         if self.map is not None:
             return replace(self, map=self.map.with_updated_coordinates(time_ns, ids, x))
         return self if self.start is None else replace(self, start=self.start.with_updated_coordinates(time_ns, ids, x))
@@ -60,7 +60,7 @@ class ModernMonocularState:
 
 @dataclass(frozen=True, eq=False)
 class NewImage:
-    """An image with the tracks followed into it, before it is known where it was taken."""
+    """An image with the tracks in it, before it is localised."""
 
     time_ns: int
     grey: Image
@@ -68,12 +68,12 @@ class NewImage:
     """world_from_camera by the motion model; None without a map."""
     followed: Followed
     scene: Array
-    """(N, 3) scene points of the tracks, those without a place at a guessed depth; NaN without a map."""
+    """(N, 3) points of the tracks, those untriangulated at a guessed depth; NaN without a map."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one frame led to; the rest of the Step follows from it."""
+    """The outcome of one frame, from which its Step is built."""
 
     followed: Followed
     status: Status
@@ -82,21 +82,20 @@ class Outcome:
     start: Start | None = None
     key_frame: bool = False
     restarted: bool = False
-    """A segment begins here: no observation tells where it is, how it is turned, or what its unit is against the
-    frames before."""
+    """Whether a segment begins here: no observation connects position, rotation or scale to the frames before."""
     segment: int | None = None
-    """The earlier segment in whose world the frame was found; None where it stays in its own."""
+    """The earlier segment in whose world the frame was relocalised; None if it stays in its own."""
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
-    """(N,) of the tracks followed; NaN where one took no part."""
+    """(N,) residuals of the tracks [px]; NaN for those not used."""
     covariance: Array | None = None
     uncertainty: MapUncertainty | None = None
-    """Of a map that is new, or was adjusted."""
+    """Uncertainty of a map that is new, or was optimised."""
     scale: float | None = None
     settled: tuple[tuple[int, Pose], ...] = ()
     missed: int = 0
     compared: NDArray[np.bool_] | None = None
-    """(N,) which tracks were found by the patch of their origin; None while there is no map: then origins stay."""
+    """(N,) which tracks were aligned with the patch of their origin; None without a map, when origins do not change."""
     outlier_tracks: OutlierTracks = OutlierTracks()
     other_motion: Tracks | None = None
-    """Of these, what one other motion explains; None where that was not looked for."""
+    """Those of the outlier tracks that one other motion explains; None if no motion was searched."""

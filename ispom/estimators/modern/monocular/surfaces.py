@@ -1,6 +1,6 @@
-"""How the surfaces slant that points lie on, by the points around them.
+"""Estimates the slopes of surfaces at points, from the neighbouring points.
 
-A plane has an inverse depth that changes evenly over the image.
+The inverse depth of a plane is linear in the image coordinates.
 """
 
 from __future__ import annotations
@@ -11,23 +11,23 @@ from ispom.geometry import Array
 from ispom.kernels import kernel
 
 REACH = 0.08
-"""[rad] How far neighbours count: some ten of the tracks of one image, and less than the side of a house."""
+"""Radius [rad] of the neighbourhood: some ten of an image's tracks, and less than the side of a house."""
 LIKE = 0.02
-"""Share of its inverse depth by which a neighbour off the plane counts half: another surface is off by more."""
+"""Relative residual of a neighbour's inverse depth at which its weight is halved: other surfaces differ by more."""
 STEPS = 4
-"""Of the weights: each neighbour counts by how far it was off the plane before."""
+"""Number of reweighting steps."""
 HELD = 0.05
-"""What a slope is held back by, times the weight of a neighbour at the rim: it keeps nine tenths of itself by ten
-neighbours, and where three lie along a line nothing is made up across it. With 0.02 to 0.15 KITTI 06 is 16 to 19 mm
-off, and KITTI 00 0.16 to 0.21 m."""
+"""Regularisation of a slope, relative to the weight of a neighbour at the rim: ten neighbours keep nine tenths of the
+slope, and three on a line give none across it. With 0.02 to 0.15 the error is 16 to 19 mm on KITTI 06, and 0.16 to 0.21
+m on KITTI 00."""
 
 NEAREST = 1e-6
-"""[m, or the map's unit] Points nearer than that, or behind, are none in front of the camera."""
+"""Least depth [m, or the map's unit] of a point in front of the camera."""
 
 
 def slopes(xyz: Array) -> Array:
-    """(N, 2) change of the inverse depth over the normalised image around each of points (N, 3) in the camera; 0 of
-    those that are not in front."""
+    """Returns the gradient (N, 2) of the inverse depth over the normalised image at each of points (N, 3) in the
+    camera; 0 for points not in front of it."""
     return _slopes(np.ascontiguousarray(xyz))
 
 

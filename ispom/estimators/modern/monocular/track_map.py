@@ -1,4 +1,5 @@
-"""One frame with a map: locate it, end the tracks that disagree, and at a key frame extend and adjust the map."""
+"""Processes one frame with a map: localises it, ends outlier tracks, and at a keyframe extends and optimises the
+map."""
 
 from __future__ import annotations
 
@@ -32,18 +33,18 @@ from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Status, TrackStatus
 
 MAX_SCALE_GROWTH = 0.3
-"""Deviation of the logarithm of the unit, grown within the window, beyond which it is lost: by a factor of 1.35 either
-way two parts of a path are no longer of one size."""
+"""Growth of the standard deviation of ln scale within the window, beyond which the scale is lost: with a factor of 1.35
+either way, two parts of a path no longer have the same scale."""
 LASTING = 3
-"""Keyframes in a row at which it must be lost."""
+"""Number of successive keyframes at which it must be lost."""
 
 
 def track_map(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch
 ) -> tuple[ModernMonocularState, Outcome]:
-    """Locate the frame; where that fails recover; make it a key frame where a test says so.
+    """Localises the frame, or recovers if that fails; makes it a keyframe if a check requires it.
 
-    Also gives the state from which it was followed: with more tracks where it was found again by descriptors.
+    Also returns the state used, which has more tracks if the frame was relocalised by descriptors.
     """
     found = localise(setup, state.live, world, new)
     decisions, again = tuple[Decision, ...](), None
@@ -73,7 +74,7 @@ def track_map(
         outcome = replace(outcome, restarted=True, segment=again.segment)
     assert state.uncertainty is not None and frame.world_from_camera is not None
     watch.lap("locate")
-    # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
+    # The points of a relocalised frame are new to the map: only its optimisation gives the covariance of the pose.
     if again is None and not any(test.passed for test in tests):
         seen = found.ids, found.xyz, found.seen, found.motion
         covariance = state.uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
@@ -89,11 +90,11 @@ def track_map(
 
 
 def _scale_known(state: ModernMonocularState, outcome: Outcome) -> Decision | None:
-    """Whether the keyframe still knows the map's unit, as well as keyframes of the window did; None where there were
-    none, or the frame was found again, which begins another window."""
+    """Checks that the keyframe has the map's scale as well as keyframes of the window did. None without such keyframes,
+    or if the frame was relocalised, which starts another window."""
     if len(state.depth_sigmas) < LASTING or outcome.uncertainty is None or outcome.restarted:
         return None
-    # Where few points are left, keyframes that follow may still tell the unit.
+    # With few points left, later keyframes may still observe the scale.
     now = min(outcome.uncertainty.depth_sigma, *state.depth_sigmas[1 - LASTING :])
     grown = now**2 - min(state.depth_sigmas) ** 2
     return checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH)
@@ -102,9 +103,9 @@ def _scale_known(state: ModernMonocularState, outcome: Outcome) -> Decision | No
 def found_after_loss(
     setup: Setup, state: ModernMonocularState, new: NewImage
 ) -> tuple[ModernMonocularState, Outcome | None]:
-    """Goes on in the world of a segment before a loss, where the frame shows what one of its keyframes did.
+    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes.
 
-    Also gives the state from which the frame was followed, as `track_map` does.
+    Also returns the state used, as `track_map` does.
     """
     state, again = relocated_after_loss(setup, state, new)
     if again is None:
@@ -126,7 +127,7 @@ def _in_map(
     found: Localisation,
     decisions: tuple[Decision, ...],
 ) -> tuple[TrackedFrame, Outcome]:
-    """The frame with its pose, and the outcome as long as it is no keyframe."""
+    """Returns the frame with its pose, and its outcome unless it becomes a keyframe."""
     frame, residual_px = _without_outliers(setup, state, world, new, found)
     outcome = Outcome(
         found.followed,
@@ -143,7 +144,7 @@ def _in_map(
 def _without_outliers(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Localisation
 ) -> tuple[TrackedFrame, NDArray[np.float32]]:
-    """The frame with its pose and the tracks that fit it, and (N,) residuals [px]; the status of others says why."""
+    """Returns the frame with its pose and inlier tracks, and residuals (N,) [px]; the status of outliers is updated."""
     assert found.motion is not None
     status, live = found.followed.status, state.live
     place = np.searchsorted(live.ids, found.ids)
@@ -159,7 +160,7 @@ def _without_outliers(
 
 
 def _key_frame(setup: Setup, outcome: Outcome, world: Map, frame: TrackedFrame, all_ids: NDArray[np.int64]) -> Outcome:
-    """New points, bundle adjustment, and what leaves the window."""
+    """Adds points, runs bundle adjustment, and shortens the window."""
     status = outcome.followed.status
     done = extended(setup, world, frame)
     status[np.isin(all_ids, done.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION

@@ -1,4 +1,4 @@
-"""The live tracks of the monocular estimator, and following them into the next frame where the motion puts them."""
+"""The live tracks of the monocular estimator, and their tracking into the next frame."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from ispom.types import Camera, Image, Tracks, TrackStatus
 
 @dataclass(frozen=True, eq=False)
 class LiveTracks:
-    """Points alive in the last image that could be tracked."""
+    """Live tracks in the last image with tracking."""
 
     grey: Image | None = None
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) ascending."""
+    """(N,) ids, ascending."""
     uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(N, 2) [px]."""
+    """(N, 2) [px] positions."""
     flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(N, 2) [px] motion into that image; 0 where new."""
+    """(N, 2) [px] motion into that image; 0 for new tracks."""
     before_ns: int = 0
-    """The image from which they moved."""
+    """Time of the image from which they moved."""
     speed: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(N, 2) [px/s] there; 0 unless the shutter rolls."""
+    """(N, 2) [px/s] velocities in that image; 0 for a global shutter."""
     time_ns: int = 0
     second: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     """(N,) which were new in the image before."""
     origin_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) the image of `origins` whose patch each point is compared with: that of its first sight, mostly."""
+    """(N,) time of the image in `origins` with the patch of each track: mostly that of its first observation."""
     origin_uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(N, 2) [px] in that image."""
+    """(N, 2) [px] positions in that image."""
     origins: tuple[tuple[int, Image], ...] = ()
-    """By time, those in use."""
+    """Images in use, ordered by time."""
     next_id: int = 0
 
     def with_new(self, uv: NDArray[np.float32], origin_ns: int) -> LiveTracks:
-        """Returns these and new tracks that an image of that time has at (M, 2) [px]."""
+        """Adds new tracks at (M, 2) [px] in an image of this time."""
         count, still = len(uv), np.zeros((len(uv), 2), np.float32)
         return replace(
             self,
@@ -60,41 +60,41 @@ class LiveTracks:
 
     @property
     def sight(self) -> Sight:
-        """What the last image showed of them."""
+        """The observations in the last image."""
         return Sight(self.time_ns, self.ids, self.uv)
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """Other points, from one image to where they are expected, or were found, in the next."""
+    """Other points to track, from one image to their predicted or found positions in the next."""
 
     before: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(M, 2) [px]."""
+    """(M, 2) [px] positions in the first image."""
     now: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """(M, 2) [px]."""
+    """(M, 2) [px] positions in the second one."""
     status: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
-    """(M,) TrackStatus, once they are found."""
+    """(M,) TrackStatus, once tracked."""
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The same points in a new image."""
+    """The tracks in a new image."""
 
     uv: NDArray[np.float32]
     status: NDArray[np.uint8]
     """(N,) TrackStatus."""
     speed: NDArray[np.float32]
-    """(N, 2) [px/s] in it; 0 unless the shutter rolls."""
+    """(N, 2) [px/s] velocities in it; 0 for a global shutter."""
     speeds: Speeds | None = None
-    """At the last two images as they are known now; None unless the shutter rolls."""
+    """Velocities in the last images, as known now; None for a global shutter."""
     others: Moved = Moved()
-    """What was followed along with them."""
+    """Other points that were tracked too."""
     bright: Image | None = None
-    """The new image as bright as the last one; None where nothing was followed."""
+    """The new image with the brightness of the last one; None if nothing was tracked."""
 
 
 FEATURES, MIN_FEATURES = 1000, 15
-"""How many are compared where tracking lost its way, and how many must agree: as many as for a pose."""
+"""Number of features compared when tracking failed, and least number of matches: as many as for a pose."""
 
 
 def follow(
@@ -106,11 +106,11 @@ def follow(
     predicted: NDArray[np.float32] | None,
     others: Moved = Moved(),
 ) -> Followed:
-    """Tracks points from where each is expected: `predicted` (N, 2) [px], else its last motion continued.
+    """Tracks points from their predicted positions: `predicted` (N, 2) [px], or constant velocity.
 
-    `others` are followed along with them: most of the time goes into the images' pyramids.
+    `others` are tracked in the same call, as building the images' pyramids takes most of the time.
 
-    Without a prediction checked forward and backward; with one the check follows, in `realign.realigned`.
+    Without a prediction, points are checked forward and backward; with one the check follows in `realign.realigned`.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
@@ -131,10 +131,10 @@ def follow(
 def updated_coordinates(
     camera: Camera, live: LiveTracks, followed: Followed
 ) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
-    """Where the middle row would have seen tracks of the last two images, now that their motion after it is known, too:
-    time, ids (K,), and normalised coordinates (K, 2). Nothing unless the shutter rolls.
+    """Returns coordinates of the last two images at the time of the middle row, corrected by the motion after them:
+    time, ids (K,), and normalised coordinates (K, 2). Empty for a global shutter.
 
-    Of the image before the last those that were new in it; of the last one all others.
+    For the image before the last one, these are the tracks new in it; for the last one, all others.
     """
     if followed.speeds is None:
         return ()
@@ -149,9 +149,9 @@ def updated_coordinates(
 
 
 def displaced_by_features(front_end: FrontEnd, live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
-    """Where points (N, 2) [px] may be after a jump: each moves with the nearest feature that both images show.
+    """Predicts positions (N, 2) [px] after a jump: each point moves like the nearest feature matched in both images.
 
-    None where the images have too little in common.
+    None for too few matches.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids) or not has_contrast(grey, live.grey):
         return None
@@ -165,14 +165,15 @@ def displaced_by_features(front_end: FrontEnd, live: LiveTracks, grey: Image) ->
 
 
 def unrolled(camera: Camera, tracks: LiveTracks | Followed) -> NDArray[np.float32]:
-    """(N, 2) [px] where they would be, had all rows been exposed with the middle one."""
+    """Returns positions (N, 2) [px] as if all rows had been exposed with the middle one."""
     return tracks.uv - late_px(camera, tracks.uv, tracks.speed)
 
 
 def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
-    """Scene points (N, 3) seen at uv (N, 2) [px]: the known ones, and for NaN at the depth of the nearest known one.
+    """Returns scene points (N, 3) observed at uv (N, 2) [px]; unknown ones (NaN) get the depth of the nearest known
+    point in the image.
 
-    Nearest in the image. All NaN where none is known.
+    All are NaN if none is known.
     """
     depth = world_from_camera.inverse().apply(xyz_in_world)[:, 2]
     known, unknown = np.flatnonzero(depth > 0), np.flatnonzero(~(depth > 0))
@@ -180,7 +181,7 @@ def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world
         return np.full((len(uv), 3), np.nan)
     if len(unknown):
         near = uv[known].astype(float)
-        nearness = uv[unknown] @ near.T - 0.5 * squares(near)  # the nearest has the largest
+        nearness = uv[unknown] @ near.T - 0.5 * squares(near)  # largest for the nearest
         depth[unknown] = depth[known[np.argmax(nearness, axis=1)]]
     ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
     return world_from_camera.apply(ray * depth[:, None])
@@ -189,21 +190,21 @@ def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world
 def projected(
     lens: Lens, xyz_in_world: Array, world_from_camera: Pose, otherwise: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Places (N, 2) [px] of points (N, 3); `otherwise` where they have none."""
+    """Projects points (N, 3) to pixels (N, 2); `otherwise` for points without a projection."""
     uv = lens.project(world_from_camera.inverse().apply(xyz_in_world))
-    near = both(np.abs(uv) < 1e5)  # what is nowhere is not
+    near = both(np.abs(uv) < 1e5)  # False for NaN
     return np.where(near[:, None], uv, otherwise).astype(np.float32)
 
 
 def moving(
     camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
-    """What a Place has to know of tracks (N, 2) [px] and their speeds [px/s]; None unless the shutter rolls."""
+    """Returns the tracks (N, 2) [px] and speeds [px/s] that a Keyframe stores; None for a global shutter."""
     return (uv, speed) if camera.line_delay_s else None
 
 
 def tracked_frame(camera: Camera, live: LiveTracks, followed: Followed, time_ns: int) -> TrackedFrame:
-    """The points alive in the new image."""
+    """Returns the live tracks in the new image."""
     alive = followed.status == TrackStatus.ALIVE
     return TrackedFrame(time_ns, live.ids[alive], camera.normalise(unrolled(camera, followed)[alive]))
 
@@ -211,7 +212,7 @@ def tracked_frame(camera: Camera, live: LiveTracks, followed: Followed, time_ns:
 def as_tracks(
     live: LiveTracks, followed: Followed, residual_px: NDArray[np.float32], fresh: NDArray[np.float32]
 ) -> Tracks:
-    """What a Step shows: all points followed, with what became of them, and the fresh ones."""
+    """Returns the tracks for the Step: all that were tracked, with their status, and the new ones."""
     n, status = len(fresh), followed.status
     seen = (status == TrackStatus.ALIVE) | (status >= TrackStatus.EPIPOLAR)
     return Tracks.of(
@@ -224,7 +225,7 @@ def as_tracks(
 
 
 def speed_where(followed: Followed, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(M, 2) [px/s] of fresh points at (M, 2): that of the nearest track."""
+    """Returns velocities (M, 2) [px/s] of new points at (M, 2): those of the nearest track."""
     alive = followed.status == TrackStatus.ALIVE
     return nearest_speed(followed.uv[alive], followed.speed[alive], fresh)
 
@@ -232,7 +233,7 @@ def speed_where(followed: Followed, fresh: NDArray[np.float32]) -> NDArray[np.fl
 def nearest_speed(
     tracks_uv: NDArray[np.float32], speed: NDArray[np.float32], uv: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(M, 2) [px/s] at (M, 2) [px]: that (N, 2) of the nearest of the tracks at (N, 2)."""
+    """Returns velocities (M, 2) [px/s] at (M, 2) [px]: those (N, 2) of the nearest of the tracks at (N, 2)."""
     if not speed.any():
         return np.zeros((len(uv), 2), np.float32)
     return speed[((uv[:, None] - tracks_uv[None]) ** 2).sum(axis=2).argmin(axis=1)]
@@ -246,9 +247,9 @@ def next_live_tracks(
     time_ns: int,
     compared: NDArray[np.bool_],
 ) -> LiveTracks:
-    """Those alive in the new image, and the fresh ones.
+    """Returns the tracks alive in the new image, and the new ones.
 
-    At a key frame (where there are fresh ones) points that could not be compared with their origin get a new one.
+    At a keyframe (with new tracks), tracks that could not be compared with their origin get a new one.
     """
     alive, n = followed.status == TrackStatus.ALIVE, len(fresh)
     origin_ns, origin_uv = live.origin_ns.copy(), live.origin_uv.copy()

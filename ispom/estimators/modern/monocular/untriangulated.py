@@ -1,8 +1,8 @@
-"""What tracks without a point say of a pose: by the epipolar lines of where the last key frame saw them.
+"""Constrains a pose by tracks without a point, through the epipolar lines of the last keyframe.
 
-In a bend the points of the map leave the image, or lie close together at its edge; then they hardly say whether the
-camera turned or went aside. The tracks in all the rest of the image do. Without them such a pose was off by 2.8
-degrees, where the points alone took it to be known to 0.2, and all points that followed were placed by it.
+In a bend the points of the map leave the image, or lie close together at its edge; then they hardly separate rotation
+from sideways translation. The tracks in the rest of the image do. Without them such a pose had an error of 2.8 degrees,
+with a standard deviation of 0.2 by its points, and all later points inherited the error.
 """
 
 from __future__ import annotations
@@ -26,33 +26,32 @@ from ispom.solvers.window.prior import POSE
 from ispom.types import TrackStatus
 
 AGREEING = 2.0
-"""Deviations from its line, of errors in two images, within which a track agrees with a pose."""
+"""Inlier limit of a track's distance from its epipolar line, in standard deviations of the error in two images."""
 LEAST_SHARE = 0.5
-"""Of the tracks without a point must agree with their lines, in the last image and by the pose that they help to
-find."""
+"""Least share of inliers among the tracks without a point, in the last image and with the pose that they help to
+estimate."""
 LEAST_GAIN = 0.1
-"""Of them come to agree: where as many agree with the points' pose, they say nothing new, and what is wrong with them
-would only be added."""
+"""Least gain of that share over the pose by points alone: without a gain they add no information, only their errors."""
 NEARER = 0.5
-"""Of the least depth of the map's points: no track is on anything nearer."""
+"""Least depth of a track, relative to the least depth of the map's points."""
 BEHIND = 1e9
-"""Error of what is behind the camera, as in `fit_pose`."""
+"""Error of points behind the camera, as in `fit_pose`."""
 MOST_COST = float(chdtri(6, 0.001))
-"""By which the squares of the points' errors may grow for the sake of tracks without a point, in variances of a tracked
-place as far as neighbours share it: six unknowns of a right pose exceed it once in a thousand times (chi-square)."""
+"""Largest increase of the points' squared errors by the tracks without a point, in variances of a tracked position with
+correlated neighbours: the 99.9 % quantile of chi-squared with the six unknowns of a pose."""
 
 
 @dataclass(frozen=True, eq=False)
 class UntriangulatedTracks:
-    """Tracks without a point, and the key frame that saw them before."""
+    """Tracks without a point, and the keyframe that observed them before."""
 
     rays: Rays
     key_ns: int
     world_from_key: Pose
 
     def slopes(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
-        """(6, 6) second derivatives of their cost by a left twist, weights of the loss of width `scale` held, and
-        (M, 6) first ones of each."""
+        """Returns the second derivatives (6, 6) of their cost by a left twist, for fixed weights of the loss of width
+        `scale`, and the first derivatives (M, 6) of each track."""
         errors, by_twist = self.rays.errors(camera_from_world)
         used = np.isfinite(errors[:, 0])
         errors, by_twist = errors[used], by_twist[used]
@@ -71,12 +70,13 @@ def with_untriangulated(
     points: tuple[Array, Array],
     world_from_guess: Pose,
 ) -> tuple[PoseFit, UntriangulatedTracks | None]:
-    """The pose by tracks without a point, too, and those by which it is, where they are more than the points that agree
-    with it; as it was where they disagree.
+    """Returns the pose refined by tracks without a point, and these tracks, if they are more than its inliers;
+    otherwise, or if they disagree, the unchanged pose.
 
-    `places` (N, 3) as `Map.known` of all tracks; `points` (M, 3), (M, 2) the map's, and where they are seen, by which
-    the pose was found. It is sought from there and from the guess, as points that say little led along a valley: once
-    to 2 degrees beside the right turn, where all tracks together have another minimum 9 degrees beside it.
+    `places` (N, 3) as `Map.known` of all tracks; `points` (M, 3), (M, 2) are the map's points and their observations,
+    by which the pose was estimated. The search starts from that pose and from the guess, as poorly constraining points
+    leave a valley: once they ended at 2 degrees from the right rotation, where all tracks together have another minimum
+    at 9.
     """
     alone = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
     if len(alone) <= motion.inliers.sum():
@@ -98,8 +98,8 @@ def with_untriangulated(
 def _untriangulated(
     setup: Setup, live: LiveTracks, world: Map, followed: Followed, alone: NDArray[np.int64], points: Array
 ) -> UntriangulatedTracks | None:
-    """Those of the tracks `alone` (K,) that agreed with their lines in the last image, from the last key frame before
-    it: what moves by itself, as clouds do, mostly did so then. `points` (N, 3) of the map that are seen."""
+    """Returns those of the tracks `alone` (K,) that agreed with the epipolar lines of the last keyframe in the last
+    image: moving objects, such as clouds, mostly did not. `points` (N, 3) are the observed points of the map."""
     keys, before = [k for k in world.keys if k.time_ns < live.time_ns], world.pose_at(live.time_ns)
     if not keys or before is None:
         return None
@@ -122,18 +122,18 @@ def _untriangulated(
 
 
 def _cost(found: PoseFit, scale: float) -> float:
-    """Sum of squares of the points' errors, each as the loss of width `scale` takes it."""
+    """Returns the sum of the points' squared errors under the loss of width `scale`."""
     return 2 * scale**2 * cauchy_cost(found.distances**2, scale)
 
 
 def _joint_cost(found: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
-    """With what is added by the tracks without a point, whose errors are of two images."""
+    """Adds the cost of the tracks without a point, whose errors are of two images."""
     errors, _ = untriangulated.rays.errors(found.camera_from_world)
     beside = np.minimum((errors**2).sum(axis=1), BEHIND**2)
     return _cost(found, scale) + 2 * scale**2 * cauchy_cost(beside, np.sqrt(2) * scale)
 
 
 def _agreeing(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
-    """Which (M,) of the tracks are on their lines."""
+    """Returns which (M,) of the tracks agree with their epipolar lines."""
     errors, _ = rays.errors(camera_from_world)
     return np.asarray(np.linalg.norm(errors, axis=1) < AGREEING * np.sqrt(2) * setup.noise.sigma)

@@ -1,4 +1,4 @@
-"""Before the first map, where steps are too wide for a tracker: features that two images match go on as tracks."""
+"""Initialisation with steps too wide for a tracker: features matched between two images become tracks."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from ispom.features.images import has_contrast
 from ispom.types import TrackStatus
 
 FEATURES = 2000
-"""Described in each of the two images."""
+"""Largest number of features described in each of the two images."""
 
 
 def with_matched_features(
     setup: Setup, state: ModernMonocularState, new: NewImage
 ) -> tuple[ModernMonocularState, NewImage]:
-    """Returns the state and the image with more tracks, where the tracker lost most of those that began in the last
-    image; else both as they are.
+    """Adds tracks from matched features if the tracker lost most of those that began in the last image; otherwise
+    returns both arguments unchanged.
 
-    The features are tracks that began in the last image, which is the reference of the start. What is matched wrongly
-    agrees with no motion of the camera, and takes no part in the first map. Not with a rolling shutter, for which the
-    speed of each track must be known.
+    The tracks start in the last image, which is the reference of the initialisation. Wrong matches agree with no camera
+    motion, and do not enter the first map. Not used with a rolling shutter, which requires the velocity of each track.
     """
     start, live, alive = state.start, state.live, int(np.count_nonzero(new.followed.status == TrackStatus.ALIVE))
     if start is None or live.grey is None or live.grey.shape != new.grey.shape or setup.camera.line_delay_s:
