@@ -33,7 +33,7 @@ COARSE_PX = (40, 30)
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """An image or a stereo pair with its pose."""
+    """Images and pose of a camera or a stereo pair."""
 
     time_ns: int
     camera_from_world: Pose
@@ -84,7 +84,7 @@ class Keyframe:
         return (uv + 0.5) * self.reduction - 0.5
 
     def described(self, descriptor: Descriptor) -> Keyframe:
-        """Returns the keyframe with features of this descriptor; computes them if they are missing."""
+        """Returns the keyframe with features of this descriptor."""
         if self.is_described(descriptor):
             return self
         found = descriptor.detect_and_describe(self.images[0], FEATURES)

@@ -1,8 +1,7 @@
-"""Detects a second rigid motion besides that of the camera relative to the static scene, and chooses which one to
-follow.
+"""Detects a second rigid motion besides that of the static scene, and chooses which of them to follow.
 
-Images do not show which of two rigid bodies is static, but the history of both gives hints: a moving object is mostly
-small relative to the background, and the motion that was there first is taken as the scene.
+Images do not show which of two bodies is static, but their history does: a moving object is mostly small relative to
+the background, and the motion that was there first is taken as the scene.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ from ispom.geometry import Array
 from ispom.types import Check, Decision
 
 Follow = Literal["static", "largest"]
-"""Which of two rigid motions to follow: that of the static scene, as far as it is known, or the one that covers more of
-the image."""
+"""Which of two rigid motions to follow: the static scene's, as far as known, or the one that covers more of the
+image."""
 
 LEAST = 20
 """Least number of points that a second motion must explain to be reported."""
@@ -106,8 +105,8 @@ class Moving:
 
 
 MORE = 1.0
-"""Ratio of the image areas of the other motion and the followed one, above which the other one covers more. It is not
-higher, as the other motion loses tracks in each image, and fewer show it than exist."""
+"""Ratio of the image areas of the other motion and the followed one, from which the other covers more. It is low, as
+the other motion's tracks end in each image."""
 
 
 def preferred(follow: Follow, other: Moving, own: Moving, size: tuple[int, int]) -> Decision:

@@ -39,9 +39,8 @@ from ispom.solvers.window.leftovers import leftovers
 from ispom.types import Check, ImageNoise
 
 MEMORY = 2
-"""Memory, in windows: the sums decay by 1 - 1/MEMORY per window, so that two windows later an estimate counts a
-quarter. Hundreds of tracks contribute at once, and windows overlap; a longer memory lags where the keyframe interval
-grows, as it does after initialisation."""
+"""Memory, in windows: after two more windows an estimate counts a quarter. Hundreds of tracks contribute at once, and
+windows overlap; a longer memory lags where the keyframe interval grows, as after initialisation."""
 BELIEVED = 20.0
 """Weight of the setting as a prior, in tracks."""
 LEAST_VIEWS = 3
@@ -139,7 +138,7 @@ class TrackNoise:
     @property
     def shared(self) -> float:
         """Factor, at least 1, by which the scores of poses vary more than with independent errors: overlapping patches
-        share their noise, and calibration errors are similar in neighbouring places of the image."""
+        share noise, and calibration errors are similar nearby."""
         return max(1.0, float(self.cells[0] / self.cells[1])) if self.cells[1] > 0 else 1.0
 
     def describe(self, focal_px: float) -> str:
@@ -178,7 +177,7 @@ def _said_by(done: Adjusted, scale: float) -> TrackNoise:
 
 
 def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
-    """Returns (2,) sums as in TrackNoise.cells, from the scores (K, 2) of the observations in use."""
+    """Returns (2,) TrackNoise.cells, from the weighted residuals (K, 2) of the observations in use."""
     seen, camera, pull = np.ascontiguousarray(window.seen[use, :2].T), window.cameras[use], pull[use]
     if not len(camera):
         return np.zeros(2)

@@ -56,8 +56,8 @@ class Speeds:
 
     @staticmethod
     def of(camera: Camera, flow: Flow, before: Flow) -> Speeds:
-        """Computes the velocities, which change linearly from one flow to the next. Points without an earlier flow have
-        the median acceleration of the others."""
+        """Computes velocities that change linearly between the flows; points without an earlier flow have the median
+        acceleration of the others."""
         mean, earlier, known = flow.mean_px_s(camera), before.mean_px_s(camera), np.asarray(before.px.any(axis=1))
         gained = np.where(known[:, None], (mean - earlier) / max(flow.interval_s + before.interval_s, 1e-6), 0.0)
         if known.any():
@@ -86,9 +86,8 @@ def steady(rate: Array) -> Array:
 
 
 def mean_rates(motion: Array, seconds: Array) -> Array:
-    """Returns the mean rates (N, 6) from the middle row until times (N,) [s] after it.
-
-    `motion` (12,) is the rate at the middle row (rho [m/s], phi [rad/s]) and its derivative ([m/s^2], [rad/s^2])."""
+    """Returns the mean rates (N, 6) over times (N,) [s] after the middle row, of a motion (12,): its rate there (rho
+    [m/s], phi [rad/s]) and the derivative of that ([m/s^2], [rad/s^2])."""
     return motion[:6] + 0.5 * seconds[:, None] * motion[6:]
 
 

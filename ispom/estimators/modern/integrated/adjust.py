@@ -49,9 +49,8 @@ def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegrate
 def adjusted(
     setup: Setup, state: ModernIntegratedState
 ) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]], SplineFit | None]:
-    """Optimises the window after the oldest pair has left it.
-
-    Returns the state, the decisions, the poses in the window, and the spline in the window's world."""
+    """Optimises the window after the oldest pair left; returns decisions, poses, and the spline in the window's
+    world."""
     before = state.window
     state = _shortened(setup, state)
     window, meeting = with_lens(state), common_pair(setup, state)

@@ -82,8 +82,8 @@ class ModernIntegratedConfig:
     disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
     """Noise (1 sigma) of the match in the right image [px]."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """Downsampling limit of the methods that this one depends on: the noise above is in pixels of the images that they
-    track."""
+    """Images whose longer side exceeds this [px] are halved, as by the methods that this one depends on; noise is in
+    pixels of the halved images."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
     """Width of the Cauchy loss, in these standard deviations."""
     iterations: Annotated[int, Range(1, 30)] = 4

@@ -29,8 +29,8 @@ bounds the step of a point without parallax."""
 def joint_problem(
     window: JointWindow, noise: RigNoise, spacing_s: float, most: int
 ) -> tuple[SplineProblem | None, NDArray[np.int64]]:
-    """Returns the problem with at most `most` points of each camera, and the indices of these points in the table; None
-    instead of a problem if they are fewer than MIN_POINTS."""
+    """Returns the problem, None for too few points, and the table indices of its points: up to `most` of each
+    camera."""
     views, video_points = window.views, window.table.ids % 2 == 0
     place = np.concatenate([window.table.places(v.ids) for v in views])
     count = np.bincount(place, minlength=len(window.table.ids))
@@ -66,8 +66,8 @@ def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArr
 def _observations(
     window: JointWindow, noise: RigNoise, place: NDArray[np.int64], used: NDArray[np.int64]
 ) -> tuple[RigObservations, RowBands]:
-    """Returns the observations of the points in use, by point, then by frame, and their row bands; `place` are the
-    indices of all observations in the window's table."""
+    """Returns the observations of the points in use, by point, then by frame, and their row bands; `place`: index in
+    the window's table of each observation."""
     views = window.views
     exposure = np.repeat(np.arange(len(views)), [len(v.ids) for v in views])
     number = np.full(len(window.table.ids), -1)

@@ -9,8 +9,7 @@ from ispom.types import Decision, Step, Tracks, TrackStatus
 
 MIN_SHARE = 1 / 3
 """Least share of points with a consistent right match. Ordinary pairs have 0.5 and more, those with half of the right
-image covered mostly 0.4 to 0.7. A right image that is empty, of another time, or of the wrong camera leaves 0 to 0.25:
-distant points and wrong matches."""
+image covered mostly 0.4 to 0.7. An empty right image, or one of another time or camera, leaves 0 to 0.25."""
 FEWEST = 30
 """Least number of points over which the share is computed: a few remaining ones agree by chance."""
 

@@ -56,10 +56,10 @@ def _inverse_depths(window: JointWindow, view: View) -> Array:
 
 
 def banded(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBands, NDArray[np.int64], Array]:
-    """Groups the rows of all observations (O,) of the views into bands; `exposure` (O,) are the views' indices.
+    """Groups the rows of all observations (O,) into bands; `exposure` (O,) are the indices of their views.
 
-    Returns the bands, the index (O,) of each observation's time as in RigObservations, and its displacement (O, 2)
-    since the time of its band, normalised."""
+    Returns the bands, the index (O,) of each time as in RigObservations, and the normalised displacements (O, 2) since
+    the time of the band."""
     still = np.zeros((len(exposure), 2))
     if all(v.late_s is None for v in views):
         return RowBands(), exposure, still

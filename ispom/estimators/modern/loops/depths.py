@@ -20,8 +20,8 @@ AROUND = 2
 """Number of nodes before and after a candidate whose points are compared together. In one node of one camera a third of
 the features has a depth, and a tenth of these is matched after a rotation of 25 degrees: 8 points, 17 together."""
 MAX_OFF, INLIER = 2.0, 4.0
-"""Largest distances, in standard deviations of a feature's position: from an epipolar line, and the reprojection error
-of a triangulated point."""
+"""Inlier limits of the distance from an epipolar line and of the reprojection error, in standard deviations of a
+feature."""
 MIN_SIGNIFICANCE = 3.0
 """Least inverse depth of a point, in its standard deviations: far points still constrain rotation."""
 
@@ -29,9 +29,9 @@ MIN_SIGNIFICANCE = 3.0
 def with_depths(camera: LoopCamera, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     """Triangulates the features of the newest node, and those of an earlier node that it completes.
 
-    The node OTHERS before it is triangulated again with all nodes since, which adds depths to another half of its
-    features. So is the parent of the newest node, if it has none before it. Nothing is triangulated across a segment
-    without tracking: only loops measure the relative pose there.
+    The node OTHERS before it is triangulated again with all nodes since, which adds another half of its depths. So is
+    the parent, if no node is before it. Nothing is triangulated across a gap in tracking, whose length only loops
+    measure.
     """
     newest, before = nodes[-1], _before(nodes)
     if not before:

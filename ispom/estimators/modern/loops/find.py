@@ -11,8 +11,7 @@ from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
 PAIR_DRIFT, SINGLE_DRIFT = 0.02, 0.06
 """Drift of the odometry, relative to the path, that is always possible: three times that of a stereo pair and of one
-camera on real drives. A loop that needs more than this, and more than the odometry's covariance allows, joins similar
-houses."""
+camera on real drives. Loops beyond it, and beyond the odometry's covariance, join similar houses."""
 DEVIATIONS = 5.0
 """Largest drift, in standard deviations of the odometry."""
 MAX_TURN_DEG, MAX_SCALE = 20.0, 0.4
@@ -30,13 +29,13 @@ WITHIN = 12
 MAJORITY = 2 / 3
 """Share of the proposed loops that must agree: if more contradict them, houses look alike."""
 AGREEING_DEPTHS, AGREEING_DEG = 0.1, 2.0
-"""Largest difference of the poses that two loops give the newest node, in scene depths and degrees, besides the drift
-of the odometry between them. Scale, which some views know to 1 % and others to 10 %, is compared by covariance."""
+"""Largest difference of the poses that two loops give the newest node, in scene depths and degrees, besides drift.
+Scale, which some views know to 1 % and others to 10 %, is compared by covariance."""
 
 MOST_UNLIKELY = float(chdtri(FREEDOM, 0.05))
-"""Largest squared Mahalanobis distance of two loops, with the covariances of both and of the odometry between them: the
-95 % quantile of chi-squared with seven degrees of freedom. None of 600 pairs of true loops had more than 9.6; four
-loops with errors of 0.4-0.9 m, of 26 to 64 points, had up to 41."""
+"""Largest squared Mahalanobis distance of two loops, by their covariances and that of the odometry between them: 95 %
+of chi-squared with seven degrees of freedom. Of 600 pairs of true loops none had more than 9.6; four loops with errors
+of 0.4-0.9 m, of 26 to 64 points, had up to 41."""
 
 
 def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, ...]:
@@ -51,8 +50,8 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
-    """Checks that a loop between two nodes can be true. The relative pose and scale of different segments are unknown,
-    so that any loop between them can be."""
+    """Checks that a loop between two nodes is possible: nothing constrains the relative pose and scale of two
+    segments."""
     return first.segment != then.segment or within_drift(first, then, first_from_then, drift)
 
 

@@ -224,8 +224,7 @@ def _closed(
 
 
 def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scale_variance: float) -> Array:
-    """Returns the covariance (7, 7) of the right perturbation of a corrected pose, from its covariance (6, 6) by
-    odometry. Requires a closed loop."""
+    """Returns the covariance (7, 7) of the right perturbation of a corrected pose, once a loop was closed."""
     assert loops.known is not None
     node, at_node = loops.known.node, loops.known.covariance
     now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)

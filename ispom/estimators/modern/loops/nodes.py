@@ -1,5 +1,4 @@
-"""Nodes of the pose graph: keyframes at some distance from each other, of bounded number; older ones are thinned
-out."""
+"""Nodes of the pose graph: keyframes at some distance from each other, of bounded number."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
 MAX_NODES = 256
-"""Largest number of nodes: some 30 MB with their described points, and 30 ms to optimise the graph."""
+"""Largest number of nodes: some 30 MB of described points, and 30 ms per optimisation."""
 RECENT = 16
 """Number of the newest nodes, which are never thinned out."""
 APART_DEPTHS, APART_DEG = 0.25, 12.0
@@ -89,10 +88,10 @@ def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
 
 
 def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: int | None) -> tuple[Node, ...]:
-    """Updates the poses of some nodes, and the steps between nodes that are both updated.
+    """Updates the poses of some nodes, and the steps between those.
 
-    If the graph was optimised up to the node `since_ns`, the nodes up to it keep their corrected poses, and later ones
-    follow by their steps. If it was not (None), the corrections stay and all corrected poses follow their odometry.
+    After an optimisation of the graph up to `since_ns`, corrected poses up to there are kept, and later ones follow by
+    their steps. Without one (None), all corrected poses follow the odometry.
     """
     at = dict[int, Node]()
     for node in nodes:

@@ -4,9 +4,8 @@ All are first order, from the curvature of the window's cost and the scatter of 
 of the map: the pose of its first frame is the world, the distance to the last frame of its initialisation the unit.
 
 A frame localised in the map is one more view of the same tracks. The error of a track is mostly the same as in the last
-keyframe, and has already moved the map. So the contributions of a track by way of the map and in the frame are added
-before they are squared. With independent contributions, standard deviations of poses ahead of a young map were a
-quarter too small.
+keyframe, and has already moved the map. So both contributions of a track are added before they are squared. As
+independent ones they overestimated the precision of poses ahead of a young map by a quarter.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class ModernMonocularConfig:
     """Tracking noise after some keyframes, 1 sigma [px]; sets outlier limits, the initial width of the loss, and
     covariances until the noise is measured from residuals (`noise`)."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """Images whose longer side exceeds this [px] are downsampled by 2; other settings and checks are in the smaller
+    """Images whose longer side exceeds this [px] are halved, once or more; other settings and checks are in the smaller
     pixels."""
     relocalise: bool = True
     """Relocalise a lost camera among all keyframes by descriptors; if off, only near the last pose: plain odometry."""
@@ -77,8 +77,8 @@ class ModernMonocularConfig:
     """Prior standard deviation of the radial distortion k1."""
 
     def lens_sigma(self, told: LensSigma | None = None) -> Array:
-        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. `told` are
-        those of the calibration, which replace the settings."""
+        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. `told` by the
+        calibration, they replace the settings."""
         sigma = told or LensSigma(self.focal_sigma, self.radial_sigma)
         return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
@@ -90,8 +90,8 @@ class ModernMonocularConfig:
 class ModernMonocular:
     """Estimates a pose for every frame, without metric scale.
 
-    World: the video camera at the first frame. If the initialisation restarted, its origin is the camera at the first
-    frame of the map, with the orientation of the first frame of all. Unit: the first baseline of the map."""
+    World: the video camera at the first frame; after a restart of the initialisation, at the first frame of the map,
+    with the orientation of the first frame of all. Unit: the first baseline of the map."""
 
     rig: Rig
     config: ModernMonocularConfig

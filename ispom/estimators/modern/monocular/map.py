@@ -146,7 +146,7 @@ class TrackObservations:
 
 
 def observations_of(keys: tuple[TrackedFrame, ...], ids: NDArray[np.int64]) -> TrackObservations:
-    """Collects the observations of the tracks `ids` (M,), ascending."""
+    """Returns the observations of tracks `ids` (M,), ascending."""
     wanted = ScenePoints(ids, np.zeros((len(ids), 3)))
     cameras, owners, seen = [], [], []
     for c, key in enumerate(keys):

@@ -72,8 +72,7 @@ def _redundant(state: Map) -> int:
 
 
 def _oldest_into_prior(state: Map, alive: NDArray[np.int64]) -> tuple[Prior, NDArray[np.int64]]:
-    """Marginalises the oldest keyframe and its points that are no longer tracked; returns the prior and the ids of
-    these points, whose observations are now all in the prior."""
+    """Marginalises the oldest keyframe and those of its points that are no longer tracked; also returns their ids."""
     found = bundle_problem(state)
     by_oldest = np.zeros(len(found.ids), bool)
     by_oldest[found.window.owners[found.window.cameras == 0]] = True

@@ -118,7 +118,7 @@ def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewIma
     if sure.sum() < FEWEST:
         return None
     if 2 * sure.sum() < len(sure):
-        # A minority of points with uncertain depths is kept; a majority did take over the map.
+        # Uncertain depths took over the map where they were the majority; a minority cannot.
         xyz, uv, seen = xyz[sure], uv[sure], [at[sure] for at in seen]
     back, near = place.camera_from_world @ found.camera_from_world.inverse(), found.camera_from_world.apply(xyz)
     aligned, good = patches_found(lens, place, seen[-1], back, near, new.grey, uv)

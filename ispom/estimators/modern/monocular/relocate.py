@@ -149,15 +149,13 @@ def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
 
 
 def prior_of_keyframes(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, sigma: float, depth: float) -> Prior:
-    """Returns a prior that fixes keyframes relative to each other, as optimised before: they define the scale, however
-    close they are.
+    """Returns a prior that fixes keyframes relative to each other, as optimised before: they define the scale.
 
     Args:
         poses: world_from_camera of each.
         extra_sigma: (2,) prior standard deviations of the lens correction; 0 fixes it.
         first: (6, 6) covariance of the first pose, left twist of camera_from_world.
-        sigma: of a track, normalised: standard deviation of each rotation [rad] relative to the first, and, times
-            `depth`, of each position.
+        sigma: of a track, normalised: that of each rotation [rad] relative to the first, and, times `depth`, position.
         depth: of the points that they observe.
     """
     rotations, translations = views(poses)

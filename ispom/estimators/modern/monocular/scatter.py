@@ -1,10 +1,10 @@
 """Covariance of a window from the curvature of its cost and the scatter of its gradient.
 
-It is the sandwich covariance H^-1 S H^-1 (Huber 1967; White 1982): the error of an estimate is H^-1 g, and S is the
-covariance of the gradient g at the true value. The normal equations alone assume independent errors of one size and
-fixed weights of the loss: their standard deviations are too small, in some directions by half. The nearest points,
-which constrain the translation most, have the largest errors. So H uses the second derivatives of the loss, and S is
-the sum over tracks of their squared scores: it contains any size of their errors, and any correlation between frames.
+It is the sandwich H^-1 S H^-1 (Huber 1967; White 1982): the error of an estimate is H^-1 g, and S is the covariance of
+the gradient g at the true value. The normal equations alone assume independent errors of one size and fixed weights of
+the loss: they overestimate the precision, in some directions by half. The nearest points, which constrain the
+translation most, have the largest errors. So H uses the second derivatives of the loss, and S is the sum over tracks of
+their squared scores: it contains any size of their errors, and any correlation between frames.
 """
 
 from __future__ import annotations

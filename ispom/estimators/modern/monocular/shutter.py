@@ -24,7 +24,7 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
 
 AROUND = 5
-"""Number of poses of the polynomial, before the newest frame (see rolling.AHEAD)."""
+"""Number of poses of the polynomial, for frames before the newest one (see rolling.AHEAD)."""
 LEAST_LATE_S = 1e-4
 """Least time [s] from the middle row for a difference quotient; nearer rows use this one."""
 
