@@ -71,7 +71,7 @@ class TrackNoise:
     spread: float = 0.0
     """Median residual of the last window, in loss widths."""
     cells: Array = field(default_factory=lambda: np.zeros(2))
-    """Sums of squared scores of poses: of the sum in each image cell, and of each observation."""
+    """Sums of squared weighted residuals: of their sum in each image cell, and of each by itself."""
     images: int = 1
     """Images per observation: 2 for a stereo pair."""
 
