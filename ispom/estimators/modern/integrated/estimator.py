@@ -123,8 +123,7 @@ class ModernIntegrated:
         fits = (right_fits(part),) if is_pair else ()
         if any(each.failed for each in fits):
             return _passed_over(state, part, fits)
-        # Poses depend on stereo if it is followed, otherwise on points: stereo's gap is a gap here only in the first
-        # case.
+        # Only if stereo is followed do poses depend on it, so that its gap is one here.
         blind = is_pair and (part.restarted or state.apart)
         if blind and self.config.follow_stereo and state.window.views:
             state = start_new_segment(state, exposure.time_ns)

@@ -59,7 +59,8 @@ def banded(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBan
     """Groups the rows of all observations (O,) into bands; `exposure` (O,) are the indices of their views.
 
     Returns the bands, the index (O,) of each time as in RigObservations, and the normalised displacements (O, 2) since
-    the time of the band."""
+    the time of the band.
+    """
     still = np.zeros((len(exposure), 2))
     if all(v.late_s is None for v in views):
         return RowBands(), exposure, still

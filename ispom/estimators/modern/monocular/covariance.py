@@ -84,8 +84,7 @@ class MapUncertainty:
         scale: float,
         untriangulated: UntriangulatedTracks | None = None,
     ) -> Array:
-        """Returns the covariance (6, 6), right twist, of a pose localised by points (N,), at (N, 3), observed at (N,
-        2).
+        """Returns the covariance (6, 6), right twist, of a pose from points (N,), at (N, 3), observed at (N, 2).
 
         `scale`: width of the loss used for the pose, normalised; `untriangulated`: the tracks without a point that were
         also used. Returns the covariance of the last keyframe if that observes none of the points.

@@ -91,7 +91,8 @@ class ModernMonocular:
     """Estimates a pose for every frame, without metric scale.
 
     World: the video camera at the first frame; after a restart of the initialisation, at the first frame of the map,
-    with the orientation of the first frame of all. Unit: the first baseline of the map."""
+    with the orientation of the first frame of all. Unit: the first baseline of the map.
+    """
 
     rig: Rig
     config: ModernMonocularConfig

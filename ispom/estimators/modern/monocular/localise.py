@@ -117,7 +117,8 @@ def located_by(
     """Estimates the pose from these tracks, from a good guess.
 
     `places` (N, 3) are the tracks' points as of `Map.known`, if already known; `predicted` is the motion model's pose,
-    if different from the guess."""
+    if different from the guess.
+    """
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
     limit = INLIER * setup.noise.width

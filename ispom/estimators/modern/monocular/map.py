@@ -23,7 +23,7 @@ WIDTH_IN_MEDIANS = 3.0
 There are larger errors too, of patches on more than one surface: with a width for these, 0.5 px, pose errors in rooms,
 streets and sim:tiny were larger by a tenth to a quarter."""
 NARROWEST = 0.1
-"""Least width of the loss relative to the widest one: without image noise all residuals would be outliers."""
+"""Least width of the loss relative to the widest one: without image noise the width would be 0."""
 
 
 @dataclass(frozen=True, eq=False)

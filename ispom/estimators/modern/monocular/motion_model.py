@@ -28,8 +28,8 @@ def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
 
 
 def coasted_covariance(covariance: Array, before_from_now: Pose) -> Array:
-    """Returns the covariance of a predicted pose, from that of the last estimated one: the standard deviation grows by
-    COASTING_SHARE of the motion."""
+    """Returns the covariance of a predicted pose, from that of the last estimated one, with an error of COASTING_SHARE
+    of the motion."""
     adjoint = before_from_now.inverse().adjoint
     way, turn = np.linalg.norm(before_from_now.translation), np.linalg.norm(before_from_now.rotvec)
     return adjoint @ covariance @ adjoint.T + np.diag(

@@ -94,7 +94,8 @@ class Start:
         """Makes this frame the reference; keeps the rotation so far.
 
         Also returns the held poses of the frames before it, if no observation connects it to them. `width` of the
-        robust loss, normalised."""
+        robust loss, normalised.
+        """
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
