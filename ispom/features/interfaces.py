@@ -33,6 +33,7 @@ class Features:
 
     @property
     def described(self) -> bool:
+        """Returns whether the points have descriptors."""
         return self.descriptors.shape[1] > 0
 
     def after(self, uv: NDArray[np.float32]) -> Features:

@@ -14,6 +14,8 @@ from ispom.types import Image, TrackStatus
 
 @dataclass(frozen=True)
 class Klt:
+    """A Tracker by pyramidal Lucas-Kanade."""
+
     window_px: int = 11
     """Side of the window; small windows are faster, and less biased if the motion varies within them."""
     levels: int = 3

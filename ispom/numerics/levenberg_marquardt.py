@@ -18,6 +18,8 @@ EASED, RAISED = 10, 30
 
 @dataclass(frozen=True, eq=False)
 class Minimum(Generic[T]):
+    """The result of `minimise`."""
+
     values: T
     cost_before: float
     cost: float

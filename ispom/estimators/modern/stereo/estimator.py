@@ -107,6 +107,7 @@ class ModernStereoConfig:
         return np.maximum(found, LEAST_SIGMA)
 
     def build(self, rig: Rig) -> ModernStereo:
+        """Returns the estimator for a rig."""
         return ModernStereo(rig, self)
 
 
@@ -118,9 +119,11 @@ class ModernStereo:
     config: ModernStereoConfig
 
     def start(self) -> ModernStereoState:
+        """Returns the state before the first frame."""
         return ModernStereoState(LastPair(left_from_world=self._left_from_rig))
 
     def finish(self, state: ModernStereoState) -> Trajectory:
+        """Returns the final estimate: world_from_rig of all localised frames, with loops closed."""
         keys = dict(state.settled) | {k.time_ns: k.left_from_world for k in state.map.keys}
         world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in state.poses}
         poses = Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])

@@ -25,6 +25,7 @@ class NewPair:
 
     @staticmethod
     def of(exposure: Frame) -> NewPair:
+        """Converts a stereo frame to grey images of equal brightness."""
         left = as_grey(exposure.left)
         return NewPair(exposure.time_ns, left, as_bright(as_grey(exposure.right), left))
 
@@ -57,6 +58,7 @@ class PairPoints:
 
     @staticmethod
     def joined(a: PairPoints, b: PairPoints) -> PairPoints:
+        """Returns the points of `a`, followed by those of `b`."""
         return PairPoints(
             np.concatenate([a.ids, b.ids]),
             np.concatenate([a.uv, b.uv]),
@@ -70,6 +72,7 @@ class PairPoints:
         return np.column_stack([x, x[:, 0] - self.disparity_px / camera.fx])
 
     def select(self, keep: NDArray[np.bool_]) -> PairPoints:
+        """Returns the points of the mask `keep` (N,)."""
         return PairPoints(self.ids[keep], self.uv[keep], self.disparity_px[keep], self.slants[keep])
 
 
@@ -98,6 +101,7 @@ class TrackingResult:
 
     @staticmethod
     def nothing() -> TrackingResult:
+        """Returns the result without any points."""
         empty, none = np.zeros(0, np.int64), PairPoints()
         return TrackingResult(
             none.uv, none.disparity_px, none.slants, empty.astype(np.uint8), empty, None, empty, none.disparity_px
@@ -110,4 +114,5 @@ class TrackingResult:
 
     @property
     def inliers(self) -> int:
+        """Returns the number of inliers of the pose; 0 without one."""
         return 0 if self.located is None else int(self.located.inliers.sum())

@@ -29,7 +29,7 @@ half."""
 FEWEST = 8
 """Least number of inliers of a pose with which further matches are searched near its projections."""
 AROUND = (8, 4, 2)
-"""Radii of that search, in turn, relative to the largest reprojection error of a track."""
+"""Radii of the search for further matches, in turn, relative to the largest reprojection error of a track."""
 ENOUGH = 2
 """Number of points, relative to the least number, with which no further keyframe is compared."""
 MIN_CORRELATION = 0.7
@@ -53,6 +53,7 @@ class Recognised:
 
     @property
     def left_from_world(self) -> Pose:
+        """Returns the pose of the frame's left camera."""
         return self.left_from_place @ self.place.camera_from_world
 
 

@@ -30,10 +30,12 @@ class Shutter:
 
     @staticmethod
     def of(camera: Camera) -> Shutter:
+        """Returns the shutter of a camera."""
         return Shutter(camera.line_delay_s * camera.fy, ((camera.height - 1) / 2 - camera.cy) / camera.fy)
 
     @property
     def rolls(self) -> bool:
+        """Returns whether rows are exposed at different times."""
         return self.slope_s != 0.0
 
     def late_s(self, y: Array) -> Array:

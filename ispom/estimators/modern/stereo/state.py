@@ -16,6 +16,8 @@ from ispom.types import Decision, Status, Tracks
 
 @dataclass(frozen=True, eq=False)
 class StereoLoops:
+    """Loop closures, and the final odometry poses of the keyframes."""
+
     loops: Loops = Loops()
     keys: PersistentList[tuple[int, Pose]] = PersistentList()
     """Times and left_from_world of the keyframes that are no longer optimised, each once, by time."""
@@ -43,6 +45,8 @@ class StereoLoops:
 
 @dataclass(frozen=True, eq=False)
 class ModernStereoState:
+    """The state of the estimator between frames."""
+
     last: LastPair
     map: StereoMap = StereoMap()
     next_id: int = 0

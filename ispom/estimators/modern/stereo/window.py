@@ -30,6 +30,8 @@ start."""
 
 @dataclass(frozen=True, eq=False)
 class KeyFrame:
+    """A keyframe of the window with its observations."""
+
     time_ns: int
     left_from_world: Pose
     ids: NDArray[np.int64]
