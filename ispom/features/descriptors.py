@@ -21,11 +21,11 @@ SEARCH_SIDE_PX = 800
 LEAST_SIDE_PX = 16
 """Shorter side [px] below which an image has no features."""
 ROWS_AT_ONCE = 512
-"""Number of descriptors compared at a time with all of the other image: the whole table would take some 70 MB."""
+"""Number of descriptors compared at a time with all of the other image; a full table would take some 70 MB."""
 PADDING_PX = 48
-"""Width [px] by which the border is extended, at least half of the widest patch: the last pixels are repeated."""
+"""Width [px] of the border added by repeating the last pixels: at least half of the widest patch."""
 CANDIDATES = 4
-"""Number of keypoints detected per point needed; the points spread over the image are chosen from these."""
+"""Number of keypoints detected per point needed, from which well-distributed points are chosen."""
 NEAR_SHARE = 0.05
 """Radius of a guided search, relative to the longer side of the image: 32 px at 640."""
 REFINED_PX = 3.0

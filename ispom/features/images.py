@@ -16,8 +16,7 @@ more pixels only cost time."""
 SEARCH_SIDE_PX = 700
 """Longer side above which an image is searched at half size."""
 MIN_CONTRAST = 0.2
-"""Least standard deviation of the coarse image's grey values, relative to the last good image: below it the image shows
-nothing."""
+"""Least standard deviation of the coarse image's grey values, relative to the last good image."""
 COARSE = 8
 """Number of pixels, along each side, per pixel of the coarse image: averages of 64 have an eighth of the noise."""
 MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0

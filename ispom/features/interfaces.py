@@ -42,8 +42,7 @@ class Features:
         return Features(np.concatenate([uv, self.uv]), np.concatenate([blank, self.descriptors]))
 
     def compact(self) -> Features:
-        """Returns the features with descriptors as bytes. A step is 4 % of a typical entry; distances change by less
-        than 1 %."""
+        """Returns the features with descriptors as bytes: 4 % of a typical entry; distances change by less than 1 %."""
         if self.descriptors.dtype == np.uint8:
             return self
         return Features(self.uv, np.rint(255.0 * self.descriptors).astype(np.uint8))

@@ -73,12 +73,12 @@ def with_look(sequence: Sequence) -> Sequence:
 
 
 def halves_note(images: list[Image]) -> str:
-    """Returns a note if each image contains those of two cameras side by side; "" if not, or if undecidable."""
+    """Returns a note if each image contains those of two cameras side by side; "" if not, or unknown."""
     return SIDE_BY_SIDE if images and all(map(_is_two, images)) else ""
 
 
 def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0) -> str:
-    """Returns a note about a mistake in the stereo frames; "" if there is none, or if undecidable.
+    """Returns a note about a mistake in the stereo frames; "" if there is none, or unknown.
 
     `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones.
     """

@@ -1,4 +1,4 @@
-"""Solves triples of keyframes with common points, and transfers their scale to the next triple (section 6.1)."""
+"""Solves triples of keyframes with common points, and transfers their scale (section 6.1)."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Groups:
         return wider * alone.T @ alone + way.T @ self.scatter @ way + others.T @ others
 
     def sandwich(self, lasting: NDArray[np.int64], known: Array) -> Sandwich:
-        """Returns the sandwich of what is marginalised. Tracks `lasting` (N,) continue; `known` (D, D) is the whole
+        """Returns the sandwich of the marginalised part; tracks `lasting` (N,) continue, `known` (D, D) is the whole
         window's `covariance`."""
         go_on, others_go = (np.isin(own, lasting, kind="table") for own in (self.ids, self.others.ids))
         ended, alone = self.others.slopes[~others_go], self._alone(known)[~go_on]

@@ -41,15 +41,14 @@ class ModernStereoConfig:
     window: Annotated[int, Range(3, 20)] = 8
     """Number of keyframes that are optimised together; older ones become a prior."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """Images whose longer side exceeds this are halved first. Pixels in settings and checks are those of the halved
-    image."""
+    """Images whose longer side exceeds this are halved first; settings and checks are in pixels of the halved image."""
     relocalise: bool = True
     """Relocalise a lost camera at earlier keyframes by descriptors. Off: search only near the last pose."""
     loops: bool = False
     """Close loops: recognise earlier keyframes, and distribute the drift over all poses. Off: plain odometry."""
     follow: Follow = "static"
-    """Which of two rigid motions to follow: the static scene (observed for longer, and larger), or the motion that
-    fills more of the image."""
+    """Which of two rigid motions to follow: the static scene (observed longer, and larger), or what fills more of the
+    image."""
     self_calibration: bool = True
     """Self-calibrate the pair: radial distortion of both cameras; orientation, focal length, principal point,
     distortion and time offset of the right camera. The next settings are prior standard deviations; pair_sigma in the
@@ -69,8 +68,7 @@ class ModernStereoConfig:
     settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
     """Time constant after which the calibration may have changed by its prior standard deviation."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
-    """Scale of the Cauchy loss, and the noise of a track that covariances assume until it is estimated from
-    residuals."""
+    """Scale of the Cauchy loss, and noise of a track in covariances until residuals determine it."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Tracks with a larger reprojection error are outliers and end."""
     min_parallax_px: Annotated[float, Range(0.5, 100)] = 25.0
@@ -80,9 +78,9 @@ class ModernStereoConfig:
     min_inliers: Annotated[int, Range(6, 500)] = 15
     """Least number of inliers with which a frame is localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
-    """Number of lost frames in a row after which a new segment starts at the predicted pose."""
+    """Number of lost frames in a row that are tolerated; the next one starts a new segment at the predicted pose."""
     iterations: Annotated[int, Range(1, 30)] = 10
-    """Largest number of iterations of the optimisation at each keyframe; a wrong calibration needs most of them."""
+    """Most iterations of the optimisation at each keyframe; a wrong calibration needs nearly all of them."""
 
     def pair_sigma(self, focal_px: float, told: PairSigma | None = None) -> Array:
         """Returns the prior standard deviations (E,) of the corrections, in the order of right_camera.TERMS.
@@ -170,7 +168,7 @@ class ModernStereo:
         decisions: tuple[Decision, ...],
         watch: Stopwatch,
     ) -> Outcome:
-        """Decides about a keyframe, and extends the map, for a localised frame. Tracking started from `before`."""
+        """Makes a localised frame a keyframe if needed, and extends the map. Tracking started from `before`."""
         setup = self._setup
         status = Status.INITIALISING if sighting.located is None else Status.TRACKING
         now = Current.of(before, new, sighting)

@@ -1,4 +1,4 @@
-"""Decides when a frame becomes a keyframe, and extends the map by it: new points, optimised window, prior."""
+"""Decides when a frame becomes a keyframe, and extends the map by it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,8 @@ from ispom.types import Decision
 CORNER_DISTANCE_PX = 8.0
 """Least distance [px] of a new corner from other points: patches of 11 pixels would show nearly the same."""
 CROWD = 2.0
-"""Number of points that a part of the image may hold, relative to an equal share. Without a limit the strongest corners
-cluster, mostly far ahead, and common errors, such as one edge's disparity, do not average out. With equal shares many
-corners are weak."""
+"""Most points in a part of the image, relative to an equal share. Without a limit the strongest corners cluster, mostly
+far ahead, and common errors, such as one edge's disparity, do not average out. With equal shares many are weak."""
 CANDIDATES = 1.8
 """Number of corners detected, relative to those needed: nearly half have a match that is less accurate than most."""
 LIKE_MOST = 1.3
@@ -43,8 +42,7 @@ their accuracy must be similar."""
 SAME_GREY = 2.0
 """Difference of patches [grey levels] below which all count as equally good: the noise of a camera at its best."""
 SURE_PX = 0.03
-"""Standard deviation [px] below which all matches count as equally good: else images without noise would keep only
-their best match."""
+"""Standard deviation [px] below which matches count as equally good: noise-free images would keep only their best."""
 CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
 """Radius [px] and number of steps of the sub-pixel refinement of a corner."""
 
@@ -82,10 +80,7 @@ class Current:
 
 
 def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:
-    """Returns the checks of which one makes a keyframe: large displacement, few of the last keyframe's points left.
-
-    There are none for the first keyframe.
-    """
+    """Returns the checks for a keyframe: large displacement, few of the last keyframe's points left; none at first."""
     if not world.keys:
         return ()
     last, camera = world.keys[-1], setup.camera
@@ -100,8 +95,7 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
 
 
 def corners(setup: Setup, new: NewPair, points: PairPoints, share: float = 1.0) -> NDArray[np.float32]:
-    """Detects corners (N, 2) [px] in the left image, between the present points, that bring the total number to `share`
-    times that of tracked points."""
+    """Detects corners (N, 2) [px] in the left image, which complete the points to `share` times `max_tracks`."""
     count = int(share * setup.max_tracks)
     found = detect_spread(new.left, count, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0])
     return at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)

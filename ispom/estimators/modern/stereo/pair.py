@@ -1,4 +1,4 @@
-"""Data of tracking in stereo frames: the images, the points alive, and the result of tracking the last points."""
+"""Data of tracking in stereo frames: images, points alive, and tracking results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
 
 @dataclass(frozen=True, eq=False)
 class NewPair:
-    """The grey images of one frame; the right one has the brightness and contrast of the left one."""
+    """The grey images of one frame, the right one as bright as the left one."""
 
     time_ns: int
     left: Image
@@ -93,11 +93,11 @@ class TrackingResult:
     took_part: NDArray[np.int64]
     """(K,) indices of the points that `located` was estimated from."""
     lower: NDArray[np.float32]
-    """(K,) vertical disparity, normalised, positive if lower in the right image; NaN where not found."""
+    """(K,) vertical disparities, normalised, positive if lower on the right; NaN where not found."""
     motion: Array | None = None
     """(12,) motion of left_from_world during the exposure of a rolling shutter, see rolling.mean_rates."""
     relocated: bool = False
-    """Whether the frame was localised by descriptors; the motion since the last frame is then unknown."""
+    """Whether descriptors localised the frame; the motion since the last frame is then unknown."""
 
     @staticmethod
     def nothing() -> TrackingResult:

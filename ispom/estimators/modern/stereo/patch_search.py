@@ -25,7 +25,7 @@ MAX_SHIFT_PX = 1.5
 PREDICTION_SEARCH_PX = 8.0
 """Largest distance [px] of a match from its prediction: alignment at half size converges from 4 px of its pixels."""
 LED_SHARE = 0.7
-"""Least share of the points predicted in the image that must be found there; with fewer, all are tracked instead."""
+"""Least share of the points predicted in the image that is found there; with fewer, all are tracked instead."""
 BORDER_PX = Klt().border_px
 
 
@@ -44,10 +44,7 @@ class _Patches:
 
     @staticmethod
     def of_points(setup: Setup, last: LastPair, world: StereoMap, near: Array, predicted: Pose) -> _Patches:
-        """Returns patches warped to the pose `predicted`, with points `near` (N, 3) in that camera.
-
-        Patches that do not scale and slant with their surfaces would drift.
-        """
+        """Returns patches warped to the pose `predicted`, with points `near` (N, 3) there: others would drift."""
         key, camera = world.keys[-1], setup.camera
         old, new = common(key.ids, last.points.ids)
         xy = key.seen[old, :2]
@@ -75,8 +72,8 @@ def track_from_prediction(
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
     """Finds points near their predictions: positions (N, 2) [px] in the left image and TrackStatus (N,).
 
-    Returns None if too few are found. Patches are aligned at half size first. This takes half the time of tracking from
-    the last image, and also follows points near the sides, where patches grow.
+    Returns None if too few are found. Patches are aligned at half size first, which takes half the time of tracking
+    from the last image, and also follows points that grow near the sides.
     """
     if last.key_left is None or last.key_half is None:
         return None

@@ -30,8 +30,7 @@ ITERATIONS, TOLERANCE = 8, 1e-3
 MOVES = 18
 """Number of unknowns of a keyframe: the left twist of its pose (6), and its motion (12)."""
 LEAST = 1e-9
-"""Information added to each unknown: far points do not determine their depth, and a keyframe may have lost all its
-points."""
+"""Information added to each unknown: far points do not determine depth, and a keyframe may have lost all points."""
 
 
 def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
@@ -66,8 +65,7 @@ def _cost(setup: Setup, world: StereoMap, believed: list[MotionPrior]) -> float:
 
 
 def _places(world: StereoMap) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Returns indices of each keyframe's points in the map, -1 if absent, and the number of observations of each map
-    point."""
+    """Returns map indices of each keyframe's points, -1 if absent, and the number of observations of each map point."""
     places = [world.places(k.ids) for k in world.keys]
     every = np.concatenate(places)
     return places, np.bincount(every[every >= 0], minlength=len(world.ids))
@@ -97,8 +95,7 @@ class _Observed:
     def of(
         setup: Setup, world: StereoMap, key: KeyFrame, place: NDArray[np.int64], count: NDArray[np.int64]
     ) -> _Observed:
-        """Returns the inliers. `place` (N,) are indices of the keyframe's points in the map, `count` (M,) numbers of
-        observations of the map's points."""
+        """Returns the inliers; `place` (N,) and `count` (M,) are as of `_places`."""
         near = key.left_from_world.apply(world.xyz[place])
         good = np.flatnonzero((place >= 0) & (count[place] >= 2) & (near[:, 2] > MIN_DEPTH))
         middle, near = key.at_middle(setup.baseline_m)[good], near[good]

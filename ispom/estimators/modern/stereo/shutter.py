@@ -103,8 +103,8 @@ class Rows:
     def refined(self, believed: MotionPrior, motion: Array, middle: Array, fit: PoseFit) -> tuple[Array, PoseFit]:
         """Refines the motion (12,) by one step of least squares over motion and pose, with the prior `believed`.
 
-        `middle` (N, 3) are the observations at the middle row by `motion`. The returned fit keeps its pose; its
-        information is reduced by the uncertainty of the motion.
+        `middle` (N, 3) are the observations at the middle row by `motion`. The returned fit has less information, by
+        the uncertainty of the motion.
         """
         near = fit.camera_from_world.apply(self.xyz)
         keep = fit.inliers & (near[:, 2] > 1e-6)

@@ -1,4 +1,4 @@
-"""The stereo estimator's window: keyframes with their observations, the points, and the prior of marginalised ones."""
+"""The stereo estimator's window: keyframes with observations, points, and the prior from marginalisation."""
 
 from __future__ import annotations
 
@@ -21,11 +21,9 @@ from ispom.solvers.window.prior import POSE, Prior, Sandwich, anchored
 from ispom.types import Camera
 
 KEPT_FRAMES = 2
-"""Number of newest keyframes whose observations stay when a point's older ones are marginalised: its track
-continues."""
+"""Number of newest keyframes whose observations of a point stay when its older ones are marginalised."""
 HELD_SIGMA = 1e-6
-"""Standard deviation [m, rad] that fixes the window's first pose after a loss, as `prior.anchored` does at the
-start."""
+"""Standard deviation [m, rad] that fixes the window's first pose after a loss, like `prior.anchored`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +60,7 @@ class KeyFrame:
 class Start:
     """The pose at which a new segment started after a loss; all its poses share the error of this one.
 
-    It is not part of the window's prior, where rounding would hide it next to the information of a hundred points.
+    It is not in the window's prior, where rounding would hide it next to the information of a hundred points.
     """
 
     left_from_world: Pose
@@ -187,8 +185,8 @@ def adjusted(
 def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]]:
     """Splits the window for marginalisation of its oldest keyframe.
 
-    Returns all keyframes with the observations to marginalise (of the oldest keyframe's points), and the remaining
-    keyframes with the others. Continuing tracks keep their observations in the newest keyframes.
+    Returns all keyframes with the observations to marginalise (of the oldest keyframe's points), and the others with
+    the rest. Continuing tracks keep their newest observations.
     """
     oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
     gone = [
@@ -254,10 +252,10 @@ def variance_factor(state: StereoMap, noise: Noise) -> float:
 
 
 def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
-    """Returns the map with the covariance of a frame that is no keyframe, computed as if it were the newest one.
+    """Returns the map with the covariance of a frame that is no keyframe, as if it were the newest one.
 
-    Errors of a track in the window and in the frame are correlated: adding the covariances of the newest keyframe and
-    of the relative pose would give a tenth to a third too little.
+    A track's errors in window and frame are correlated: the sum of the covariances of the newest keyframe and of the
+    relative pose would be a tenth to a third too small.
     """
     known = state.places(pair.ids) >= 0
     state = replace(state, keys=(*state.keys, pair.only(known)))
