@@ -1,4 +1,4 @@
-"""Descriptors: matching them by similarity, tracking by them, and any of OpenCV's as a detector and descriptor."""
+"""Matches descriptors by similarity, tracks by them, and wraps OpenCV's detectors and descriptors."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from ispom.geometry import Array
 from ispom.types import Image, TrackStatus
 
 MAX_RATIO = 0.8
-"""Distance of the best descriptor over that of the second best, at most (Lowe 2004, section 7.1)."""
+"""Largest ratio of the distances of the best and the second best descriptor (Lowe 2004, section 7.1)."""
 SEARCH_SIDE_PX = 800
-"""Images whose longer side is longer are searched at this size: as accurate on real drives, and much faster."""
+"""Longer side [px] to which larger images are reduced for detection: as accurate on real drives, and much faster."""
 LEAST_SIDE_PX = 16
-"""Smaller images have no features."""
+"""Shorter side [px] below which an image has no features."""
 ROWS_AT_ONCE = 512
-"""Descriptors compared at a time with all of the other image: the whole table would take some 70 MB."""
+"""Number of descriptors compared at a time with all of the other image; a full table would take some 70 MB."""
 PADDING_PX = 48
-"""Half of the widest patch that is described, or more: at the border the image's last pixels are repeated."""
+"""Width [px] of the border added by repeating the last pixels: at least half of the widest patch."""
 CANDIDATES = 4
-"""Keypoints detected per one wanted: the spread over the image is made from these."""
+"""Number of keypoints detected per point needed, from which well-distributed points are chosen."""
 NEAR_SHARE = 0.05
-"""Radius of a guided search, of the longer side of the image: 32 px at 640."""
+"""Radius of a guided search, relative to the longer side of the image: 32 px at 640."""
 REFINED_PX = 3.0
-"""Detectors place a point again in every image, a pixel or so beside itself; alignment corrects no more."""
+"""Largest correction [px] of a match by alignment: detectors repeat a point to about a pixel."""
 
 
 def dot_product(a: NDArray, b: NDArray) -> NDArray[np.float32]:
@@ -38,8 +38,10 @@ def dot_product(a: NDArray, b: NDArray) -> NDArray[np.float32]:
 
 
 def hamming_similarity(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Returns the similarity (N, M) of packed bits: 1 minus twice the share of bits that differ; unrelated ones have
-    about 0. That is the dot product of the bits as +-1, as unit vectors."""
+    """Returns the similarity (N, M) of packed bits: 1 minus twice the share of differing bits, about 0 if unrelated.
+
+    It equals the dot product of the bits as +-1, scaled to unit vectors.
+    """
     signs = [2 * np.unpackbits(d, axis=1).astype(np.float32) - 1 for d in (a, b)]
     return signs[0] @ signs[1].T / np.float32(max(signs[0].shape[1], 1))
 
@@ -50,17 +52,17 @@ def _unit(descriptors: NDArray) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class SimilarityMatcher:
-    """A Matcher by a similarity of descriptors, see `dot_product`."""
+    """A Matcher that compares descriptors by a similarity such as `dot_product`."""
 
     similarity: Callable[[NDArray, NDArray], NDArray[np.float32]]
     min_similarity: float
-    """Less is another point."""
+    """Least similarity of a match."""
     max_ratio: float
-    """Of 1 - similarity of the best match over that of the second best. For unit vectors that is the squared ratio of
-    distances, for bits the ratio of Hamming distances."""
+    """Largest ratio of 1 - similarity of the best and the second best match. For unit vectors this is the squared ratio
+    of distances, for bits the ratio of Hamming distances."""
 
     def match(self, a: Features, b: Features) -> NDArray[np.int64]:
-        """See Matcher: mutual nearest neighbours that pass the ratio test."""
+        """Returns mutual nearest neighbours that pass the ratio test, see Matcher."""
         if len(a) < 2 or len(b) < 2 or _differ(a, b):
             return np.zeros((0, 2), np.int64)
         to_b, clear = np.zeros(len(a), np.int64), np.zeros(len(a), bool)
@@ -95,12 +97,12 @@ class SimilarityMatcher:
 
 
 def _differ(a: Features, b: Features) -> bool:
-    """Whether they are of two kinds, as where a fork chose another front end: then nothing matches."""
+    """Returns whether the descriptors are of two kinds, as after a fork with another front end."""
     return a.descriptors.shape[1] != b.descriptors.shape[1]
 
 
 def near(expected: Array, uv: Array, distance_px: float) -> Allowed:
-    """Allows points (M, 2) within a distance of where each is expected (N, 2) [px]; NaN is expected nowhere."""
+    """Allows points (M, 2) within a distance of each expected position (N, 2) [px]; none for NaN."""
     return lambda rows: ((expected[rows, None] - uv[None]) ** 2).sum(axis=2) < distance_px**2
 
 
@@ -111,13 +113,13 @@ def on_lines(lines: Array, x: Array, distance: float) -> Allowed:
 
 
 def match_near(matcher: Matcher, a: Features, b: Features, expected: Array, distance_px: float) -> NDArray[np.int64]:
-    """Returns index pairs (M, 2) of the most similar features around where those of `a` are expected (N, 2) [px] in
-    `b`, each of both once."""
+    """Returns index pairs (M, 2) of the most similar features near the expected positions (N, 2) [px] of `a` in `b`;
+    each feature occurs once."""
     return each_once(*matcher.match_where(a, b, near(expected, b.uv, distance_px)))
 
 
 def each_once(pairs: NDArray[np.int64], similarity: Array) -> NDArray[np.int64]:
-    """Returns of index pairs (M, 2) the most similar one of each second index."""
+    """Returns, for each second index of pairs (M, 2), the pair with the largest similarity (M,)."""
     order = np.argsort(-similarity, kind="stable")
     _, first = np.unique(pairs[order, 1], return_index=True)
     return pairs[np.sort(order[first])]
@@ -125,16 +127,16 @@ def each_once(pairs: NDArray[np.int64], similarity: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class OpenCvFeatures:
-    """A Detector and a Descriptor made of one of OpenCV's, such as `cv2.ORB.create`."""
+    """A Detector and a Descriptor that wrap a feature of OpenCV, such as `cv2.ORB.create`."""
 
     create: Callable[[int], cv2.Feature2D]
-    """Makes it for a number of keypoints."""
+    """Creates the OpenCV object for a number of keypoints."""
     length: int
-    """Entries of a descriptor."""
+    """Number of entries of a descriptor."""
     keypoint_px: float
-    """Diameter that it gives to points that were not detected by it."""
+    """Diameter [px] assigned to points that it did not detect itself."""
     normalised: Callable[[NDArray], NDArray] | None = None
-    """Makes unit vectors (N, length) of its descriptors; None for bits."""
+    """Converts descriptors to unit vectors (N, length); None for bits."""
 
     def detect(
         self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
@@ -185,7 +187,7 @@ class OpenCvFeatures:
 
 
 def _reduced(grey: Image) -> tuple[Image, Array]:
-    """The image at the size at which it is searched, and (2,) its pixels per pixel of that."""
+    """Returns the image, reduced for detection, and its pixels per reduced pixel (2,)."""
     height, width = grey.shape
     factor = min(1.0, SEARCH_SIDE_PX / max(grey.shape))
     size = (max(round(width * factor), 1), max(round(height * factor), 1))
@@ -200,8 +202,10 @@ def _at_size(uv: Array, stretch: Array) -> NDArray[np.float32]:
 def _spread(
     strongest: NDArray[np.float32], shape: tuple[int, ...], count: int, occupied: Array, min_distance_px: float
 ) -> NDArray[np.float32]:
-    """Returns those of points (K, 2), the strongest first, that keep their distance and fill about square cells evenly
-    up to `count` points, the occupied ones (N, 2) included."""
+    """Selects points (M, 2) from points (K, 2), the strongest first, that keep the least distance.
+
+    They fill nearly square cells evenly, up to `count` points including the occupied ones (N, 2).
+    """
     height, width = shape
     side = np.sqrt(width * height / max(count / 5, 1))
     cells = np.array([max(1, round(width / side)), max(1, round(height / side))])
@@ -222,15 +226,15 @@ def _spread(
 
 @dataclass(frozen=True)
 class DescriptorTracker:
-    """A Tracker that finds points again by their descriptors, wherever they went, then aligns their surroundings."""
+    """A Tracker that matches points by descriptors over the whole image, then aligns the patches around them."""
 
     detector: Detector
     descriptor: Descriptor
     matcher: Matcher
     guided: bool = False
-    """Looks around the predictions only."""
+    """Whether to search near the predictions only."""
     count: int = 1500
-    """Points of the second image that are compared."""
+    """Number of points of the second image that are compared."""
     refine: Klt = field(default_factory=lambda: Klt(levels=0))
 
     def track(
@@ -257,6 +261,6 @@ class DescriptorTracker:
 
 
 def descriptor_front_end(name: str, reference: str, features: OpenCvFeatures, matcher: Matcher) -> FrontEnd:
-    """Returns the front end that detects, tracks and recognises by one kind of features."""
+    """Returns the front end that detects, tracks and relocalises by one kind of features."""
     tracker = DescriptorTracker(features, features, matcher)
     return FrontEnd(name, reference, features, tracker, replace(tracker, guided=True), features, matcher)

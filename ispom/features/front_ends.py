@@ -1,4 +1,4 @@
-"""The front ends that there are: those built in, and those of installed packages."""
+"""The available front ends: built-in ones, and those of installed packages."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ KLT = FrontEnd(
     sift.SIFT,
     sift.SIFT_MATCHER,
 )
-"""The default."""
+"""The default front end."""
 CORNERS = replace(KLT, name="corners", detector=ShiTomasi(spread=False), tracker=Klt(levels=4), guided=Klt(levels=4))
-"""The default of the paper's method: the strongest corners, tracked to and fro."""
+"""The default front end of the paper's method: the strongest corners, tracked with a forward-backward check."""
 PATCHES = FrontEnd(
     "patches",
     "Shi & Tomasi 1994; Baker & Matthews 2004; recognition by SIFT",
@@ -41,5 +41,5 @@ REGISTRY = Registry(
     (KLT, CORNERS, PATCHES, sift.FRONT_END, orb.FRONT_END),
     "or install the package that adds it",
 )
-"""Entry points of this group name a FrontEnd, or a function that returns one."""
+"""Registry of front ends; entry points of its group name a FrontEnd, or a function that returns one."""
 front_end, front_ends = REGISTRY.get, REGISTRY.names

@@ -1,4 +1,4 @@
-"""Images as they are tracked and searched: at a bounded size, of the same brightness, and only those with contrast."""
+"""Prepares images for tracking: limits their size, equalises their brightness, and checks their contrast."""
 
 from __future__ import annotations
 
@@ -11,28 +11,29 @@ from numpy.typing import NDArray
 from ispom.types import Camera, Frame, Image, Step, Tracks
 
 MAX_SIDE_PX = 1400
-"""Of the longer side, however the camera is held. Larger images are halved: windows and distances in pixels are made
-for 600-1400 px, and more cost time and no more."""
+"""Largest longer side of tracked images; larger images are halved. Windows and distances in pixels suit 600-1400 px;
+more pixels only cost time."""
 SEARCH_SIDE_PX = 700
-"""Images whose longer side is longer are searched at half size."""
+"""Longer side above which an image is searched at half size."""
 MIN_CONTRAST = 0.2
-"""Deviation of the coarse image's grey values, over that of the last good one: with less it shows nothing."""
+"""Least standard deviation of the coarse image's grey values, relative to the last good image."""
 COARSE = 8
-"""Pixels of the image per pixel of the coarse one: averages of 64 have an eighth of the noise."""
+"""Number of pixels, along each side, per pixel of the coarse image: averages of 64 have an eighth of the noise."""
 MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0
-"""Changes of contrast and brightness [grey levels] that tracking wants undone; more is another image, not exposure."""
+"""Least relative change of contrast and least change of brightness [grey levels] that are compensated for tracking, and
+the largest gain; beyond it the scene changed, not the exposure."""
 
 
 @dataclass(frozen=True)
 class TrackedSize:
-    """A camera, and the one whose images are tracked: the same, or with its images halved once or more."""
+    """A camera, and the one of the tracked images: the same, or with the image size halved once or more."""
 
     full: Camera
     tracked: Camera
 
     @staticmethod
     def of(camera: Camera, max_side_px: int = MAX_SIDE_PX) -> TrackedSize:
-        """For the images of a camera."""
+        """Returns the size for a camera: halved until the longer side is at most `max_side_px`."""
         halvings = 0
         while camera.longer_side_px / 2**halvings > max_side_px:
             halvings += 1
@@ -40,7 +41,7 @@ class TrackedSize:
 
     @property
     def factors(self) -> NDArray[np.float32]:
-        """(2,) pixels of the camera per pixel tracked, along x and y."""
+        """Returns pixels of the camera per tracked pixel (2,), along x and y."""
         full, tracked = self.full, self.tracked
         return np.array([full.width / tracked.width, full.height / tracked.height], np.float32)
 
@@ -55,7 +56,7 @@ class TrackedSize:
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def enlarged(self, step: Step) -> Step:
-        """A Step about the images as they were exposed: places, disparities and errors in their pixels."""
+        """Returns the Step in pixels of the full images: positions, disparities and residuals."""
         if self.tracked is self.full:
             return step
         tracks = {name: self._enlarged(some) for name, some in step.tracks.items()}
@@ -74,17 +75,17 @@ class TrackedSize:
 
 
 def halved(image: Image) -> Image:
-    """At half its size where it is large, else as it is."""
+    """Returns the image at half size if its longer side exceeds SEARCH_SIDE_PX, else unchanged."""
     return np.asarray(cv2.pyrDown(image), np.uint8) if max(image.shape) > SEARCH_SIDE_PX else image
 
 
 def factor_of(image: Image) -> int:
-    """Pixels of an image per pixel of the halved one, along each side."""
+    """Returns pixels of an image per pixel of `halved`, along each side."""
     return 2 if max(image.shape) > SEARCH_SIDE_PX else 1
 
 
 def as_bright(grey: Image, other: Image) -> Image:
-    """`grey` with the mean and contrast of `other`, where the exposure changed between them; else as it is."""
+    """Returns `grey` with the mean and contrast of `other` if the exposure changed between them, else unchanged."""
     (mean,), (spread,) = (np.ravel(v) for v in cv2.meanStdDev(grey))
     (wanted,), (wanted_spread,) = (np.ravel(v) for v in cv2.meanStdDev(other))
     gain = float(wanted_spread) / max(float(spread), 1.0)
@@ -95,7 +96,7 @@ def as_bright(grey: Image, other: Image) -> Image:
 
 
 def has_contrast(grey: Image, other: Image | None) -> bool:
-    """Whether the image has contrast beyond its noise, compared with another one."""
+    """Returns whether the image has contrast beyond its noise, relative to another one."""
     if other is None:
         return True
     now, before = (

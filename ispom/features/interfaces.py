@@ -1,4 +1,4 @@
-"""What finds, describes, matches and tracks image points: the Protocols, and a front end, which names one of each."""
+"""Protocols of detectors, descriptors, matchers and trackers, and the front end that combines one of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ispom.geometry import Array
 from ispom.types import Image
 
 Allowed = Callable[[slice], NDArray[np.bool_]]
-"""Which features of b each of some rows of a may match: (rows, len(b))."""
+"""Returns, for a slice of the features of a, which features of b each may match: (rows, len(b))."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Features:
     uv: NDArray[np.float32]
     """(N, 2) [px]."""
     descriptors: NDArray
-    """(N, D): unit vectors as float32 or, 255 times, as uint8; or packed bits as uint8. (N, 0) for tracked points."""
+    """(N, D) unit vectors, as float32 or, times 255, as uint8; or packed bits as uint8. (N, 0) for tracked points."""
 
     def __len__(self) -> int:
         return len(self.uv)
@@ -33,15 +33,16 @@ class Features:
 
     @property
     def described(self) -> bool:
+        """Returns whether the points have descriptors."""
         return self.descriptors.shape[1] > 0
 
     def after(self, uv: NDArray[np.float32]) -> Features:
-        """Returns points (M, 2) that match nothing, followed by these."""
+        """Returns points (M, 2) with blank descriptors, which match nothing, followed by these features."""
         blank = np.zeros((len(uv), self.descriptors.shape[1]), self.descriptors.dtype)
         return Features(np.concatenate([uv, self.uv]), np.concatenate([blank, self.descriptors]))
 
     def compact(self) -> Features:
-        """Returns the same with descriptors as bytes. A step is 4 % of a typical entry: no distance changes by 1 %."""
+        """Returns the features with descriptors as bytes: 4 % of a typical entry; distances change by less than 1 %."""
         if self.descriptors.dtype == np.uint8:
             return self
         return Features(self.uv, np.rint(255.0 * self.descriptors).astype(np.uint8))
@@ -55,63 +56,64 @@ class Detector(Protocol):
     ) -> NDArray[np.float32]:
         """Returns new points (M, 2) [px], spread over the image, that bring the number of points to about `count`.
 
-        None is nearer than `min_distance_px` to another one, or to those that are `occupied` (N, 2) [px], before its
-        position is refined.
+        Before refinement, each keeps `min_distance_px` from the others and from the `occupied` ones (N, 2) [px].
         """
         ...
 
 
 class Descriptor(Protocol):
-    """Describes points so that they can be recognised in another image, whatever lies between."""
+    """Describes points so that they can be matched in any other image."""
 
     def detect_and_describe(self, grey: Image, count: int) -> Features:
         """Returns about `count` features of an image, the strongest ones, no two at the same point."""
         ...
 
     def describe(self, grey: Image, uv: NDArray[np.float32]) -> Features:
-        """Returns points (N, 2) [px] of an image, described upright and at one scale, as tracking needs it."""
+        """Returns points (N, 2) [px] of an image with upright descriptors of one scale, as tracking needs them."""
         ...
 
 
 class Matcher(Protocol):
-    """Decides which features of two images are of the same point. Of descriptors of one kind only."""
+    """Matches features of two images, of one kind of descriptors."""
 
     def match(self, a: Features, b: Features) -> NDArray[np.int64]:
-        """Returns index pairs (M, 2), each feature once: best matches that are clearly better than the second best."""
+        """Returns index pairs (M, 2), each feature once: the best matches, if clearly better than the second best."""
         ...
 
     def match_where(self, a: Features, b: Features, allowed: Allowed) -> tuple[NDArray[np.int64], Array]:
-        """Returns for features of `a` the most similar of those of `b` that are allowed, where it is similar enough:
-        index pairs (M, 2), each of `a` once, and their similarity (M,), 1 for equal descriptors."""
+        """Returns, for each feature of `a`, the most similar allowed one of `b`, if it is similar enough.
+
+        The result is index pairs (M, 2), each of `a` once, and their similarity (M,), 1 for equal descriptors.
+        """
         ...
 
 
 class Tracker(Protocol):
-    """Follows points from one image into the next."""
+    """Tracks points from one image into the next."""
 
     def track(
         self, start: Image, end: Image, uv: NDArray[np.float32], predicted: NDArray[np.float32] | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Returns where points (N, 2) [px] of `start` are in `end`, and their TrackStatus (N,): ALIVE where found.
+        """Returns the positions (N, 2) in `end` of points (N, 2) [px] of `start`, and TrackStatus (N,): ALIVE if found.
 
-        `predicted` (N, 2) [px] is where to look first. The position of a point that was not found means nothing.
+        The search starts at `predicted` (N, 2) [px]. Positions of points that were not found are meaningless.
         """
         ...
 
 
 @dataclass(frozen=True)
 class FrontEnd:
-    """A named combination of algorithms, by which an estimator sees."""
+    """A named combination of algorithms that supplies an estimator with tracks and matches."""
 
     name: str
     reference: str
-    """The publications."""
+    """Publications of the algorithms."""
     detector: Detector
     tracker: Tracker
-    """Where nothing is known of the motion but that before."""
+    """Tracks without predictions from a map."""
     guided: Tracker
-    """Where a map and a motion model predict each point; what it finds is checked afterwards."""
+    """Tracks from predictions by a map and a motion model; the caller checks its results."""
     descriptor: Descriptor
-    """For what tracking does not bridge: wide steps, a lost camera, loops."""
+    """Describes features for wide steps, relocalisation and loops."""
     matcher: Matcher
-    """Of its descriptors."""
+    """Matches the features of `descriptor`."""

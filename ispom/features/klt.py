@@ -14,21 +14,24 @@ from ispom.types import Image, TrackStatus
 
 @dataclass(frozen=True)
 class Klt:
+    """A Tracker by pyramidal Lucas-Kanade."""
+
     window_px: int = 11
-    """Small windows are faster, and less biased where the motion varies."""
+    """Side of the window; small windows are faster, and less biased if the motion varies within them."""
     levels: int = 3
-    """Pyramid levels above the image itself."""
+    """Number of pyramid levels above the image itself."""
     iterations: int = 20
     max_forward_backward_px: float = 0.7
-    """inf leaves the way back out, where something else checks the place found."""
+    """Largest error of the forward-backward check; inf skips it, if the caller checks the result."""
     border_px: int = 4
 
     def track(
         self, start: Image, end: Image, uv: NDArray[np.float32], predicted: NDArray[np.float32] | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Places (N, 2) in `end` of points (N, 2) of `start`, and TrackStatus (N,): ALIVE, or why the track ended.
+        """Returns positions (N, 2) [px] in `end` of points (N, 2) of `start`, and TrackStatus (N,): ALIVE, or why it
+        ended.
 
-        `predicted` (N, 2): where to begin looking. Of an ended track the place is meaningless.
+        The search starts at `predicted` (N, 2). The position of an ended track is meaningless.
         """
         if not len(uv):
             return np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
@@ -44,8 +47,8 @@ class Klt:
     def checked(
         self, start: Image, end: Image, uv: NDArray[np.float32], found_uv: NDArray[np.float32]
     ) -> NDArray[np.uint8]:
-        """TrackStatus (N,) of places (N, 2) in `end` that were found by other means: ALIVE where they lead back to the
-        points (N, 2) of `start`."""
+        """Returns the TrackStatus (N,) of positions (N, 2) in `end` found by other means: ALIVE if tracking back leads
+        to the points (N, 2) of `start`."""
         back, found = self._flow(end, start, found_uv, uv)
         status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
         status[lengths(back - uv) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
@@ -54,7 +57,7 @@ class Klt:
         return status
 
     def _outside(self, image: Image, uv: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(N,) which of the places (N, 2) are too near to the image's border, or beyond it."""
+        """Returns a mask (N,) of the positions (N, 2) that are near the image's border or outside."""
         height, width = image.shape
         last = (width - 1 - self.border_px, height - 1 - self.border_px)
         return ~both((uv >= self.border_px) & (uv <= np.array(last, np.float32)))
@@ -71,7 +74,7 @@ class Klt:
             winSize=(self.window_px, self.window_px),
             maxLevel=self.levels,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, self.iterations, 0.01),
-            # The least eigenvalue is there anyway; the error that would be told instead is not, and nobody asks for it.
+            # OpenCV computes the least eigenvalue anyway; its alternative, an error measure, costs time and is unused.
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
             minEigThreshold=1e-4,
         )

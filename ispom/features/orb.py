@@ -1,4 +1,4 @@
-"""ORB (Rublee et al. 2011): corners on a pyramid and bits, compared by the number that differ."""
+"""ORB (Rublee et al. 2011): corners of an image pyramid with binary descriptors, compared by Hamming distance."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from ispom.features.descriptors import (
 )
 
 BITS, MAX_BITS = 256, 50
-"""Of a descriptor; and how many may differ where both are of one point (TH_LOW of ORB-SLAM, Mur-Artal et al. 2015)."""
+"""Number of bits of a descriptor, and the largest Hamming distance of a match (TH_LOW of ORB-SLAM, Mur-Artal et al.
+2015)."""
 FAST_THRESHOLD = 10
-"""Grey levels: between the 20 and the 7 that ORB-SLAM tries one after the other."""
+"""Threshold of the FAST detector [grey levels]: between the 20 and the 7 that ORB-SLAM tries in turn."""
 
 
 def _create(count: int) -> cv2.Feature2D:

@@ -1,8 +1,7 @@
-"""Whether the first images of a recording look like those of the cameras that it has: what a person mixes up is told
-at once.
+"""Checks that the first images of a recording fit its cameras, to report mistakes of the user at once.
 
-Features found again in the other image tell it: of a rectified pair they are on the same rows, and farther left in the
-right image; those of one camera are not found again in the other half of its image.
+Matched features decide. In a rectified pair they are on the same rows, and farther left in the right image. In one
+camera's image the two halves have no matches.
 """
 
 from __future__ import annotations
@@ -19,20 +18,23 @@ from ispom.geometry import Array
 from ispom.types import Frame, Image, Sequence, as_grey, is_stereo, is_video
 
 PAIRS, FEATURES = 2, 500
-"""Looked at, and in each of their images."""
+"""Number of frames that are checked, and of features in each image."""
 LEAST, LEAST_PX = 60, 64
-"""Fewer matches, or columns, say nothing."""
+"""Least number of matches, and of columns [px], for a check."""
 FAR_OFF = 2.0
-"""Rows may be off by so many times what stereo looks within before most points are missed: it corrects what is less."""
+"""Row offset, relative to the search range of stereo, from which most points are missed; stereo corrects smaller
+ones."""
 LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
-"""So many matches differ in rows by no more than this from all others, or the images are not those of one place."""
+"""Largest difference of a match's row offset [px] from the median, and the least share of matches within it; with fewer
+the images do not show the same scene."""
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
-"""So many matches are farther right by more than this, or left and right are not exchanged: calibrations are off."""
+"""Least shift to the right [px], and the share of matches beyond it from which left and right count as exchanged:
+calibrations are inaccurate."""
 
 HALF_SHARE, HALF_LEVEL, HALF_LOWER, HALF_APART = 0.2, 0.015, 0.1, 0.35
-"""Of the features in one half of an image so many are found again in the other half, lower by the same to this share of
-the height and by no more than that one, and no farther apart than this share of a half's width. Of the images of one
-camera it was 0.01."""
+"""Limits for two cameras in one image: least share of features matched in the other half; largest scatter of the row
+offset and largest row offset, relative to the height; largest column offset, relative to a half's width. For images of
+one camera the share was 0.01."""
 
 SIDE_BY_SIDE = (
     "The left and the right half of the images show the same, as of a stereo camera that puts its images side by side: "
@@ -46,13 +48,13 @@ EXCHANGED = (
 )
 
 MIXED_UP = (SIDE_BY_SIDE, SAME, EXCHANGED)
-"""Of such images no method finds any motion."""
+"""Notes about images from which no method can estimate a motion."""
 
 
 def with_look(sequence: Sequence) -> Sequence:
-    """The same, with a note where its first images cannot be those of the cameras that its rig has.
+    """Adds a note to the sequence if its first images do not fit the cameras of its rig.
 
-    Of a live source nothing is looked at.
+    Live sources are not checked.
     """
     if sequence.grow is not None:
         return sequence
@@ -60,7 +62,7 @@ def with_look(sequence: Sequence) -> Sequence:
     found = [i for i, each in enumerate(sequence.kinds) if each == kind][:PAIRS]
     try:
         seen = [sequence.load(i) for i in found]
-    except InputError:  # the run tells of it, or goes on without
+    except InputError:  # the run reports it, or continues without it
         return sequence
     if kind == "video":
         note = halves_note([each.image for each in seen if is_video(each)])
@@ -71,14 +73,15 @@ def with_look(sequence: Sequence) -> Sequence:
 
 
 def halves_note(images: list[Image]) -> str:
-    """That images hold those of two cameras side by side, in words; "" where they do not, or where that cannot be
-    told."""
+    """Returns a note if each image contains those of two cameras side by side; "" if not, or unknown."""
     return SIDE_BY_SIDE if images and all(map(_is_two, images)) else ""
 
 
 def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0) -> str:
-    """What is wrong with pairs, in words; "" where nothing is, or where that cannot be told. Stereo tracks in images
-    that are smaller by `px_per_tracked`."""
+    """Returns a note about a mistake in the stereo frames; "" if there is none, or unknown.
+
+    `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones.
+    """
     if pairs and all(np.array_equal(pair.left, pair.right) and np.ptp(pair.left) for pair in pairs):
         return SAME
     apart = np.concatenate([np.zeros((0, 2)), *map(_apart, pairs)])
@@ -100,7 +103,7 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0) -> str:
 
 
 def _apart(pair: Frame) -> Array:
-    """(M, 2) [px] how much farther right, and lower, features lie in the right image."""
+    """Returns the offsets (M, 2) [px], to the right and downwards, of features in the right image."""
     return _found_again(as_grey(pair.left), as_grey(pair.right))[0]
 
 
@@ -118,7 +121,7 @@ def _is_two(image: Image) -> bool:
 
 
 def _found_again(left: Image, right: Image) -> tuple[Array, int]:
-    """(M, 2) [px] how much farther right, and lower, features lie in the right image; and of how many."""
+    """Returns the offsets (M, 2) [px] of matched features in the right image, and the number of left features."""
     a, b = (SIFT.detect_and_describe(np.ascontiguousarray(image), FEATURES) for image in (left, right))
     pairs = SIFT_MATCHER.match(a, b)
     return (b.uv[pairs[:, 1]] - a.uv[pairs[:, 0]]).astype(float), len(a.uv)

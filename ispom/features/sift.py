@@ -1,4 +1,4 @@
-"""SIFT (Lowe 2004), as RootSIFT (Arandjelovic & Zisserman 2012): survives metres between two images."""
+"""SIFT (Lowe 2004), as RootSIFT (Arandjelovic & Zisserman 2012): matches images that are metres apart."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ispom.features.descriptors import MAX_RATIO, OpenCvFeatures, SimilarityMatcher, descriptor_front_end, dot_product
 
 MIN_SIMILARITY = 0.8
-"""Product of unit descriptors: less is another point."""
+"""Least dot product of the unit descriptors of a match."""
 
 
 def _create(count: int) -> cv2.Feature2D:

@@ -1,4 +1,4 @@
-"""Points weighed by the area that they stand for, not by how many there are."""
+"""Weights of points by the area that they represent, not by their number."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 CELLS = 8
-"""Along each side of what the points cover."""
+"""Number of cells along each side of the points' bounding box."""
 
 
 def area_weights(places: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """(N,) for places (N, 2): each cell of a grid over them has weight 1, which its points share."""
+    """Returns weights (N,) of positions (N, 2): each cell of a grid over them has weight 1, shared by its points."""
     low, high = places.min(axis=0), places.max(axis=0)
     cell = np.minimum((CELLS * (places - low) / np.maximum(high - low, 1e-12)).astype(np.int64), CELLS - 1)
     number = cell[:, 0] * CELLS + cell[:, 1]
@@ -20,7 +20,7 @@ def area_weights(places: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]
 
 
 def weighted_median(values: NDArray[np.floating[Any]], weights: NDArray[np.floating[Any]]) -> float:
-    """The least of the values (N,) that, with those below it, have half of the weight (N,)."""
+    """Returns the weighted median: the least of the values (N,) up to which half of the weight (N,) lies."""
     order = np.argsort(values, kind="stable")
     sums = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(sums, 0.5 * sums[-1])]])

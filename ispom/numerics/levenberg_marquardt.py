@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt: damping, trial, acceptance and stop, for every problem that can solve for its damped step."""
+"""Levenberg-Marquardt: damping, trial, acceptance and stop, for any problem that can compute its damped step."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from ispom.stop import check_stop
 T = TypeVar("T")
 
 FIRST, LOWEST = 1e-4, 1e-9
-"""Damping at the start, and its least value, where nobody sets them."""
+"""Default damping at the start, and its default least value."""
 EASED, RAISED = 10, 30
-"""The damping is divided by the one where a step lowered the cost, else multiplied by the other."""
+"""Divisor of the damping after a step that lowered the cost, and its factor after one that did not."""
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum(Generic[T]):
+    """The result of `minimise`."""
+
     values: T
     cost_before: float
     cost: float
@@ -34,10 +36,10 @@ def minimise(
     first: float = FIRST,
     lowest: float = LOWEST,
 ) -> Minimum[T]:
-    """The values of least cost found from `start` in at most so many steps; `stepped(values, damping)` tries one.
+    """Minimises `cost` from `start` in at most `iterations` steps; `stepped(values, damping)` computes one.
 
-    A step that does not lower the cost is forgotten. The damping begins with `first` and stays above `lowest`. Ends
-    early when a step lowers the cost by less than the share `tolerance`, or the damping would be above `highest`.
+    A step that does not lower the cost is rejected. The damping starts at `first` and stays above `lowest`. Ends early
+    when a step lowers the cost by less than the share `tolerance`, or when the damping would exceed `highest`.
     Nocedal & Wright, Numerical Optimization, 10.3. Deterministic.
     """
     values, damping, done = start, first, 0
@@ -47,7 +49,7 @@ def minimise(
         trial = stepped(values, damping)
         trial_cost = cost(trial)
         if trial_cost < now:
-            gain = (now - trial_cost) / max(now, 1e-300)  # a prior makes it negative now and then
+            gain = (now - trial_cost) / max(now, 1e-300)  # a prior can make the cost negative
             values, now, damping = trial, trial_cost, max(damping / EASED, lowest)
             if gain < tolerance:
                 break

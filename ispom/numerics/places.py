@@ -1,4 +1,4 @@
-"""Finding ids in a sorted list of them."""
+"""Finds ids in sorted arrays of ids."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def places(known: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) where each of the wanted ids (N,) stands among the known ones (M,), which ascend; -1 where it does not."""
+    """Returns the index (N,) of each wanted id (N,) among the known ones (M,), which ascend; -1 if absent."""
     if not len(known):
         return np.full(len(wanted), -1, np.int64)
     at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
@@ -15,7 +15,7 @@ def places(known: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.in
 
 
 def common(a: NDArray[np.int64], b: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(K,) each: where the ids that both have stand in a (N,) and in b (M,), which ascend."""
+    """Returns the indices (K,) in a (N,), and in b (M,), of the ids that both contain; both ascend."""
     at = places(b, a)
     has = np.flatnonzero(at >= 0)
     return has, at[has]

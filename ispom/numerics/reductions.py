@@ -1,5 +1,5 @@
-"""Reductions that are needed many times at each exposure: the numbers are numpy's own, which takes three times as long
-for rows of two, and ten times as long for a median."""
+"""Fast reductions with numpy's results, needed many times per frame: numpy takes three times as long for rows of two,
+and ten times as long for a median."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 
 
 def lengths(rows: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """(N,) of vectors (N, 2)."""
+    """Returns the lengths (N,) of vectors (N, 2)."""
     return np.sqrt(squares(rows))
 
 
 def squares(rows: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """(N,) squared lengths of vectors (N, 2)."""
+    """Returns the squared lengths (N,) of vectors (N, 2)."""
     x, y = rows[:, 0], rows[:, 1]
     return x * x + y * y
 
 
 def both(rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) of (N, 2)."""
+    """Returns whether both entries of each row (N, 2) are true (N,)."""
     return rows[:, 0] & rows[:, 1]
 
 
 def median(values: NDArray[np.floating[Any]]) -> float:
-    """Of (N,), N > 0, without NaN: of an even number the mean of both in the middle."""
+    """Returns the median of values (N,), N > 0, without NaN; for even N the mean of the two middle ones."""
     middle = len(values) // 2
     if len(values) % 2:
         return float(np.partition(values, middle)[middle])

@@ -1,6 +1,7 @@
-"""Local bundle adjustment: poses of a window of key frames and the points they see, by reprojection error.
+"""Local bundle adjustment: poses of a window of keyframes and the points they observe, by reprojection error.
 
-The window's adjustment (window.py) with one camera, no prior and nothing to correct: the first poses are held instead.
+Runs the windowed bundle adjustment (solvers/window) with one camera, without prior and corrections: the first poses are
+fixed instead.
 """
 
 from __future__ import annotations
@@ -16,14 +17,16 @@ from ispom.solvers.window import adjustment as window
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
+    """The result of `adjust`."""
+
     cameras_from_world: tuple[Pose, ...]
     xyz_in_world: Array
     """(M, 3)."""
     cost_before: float
     cost_after: float
-    """Half the robust cost, in squares of the loss scale."""
+    """Half the robust sum of squares, in units of the squared loss scale."""
     residuals: Array
-    """(K,) reprojection errors, normalised units, after the adjustment; 1e9 behind the camera."""
+    """(K,) reprojection errors, normalised units, after the optimisation; 1e9 behind the camera."""
     iterations: int
 
 
@@ -37,7 +40,7 @@ def adjust(
     scale: float,
     iterations: int = 10,
 ) -> Bundle:
-    """Adjusts all cameras but the first `fixed` (two fix the gauge, scale included) and all points.
+    """Optimises all points and all cameras but the first `fixed` (two fix the gauge, including the scale).
 
     Observation k (of K) is the normalised coordinates x[k] (2,) of point point_index[k] in camera camera_index[k];
     `scale` is that of the Cauchy loss in the same unit. Points behind a camera have no weight.

@@ -1,6 +1,6 @@
-"""Pose graph: poses that measured relative ones join, adjusted together (Grisetti et al. 2010; Strasdat et al. 2010).
+"""Pose graph optimisation from measured relative poses (Grisetti et al. 2010; Strasdat et al. 2010).
 
-A pose is a Similarity world_from_node: of one camera the unit drifts as well, of a pair the scale is held.
+A pose is a Similarity world_from_node: the scale of one camera drifts as well, that of a stereo pair is fixed.
 """
 
 from __future__ import annotations
@@ -17,45 +17,45 @@ from ispom.geometry import Array, Pose, Similarity, skew, so3_exp, so3_log
 from ispom.numerics.levenberg_marquardt import minimise
 
 ITERATIONS, TOLERANCE = 20, 1e-9
-"""Steps of one adjustment, at most, and the relative decrease of the cost that ends it. From odometry with a drift of
-some percent four are enough."""
+"""Largest number of steps of one optimisation, and the relative decrease of the cost that ends it. From odometry with a
+drift of some percent four steps are enough."""
 FREEDOM = 7
 OUTLIER, MEDIAN = float(chdtri(FREEDOM, 0.001)), float(chdtri(FREEDOM, 0.5))
-"""Squared deviation of a right measurement from what all others say: exceeded once in a thousand times, and by half."""
+"""Quantiles (99.9 % and 50 %) of the squared deviation of a correct measurement from the estimate of all others."""
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A relative pose that was measured."""
+    """A measured relative pose."""
 
     first: int
     then: int
     first_from_then: Similarity
     covariance: Array
-    """(7, 7) of its right perturbation (rho in then's frame and unit, phi [rad], ln scale)."""
+    """(7, 7) covariance of its right perturbation (rho in then's frame and unit, phi [rad], ln scale)."""
     may_be_false: bool = False
-    """Whether it may be no measurement of these two poses at all, as a loop between places that look alike."""
+    """Whether it may be an outlier, such as a loop closure between scenes that look alike."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """An adjusted graph."""
+    """An optimised graph."""
 
     nodes: tuple[Similarity, ...]
     covariance: Array
-    """(7, 7) of the last node's right perturbation."""
+    """(7, 7) covariance of the last node's right perturbation."""
     cost: float
-    """Half the sum of squares of the residuals over their deviations, of the edges that count."""
+    """Half the sum of the squared normalised residuals of the inlier edges."""
     weights: Array
-    """(E,) of the edges: 1, or 0 of those left out."""
+    """(E,) weights of the edges: 1, or 0 for outliers."""
 
 
 def optimise(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool) -> Spread:
-    """Returns the poses world_from_node that fit all edges best; the first node is held.
+    """Returns the least-squares poses world_from_node; the first node is fixed.
 
-    Each node is joined to the first one by edges that can't be false. `scaled`: the unit may drift, else all scales
-    are held. Edges that may be false and deviate from what all others say are left out, one after the other (data
-    snooping: Baarda 1968). Odometry drifts by more than it claims: deviations count relative to their median.
+    Edges that cannot be false must connect each node to the first one. `scaled`: scales may drift, else all are fixed.
+    Edges that may be false are discarded one by one if they deviate from the estimate of all others (data snooping:
+    Baarda 1968). Odometry drifts by more than its covariance, so deviations are relative to their median.
     """
     graph, weights = _Graph.of(edges, len(nodes), scaled), np.ones(len(edges))
     doubtful = np.array([e.may_be_false for e in edges])
@@ -72,32 +72,32 @@ def optimise(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: boo
     last[-FREEDOM:] = np.eye(FREEDOM)
     covariance = factored.solve(last)[-FREEDOM:]
     if not scaled:
-        # Held, and not free by one: carried along a way, that would be as much as its length.
+        # The scale is fixed; the one on its diagonal would propagate to a deviation as large as the path.
         covariance[-1, :] = covariance[:, -1] = 0.0
     return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals), weights)
 
 
 def _deviation(residuals: Array, jacobian: csr_array, factored: SuperLU, edge: int) -> float:
-    """Squared deviation of an edge's measurement from what all others say, in standard deviations of both."""
+    """Returns the squared deviation of an edge from the estimate of all others, in units of their joint covariance."""
     rows = slice(FREEDOM * edge, FREEDOM * (edge + 1))
     own, residual = jacobian[rows].toarray(), residuals[rows]
     return float(residual @ np.linalg.solve(np.eye(FREEDOM) - own @ factored.solve(own.T), residual))
 
 
 def adjoint_sim3(between: Similarity) -> Array:
-    """(7, 7) that carries a right perturbation from before `between` to after it:
+    """Returns the matrix (7, 7) that maps a right perturbation from before `between` to after it:
     M(d) @ b == b @ M(adjoint_sim3(b) @ d)."""
     return _carried(_Places.of((between,)))[0]
 
 
 def joined(a: Edge, b: Edge) -> Edge:
-    """One edge in the place of two that follow each other."""
+    """Returns the composition of two consecutive edges."""
     way = adjoint_sim3(b.first_from_then)
     return Edge(a.first, b.then, a.first_from_then @ b.first_from_then, way @ a.covariance @ way.T + b.covariance)
 
 
 def reversed_edge(edge: Edge) -> Edge:
-    """The same measurement from its other end."""
+    """Returns the inverse measurement, from `then` to `first`."""
     way = adjoint_sim3(edge.first_from_then.inverse())
     return Edge(edge.then, edge.first, edge.first_from_then.inverse(), way @ edge.covariance @ way.T)
 
@@ -134,7 +134,7 @@ class _Places:
         return _Places(self.scales * other.scales, self.turns @ other.turns, offsets)
 
     def moved(self, delta: Array) -> _Places:
-        """Perturbed on the right by (N, 7) rho, phi, ln scale."""
+        """Returns the similarities, perturbed on the right by (N, 7) rho, phi, ln scale."""
         return self @ _Places(np.exp(delta[:, 6]), so3_exp(delta[:, 3:6]), delta[:, :3])
 
 
@@ -146,7 +146,7 @@ class _Graph:
     roots: Array
     """(E, 7, 7) square roots of the edges' information."""
     size: int
-    """Unknowns: of all nodes but the first."""
+    """Number of unknowns: 7 for each node but the first."""
     scaled: bool
 
     @staticmethod
@@ -161,7 +161,7 @@ class _Graph:
         )
 
     def adjusted(self, start: _Places, weights: Array) -> _Places:
-        """The places of least squares, by weights (E,) of the edges."""
+        """Returns the least-squares similarities, with weights (E,) of the edges."""
 
         def cost(places: _Places) -> float:
             return 0.5 * float(weights @ self.squares(places))
@@ -174,17 +174,17 @@ class _Graph:
         return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
 
     def squares(self, nodes: _Places) -> Array:
-        """(E,) squared residuals over their deviations."""
+        """Returns the squared normalised residuals (E,)."""
         return (_times(self.roots, self._residuals(nodes)[2]) ** 2).sum(axis=1)
 
     def _residuals(self, nodes: _Places) -> tuple[_Places, _Places, Array]:
-        """The relative poses, how they differ from those measured, and the same as (E, 7)."""
+        """Returns the relative poses, their differences from the measured ones, and these as vectors (E, 7)."""
         between = nodes.at(self.first).inverse() @ nodes.at(self.then)
         off = self.measured.inverse() @ between
         return between, off, np.column_stack([off.offsets, so3_log(off.turns), np.log(off.scales)])
 
     def linearised(self, nodes: _Places, weights: Array) -> tuple[Array, csr_array]:
-        """(7 E,) residuals over their deviations, and their derivatives (7 E, size), times the weights' roots."""
+        """Returns the normalised residuals (7 E,) and their Jacobian (7 E, size), times the square roots of weights."""
         between, off, residual = self._residuals(nodes)
         by_then = np.zeros((len(residual), FREEDOM, FREEDOM))
         by_then[:, :3, :3] = off.scales[:, None, None] * off.turns
@@ -199,7 +199,7 @@ class _Graph:
         return _times(roots, residual).ravel(), self._placed(roots @ blocks)
 
     def _placed(self, blocks: Array) -> csr_array:
-        """(7 E, size) of blocks (E, 7, 14) by `first` and `then`."""
+        """Returns the sparse matrix (7 E, size) of blocks (E, 7, 14) by `first` and `then`."""
         ends = np.stack([self.first, self.then], axis=1) - 1
         columns = (FREEDOM * ends[:, :, None] + np.arange(FREEDOM)).reshape(len(ends), 1, -1)
         rows = np.arange(FREEDOM * len(ends)).reshape(len(ends), FREEDOM, 1)
@@ -208,7 +208,7 @@ class _Graph:
         return coo_array((blocks[free], (rows[free], columns[free])), shape=(FREEDOM * len(ends), self.size)).tocsr()
 
     def factored(self, jacobian: csr_array, damping: float = 0.0) -> SuperLU:
-        """The normal equations, their diagonal raised by a share; a one on it holds the scales that are held."""
+        """Factors the normal equations, with the diagonal raised by the share `damping`; a one on it fixes scales."""
         held = np.zeros(self.size)
         held[FREEDOM - 1 :: FREEDOM] = float(not self.scaled)
         index = np.arange(self.size)
@@ -218,7 +218,7 @@ class _Graph:
 
 
 def _carried(between: _Places) -> Array:
-    """(N, 7, 7) as `carried`."""
+    """Returns the matrices (N, 7, 7) of `adjoint_sim3`."""
     back = np.swapaxes(between.turns, 1, 2)
     by_scale = back / between.scales[:, None, None]
     out = np.zeros((len(back), FREEDOM, FREEDOM))
@@ -231,5 +231,5 @@ def _carried(between: _Places) -> Array:
 
 
 def _times(matrices: Array, vectors: Array) -> Array:
-    """(N, K) of (N, K, K) and (N, K)."""
+    """Returns the products (N, K) of matrices (N, K, K) and vectors (N, K)."""
     return (matrices @ vectors[:, :, None])[:, :, 0]

@@ -12,13 +12,15 @@ from ispom.geometry import Array, Pose
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
+    """A rigid transformation of points, and its inliers."""
+
     target_from_source: Pose
     inliers: NDArray[np.bool_]
-    """(N,)."""
+    """(N,) mask of the points."""
 
 
 def horn(source: Array, target: Array) -> tuple[Array, Array]:
-    """Least-squares R (..., 3, 3), t (..., 3) with target ~ R source + t, of points (..., N, 3), N >= 3.
+    """Returns the least-squares R (..., 3, 3), t (..., 3) with target ~ R source + t, of points (..., N, 3), N >= 3.
 
     Closed form without scale (Horn 1987; the SVD of Umeyama 1991, which never gives a reflection).
     """
@@ -34,10 +36,10 @@ def horn(source: Array, target: Array) -> tuple[Array, Array]:
 def rigid_motion(
     source: Array, target: Array, tolerance: Array, hypotheses: int = 256, rounds: int = 5, seed: int = 0
 ) -> RigidMotion | None:
-    """target_from_source of points (N, 3) [m] with outliers: RANSAC over 3-point samples, then Horn on the inliers.
+    """Finds target_from_source of points (N, 3) [m] with outliers: RANSAC over 3-point samples, then Horn on inliers.
 
-    A point is an inlier where it lands within its own `tolerance` (N,) [m]: the depth error of stereo grows with
-    the square of the distance. None with fewer than 6 inliers. Deterministic from `seed`.
+    A point is an inlier if its error is within its own `tolerance` (N,) [m]: the depth error of stereo grows with the
+    square of the distance. None with fewer than 6 inliers. Deterministic from `seed`.
     """
     n = len(source)
     if n < 6:

@@ -1,4 +1,4 @@
-"""Relative pose of two views from point matches (section 6.1, step 2)."""
+"""Estimates the relative pose of two views from point matches (section 6.1, step 2)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ from ispom.numerics.robust import cauchy_weights
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
+    """The relative pose of two views, and its inliers."""
+
     second_from_first: Pose
-    """Of length 1."""
+    """The relative pose; its translation has length 1."""
     inliers: NDArray[np.bool_]
-    """(N,) consistent with the essential matrix and in front of both cameras."""
+    """(N,) whether a match fits the essential matrix and is in front of both cameras."""
 
 
 def relative_pose(x1: Array, x2: Array, threshold: float, most_samples: int = 2000) -> RelativePose | None:
-    """From normalised coordinates (N, 2) in two views: five-point essential matrix in RANSAC, cheirality, refinement.
+    """Estimates the relative pose from normalised coordinates (N, 2) in two views.
 
-    `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length). At most so
-    many samples of five points are tried.
-    None with fewer than 8 inliers or where no essential matrix is found. Deterministic.
+    Finds the five-point essential matrix in RANSAC with at most `most_samples` samples, checks cheirality, and refines.
+    `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length).
+    None with fewer than 8 inliers or if no essential matrix is found. Deterministic.
     Nister 2004 (five-point), Barath et al. 2020 (OpenCV's MAGSAC++, see `inlier_distances`).
     """
     if len(x1) < 8:
@@ -50,16 +52,16 @@ def relative_pose(x1: Array, x2: Array, threshold: float, most_samples: int = 20
 
 
 def inlier_distances(x: Array, threshold: float) -> Array:
-    """Normalised coordinates (N, 2) in units of the inlier distance, which OpenCV's MAGSAC++ is given them in.
+    """Returns normalised coordinates (N, 2) in units of the inlier distance, for OpenCV's MAGSAC++.
 
-    It works with limits of its own that are made for pixels: of normalised coordinates, with a threshold of 0.001, it
-    loses most inliers of a homography, and some of an essential matrix.
+    MAGSAC++ has internal limits in pixels: with normalised coordinates and a threshold of 0.001 it loses most inliers
+    of a homography, and some of an essential matrix.
     """
     return x / threshold
 
 
 def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
-    """Signed Sampson distances (N,), in normalised units, from the epipolar geometry of a relative pose."""
+    """Returns signed Sampson distances (N,), in normalised units, from the epipolar geometry of a relative pose."""
     essential = skew(second_from_first.translation) @ second_from_first.rotation
     h1, h2 = _homogeneous(x1), _homogeneous(x2)
     line2, line1 = h1 @ essential.T, h2 @ essential
@@ -68,7 +70,7 @@ def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
 
 
 def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
-    """Gauss-Newton over the five degrees of freedom, with Cauchy weights of the given scale."""
+    """Refines a relative pose by Gauss-Newton over its five degrees of freedom, with Cauchy weights of this scale."""
     h1, h2 = _homogeneous(x1), _homogeneous(x2)
     for _ in range(iterations):
         t, rotation = pose.translation, pose.rotation

@@ -1,4 +1,4 @@
-"""Points by their inverse depth in the view that saw them first, from all views that see them (Civera et al. 2008)."""
+"""Triangulates points from all their views, by inverse depth in the first view (Civera et al. 2008)."""
 
 from __future__ import annotations
 
@@ -11,22 +11,24 @@ from ispom.geometry import Array
 from ispom.numerics.robust import Noise, cauchy_weights
 
 ROUNDS = 6
-"""Of weights and depths: more change nothing that counts."""
+"""Number of iterations of weights and depths; more change nothing that counts."""
 WIDER = 3.0
-"""Width of the loss here over that of bundle adjustment: the poses are held, and their errors come in addition."""
+"""Width of the loss, relative to that of bundle adjustment: poses are fixed, so residuals include their errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class InverseDepths:
+    """Triangulated points with their quality."""
+
     xyz_in_world: Array
-    """(M, 3); meaningless where `depth` is not positive."""
+    """(M, 3) points; meaningless where `depth` is not positive."""
     depth: Array
-    """(M,) in the first view; not positive: at or beyond infinity, or behind."""
+    """(M,) depth in the first view; not positive if at or beyond infinity, or behind the view."""
     significance: Array
-    """(M,) inverse depth over its standard deviation at the noise given."""
+    """(M,) inverse depth divided by its standard deviation, for the given noise."""
     worst: Array
-    """(M,) largest reprojection error over the views, normalised units; inf behind a view.
-    Where `depth` is not positive that of a point at infinity."""
+    """(M,) largest reprojection error over the views, normalised units; inf behind a view. Where `depth` is not
+    positive it is that of a point at infinity."""
     parallax_rad: Array
     """(M,) largest angle between the first view's ray and another view's."""
 
@@ -35,18 +37,18 @@ def intersect(
     rotations: Array, translations: Array, cameras: NDArray[np.int64], owners: NDArray[np.int64], seen: Array,
     count: int, noise: Noise,
 ) -> InverseDepths:  # fmt: skip
-    """Intersects the rays of `count` points, each along the ray of its first observation.
+    """Triangulates `count` points, each along the ray of its first observation.
 
     Views are camera_from_world: (C, 3, 3), (C, 3). Observation k is normalised coordinates seen[k] (2,) of point
-    owners[k] in view cameras[k], sorted by point; `noise` that of a coordinate. Weighted linear equations in
-    the one unknown, repeated with the depths of the last round and Cauchy weights of WIDER widths of the loss.
+    owners[k] in view cameras[k], sorted by point; `noise` is that of a coordinate. Solves weighted linear equations in
+    one unknown repeatedly, with the last depths and Cauchy weights of WIDER loss widths.
     """
     begin = np.searchsorted(owners, owners)
     origin, ray = cameras[begin], np.column_stack([seen[begin], np.ones(len(begin))])
     back = np.swapaxes(rotations[origin], 1, 2)
     later = np.arange(len(owners)) > begin
     owner, turn, x = owners[later], rotations[cameras[later]], seen[later]
-    # In another view, the ray turned and the step from the first view, by how near the point is.
+    # In another view a point is q + rho t: the rotated ray, and inverse depth times the translation.
     q = _turned(turn, _turned(back, ray)[later])
     t = translations[cameras[later]] - _turned(turn, _turned(back, translations[origin])[later])
     offset, slopes = q[:, :2] - x * q[:, 2:], t[:, :2] - x * t[:, 2:]
@@ -79,5 +81,5 @@ def intersect(
 
 
 def _turned(rotations: Array, xyz: Array) -> Array:
-    """(N, 3), each by its own rotation (N, 3, 3)."""
+    """Rotates vectors (N, 3), each by its own rotation (N, 3, 3)."""
     return (rotations @ xyz[:, :, None])[..., 0]

@@ -1,4 +1,4 @@
-"""The rotation that explains most of an image motion, and what it leaves: the parallax."""
+"""Finds the rotation that explains most of an image motion, and the remaining displacement: the parallax."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ispom.solvers.rigid import horn
 
 
 def rotate(rotation: Array, x: Array) -> Array:
-    """Normalised coordinates (N, 2) seen after a pure rotation (3, 3) second_from_first."""
+    """Returns normalised coordinates (N, 2) after a pure rotation (3, 3) second_from_first."""
     ray = x @ rotation[:, :2].T + rotation[:, 2]
     return ray[:, :2] / np.maximum(ray[:, 2:], 1e-6)
 
 
 def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, weights: Array | None = None) -> Array:
-    """second_from_first rotation (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba problem.
+    """Finds the rotation second_from_first (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba.
 
-    Rays that move otherwise (near points of a moving camera) lose their weight; `scale` in normalised units. `weights`
-    (N,) of the rays before that; all alike by default.
+    Rays that move otherwise (near points of a moving camera) get low Cauchy weights; `scale` is the width of the loss
+    in normalised units. `weights` (N,) are prior weights of the rays, equal by default.
     """
     rays1, rays2 = _rays(x1), _rays(x2)
     given = np.ones(len(x1)) if weights is None else weights
@@ -35,7 +35,7 @@ def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, w
 
 
 def median_displacement(rotation: Array, x1: Array, x2: Array) -> float:
-    """Median distance, in normalised units, between where the rotation alone puts points and where they are."""
+    """Returns the median distance, in normalised units, of points from their positions by the rotation only."""
     return median(lengths(rotate(rotation, x1) - x2))
 
 

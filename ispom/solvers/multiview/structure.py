@@ -1,4 +1,4 @@
-"""Where all observations, seen from given poses, put the points: a map that agrees with its poses."""
+"""Triangulates all points from all observations and given poses: a map that is consistent with its poses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ispom.solvers.multiview.inverse_depth import intersect
 from ispom.types import Camera, Trajectory
 
 MIN_SIGNIFICANCE = 2.0
-"""Inverse depth over its standard deviation (for an error of 1 px): a point below has no known distance."""
+"""Least ratio of the inverse depth and its standard deviation (for an error of 1 px) of a point of known distance."""
 
 
 def intersected(
@@ -23,10 +23,10 @@ def intersected(
     disparity_px: NDArray[np.floating],
     baseline_m: float = 0.0,
 ) -> tuple[NDArray[np.int64], Array]:
-    """The ids (M,), ascending, and places (M, 3) in the views' world of all points whose distance can be known.
+    """Returns ids (M,), ascending, and positions (M, 3), in the views' world, of all points of known distance.
 
     Observation n (of N) is pixel seen_uv[n] (2,) of point seen_ids[n] in views[seen_from[n]], world_from_camera.
-    Where disparity_px[n] is finite, a second camera, baseline_m to the right of the first, saw the point, too.
+    If disparity_px[n] is finite, a second camera, baseline_m to the right of the first, also observed the point.
     """
     paired = np.flatnonzero(np.isfinite(disparity_px))
     seen = camera.normalise(seen_uv)

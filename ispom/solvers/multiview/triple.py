@@ -1,4 +1,4 @@
-"""Three key frames with common points, and handing their unit to the next three (section 6.1)."""
+"""Solves triples of keyframes with common points, and transfers their scale (section 6.1)."""
 
 from __future__ import annotations
 
@@ -19,33 +19,35 @@ ScaleTransfer = Literal["norm", "vector", "depth", "unit"]
 
 @dataclass(frozen=True, eq=False)
 class Triple:
-    """Cameras 1, 2, 3 in the unit |T13| = 1; T is the centre of a camera, seen from camera 1."""
+    """Poses of cameras 1, 2, 3 in the unit |T13| = 1; T is the centre of a camera in the frame of camera 1."""
 
     second_from_first: Pose
     third_from_first: Pose
     xyz_in_first: Array
-    """(N, 3) the forward intersections; NaN of points that fit no epipolar line or are not in front."""
+    """(N, 3) triangulated points; NaN for epipolar outliers and points behind a camera."""
     epipolar: NDArray[np.bool_]
-    """(N,) consistent with the relative pose of 1 and 3."""
+    """(N,) whether a point fits the relative pose of 1 and 3."""
     residuals: Array
     """(N,) reprojection errors in camera 2, normalised units; inf or NaN where the point has no position."""
     resected: NDArray[np.bool_]
-    """(N,) within the threshold in camera 2."""
+    """(N,) whether the residual is within the threshold."""
 
     @property
     def t12(self) -> Array:
+        """Returns the centre (3,) of camera 2 in camera 1."""
         return self.second_from_first.inverse().translation
 
     @property
     def t13(self) -> Array:
+        """Returns the centre (3,) of camera 3 in camera 1."""
         return self.third_from_first.inverse().translation
 
 
 def solve_triple(x1: Array, x2: Array, x3: Array, threshold: float, min_parallax_rad: float) -> Triple | None:
-    """From normalised coordinates (N, 2) of the same points in three images. None where a step fails.
+    """Solves three cameras from normalised coordinates (N, 2) of the same points; None if a step fails.
 
-    Relative pose of 1 and 3, forward intersection, resection of 2. Points seen under less than
-    `min_parallax_rad` are too uncertain to resect from and are skipped, unless few would remain.
+    Steps: relative pose of 1 and 3, triangulation, resection of 2. Points with a parallax below `min_parallax_rad` are
+    too uncertain for resection and are skipped, unless fewer than 20 would remain.
     """
     relative = relative_pose(x1, x3, threshold)
     if relative is None:
@@ -68,10 +70,10 @@ def solve_triple(x1: Array, x2: Array, x3: Array, threshold: float, min_parallax
 
 
 def step_length(triple: Triple, transfer: ScaleTransfer) -> float:
-    """|T23| in the triple's unit: as printed |T13| - |T12| for `norm`, else the length of T13 - T12.
+    """Returns |T23| in the triple's unit: as printed |T13| - |T12| for `norm`, else the length of T13 - T12.
 
-    The printed form is right only for collinear centres, never too long, and not positive where camera 2 lies
-    farther from camera 1 than camera 3 does: callers must check.
+    The printed form is correct only for collinear centres, and never too long. It is not positive if camera 2 is
+    farther from camera 1 than camera 3 is: callers must check.
     """
     if transfer == "norm":
         return float(np.linalg.norm(triple.t13) - np.linalg.norm(triple.t12))
@@ -79,9 +81,9 @@ def step_length(triple: Triple, transfer: ScaleTransfer) -> float:
 
 
 def depth_ratio(known_depths: Array, triple_depths: Array) -> tuple[float, float]:
-    """Known unit per triple unit from depths (N,) of shared points: median, and its spread (normalised MAD of logs).
+    """Returns the scale factor from depths (N,) of shared points, and its scatter (normalised MAD of logarithms).
 
-    (nan, nan) with fewer than 8 points.
+    The factor is the median of known depth over triple depth. (nan, nan) with fewer than 8 points.
     """
     positive = (known_depths > 0) & (triple_depths > 0)
     if positive.sum() < 8:

@@ -1,4 +1,4 @@
-"""Relative poses that two views allow: by the essential matrix, and by the homography of a plane."""
+"""Finds candidate relative poses of two views: from the essential matrix, and from the homography of a plane."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from ispom.solvers.multiview.essential import inlier_distances, relative_pose
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
+    """Candidate relative poses of two views."""
+
     second_from_first: tuple[Pose, ...]
-    """Of length 1."""
+    """Candidate poses; their translations have length 1."""
     planar_share: float
-    """Inliers of the homography over those of the essential matrix: near 1 on a plane and on a pure rotation."""
+    """Ratio of the inliers of homography and essential matrix: near 1 for a plane or a pure rotation."""
     essential: int = 0
-    """So many of the poses, the first ones, are the essential matrix's; the others are the homography's."""
+    """Number of poses from the essential matrix, which come first; the others are from the homography."""
 
 
 def hypotheses(x1: Array, x2: Array, threshold: float) -> Hypotheses:
-    """From normalised coordinates (N, 2) in two views.
+    """Finds candidate poses from normalised coordinates (N, 2) in two views.
 
-    Of the homography's four decompositions (Malis & Vargas 2007) those stay that have most points before the plane.
+    Of the homography's four decompositions (Malis & Vargas 2007) those with most points in front of the plane are kept.
     `threshold` is the inlier distance in normalised units. No pose with fewer than 8 points. Deterministic.
     """
     if len(x1) < 8:

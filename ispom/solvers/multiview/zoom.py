@@ -1,7 +1,7 @@
-"""The turn and zoom that explain most of an image motion: the infinite homography of a camera that does not travel.
+"""Finds the rotation and zoom that explain most of an image motion: the infinite homography of a camera at rest.
 
-Hartley & Zisserman 2004, 8.4 and 19.6: images of a camera that turns and zooms about its centre are related by
-K2 R K1^-1. As focal lengths may be known by a guess only, that of the first image is found as well.
+Hartley & Zisserman 2004, 8.4 and 19.6: images of a camera that rotates about its centre and zooms are related by
+K2 R K1^-1. The focal length may be only a guess, so that of the first image is estimated as well.
 """
 
 from __future__ import annotations
@@ -17,46 +17,46 @@ from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.multiview.rotation import dominant_rotation
 
 FOCAL_FACTORS = (1.0, 0.7, 1.4)
-"""First values of the focal length, as shares of the given one."""
+"""Start values of the focal length, relative to the given one."""
 FOCAL_RANGE = (0.55, 1.8)
-"""It stays within: two standard deviations (30 % each) of a guess to either side. A longer one would explain any shift
-of a plane."""
+"""Range of the focal length, relative to the given one: two standard deviations (30 % each) of a guess. A longer one
+would explain any image shift of a plane."""
 ITERATIONS, TOLERANCE = 20, 1e-4
-"""Steps, at most, and the relative decrease of the cost that ends them: nothing is computed from the result but a
-median distance."""
+"""Largest number of steps, and the relative decrease of the cost that ends them: only a median distance is computed
+from the result."""
 NUDGE = 1e-6
-"""Step of the derivative by the focal length's logarithm."""
+"""Relative step of the numerical derivative by the focal length."""
 
 
 @dataclass(frozen=True, eq=False)
 class TurnAndZoom:
-    """A camera that stays where it is."""
+    """The motion of a camera that only rotates and zooms."""
 
     rotation: Array
     """(3, 3) second_from_first."""
     zoom: float
-    """Focal length of the second image over that of the first."""
+    """Focal length of the second image, relative to the first."""
     focal: float
-    """That of the first over the given one."""
+    """Focal length of the first image, relative to the given one."""
 
     def moved(self, x: Array) -> Array:
-        """Where points (N, 2) of the first image are seen in the second, both in coordinates by the given camera."""
+        """Maps points (N, 2) of the first image into the second; both are normalised by the given camera."""
         seen = _turned(self.rotation, x / self.focal)
         return self.focal * self.zoom * seen[:, :2] / seen[:, 2:]
 
     def distances(self, x1: Array, x2: Array) -> Array:
-        """(N,) between that and where they are."""
+        """Returns the distances (N,) of the mapped points from `x2` (N, 2)."""
         return np.linalg.norm(self.moved(x1) - x2, axis=1)
 
 
 def turn_and_zoom(x1: Array, x2: Array, scale: float, weights: Array | None = None) -> TurnAndZoom:
-    """The best one for normalised coordinates (N, 2) in two images, N >= 3, by the (weighted) median distance.
+    """Finds the motion of least weighted median distance for normalised coordinates (N, 2), N >= 3, in two images.
 
-    Robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length, each point
-    with its weight (N,).
+    Runs robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length from
+    several starts; each point has its weight (N,).
     """
     weights = np.ones(len(x1)) if weights is None else weights
-    begun = [TurnAndZoom(np.eye(3), 1.0, 1.0)]  # on a tripod, whatever else moves
+    begun = [TurnAndZoom(np.eye(3), 1.0, 1.0)]  # a camera on a tripod, with moving objects
     for focal in FOCAL_FACTORS:
         rotation = dominant_rotation(x1 / focal, x2 / focal, scale / focal, weights=weights)
         begun.append(TurnAndZoom(rotation, 1.0, focal))
@@ -65,7 +65,7 @@ def turn_and_zoom(x1: Array, x2: Array, scale: float, weights: Array | None = No
 
 
 def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Array) -> TurnAndZoom:
-    """Levenberg-Marquardt."""
+    """Minimises the robust cost by Levenberg-Marquardt."""
 
     def cost(values: TurnAndZoom) -> float:
         return float(weights @ np.log1p((values.distances(x1, x2) / scale) ** 2))
@@ -86,7 +86,7 @@ def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Arr
 
 
 def _derivatives(of: TurnAndZoom, x1: Array, at: Array) -> Array:
-    """(N, 2, 5) of the places by a left rotation, and by the logarithms of zoom and focal length."""
+    """Returns the Jacobian (N, 2, 5) of positions by a left rotation and the logarithms of zoom and focal length."""
     ray = _turned(of.rotation, x1 / of.focal)
     x, y = (ray[:, :2] / ray[:, 2:]).T
     one = np.ones_like(x)
@@ -96,7 +96,7 @@ def _derivatives(of: TurnAndZoom, x1: Array, at: Array) -> Array:
 
 
 def _turned(rotation: Array, x: Array) -> Array:
-    """Rays (N, 3); of those that would end behind the camera z is that of the widest view."""
+    """Returns rotated rays (N, 3); z is at least 1e-3, also for rays that would be behind the camera."""
     ray = x @ rotation[:, :2].T + rotation[:, 2]
     ray[:, 2] = np.maximum(ray[:, 2], 1e-3)
     return ray

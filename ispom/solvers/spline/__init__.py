@@ -1,1 +1,1 @@
-"""One trajectory as a spline through what all cameras of a rig saw."""
+"""Estimates a trajectory as one spline from the observations of all cameras of a rig."""

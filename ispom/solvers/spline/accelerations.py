@@ -1,7 +1,7 @@
-"""How much the rig accelerates, by the recording itself: what its spline is believed to do where no image says it.
+"""Estimates the rig's accelerations from the recording: the smoothness prior of the spline where images are missing.
 
-Evidence of a prior's size (MacKay 1992, "Bayesian interpolation", section 4.4): the squares of what was found, over as
-many of them as the observations determine.
+The size of a prior is found by its evidence (MacKay 1992, "Bayesian interpolation", section 4.4): the sum of squares of
+the estimates, divided by the number of components that the observations determine.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from ispom.solvers.spline.curve import add_smoothness
 from ispom.solvers.spline.problem import SplineProblem
 
 ROUNDS = 2
-"""Of accelerations from a spline, and a spline from accelerations: images determine most of them, a third round changes
-them by less than a percent."""
+"""Number of times that accelerations and spline are estimated in turn. Images determine most of the accelerations, and
+a third round changes them by less than a percent."""
 LEAST_DETERMINED = 6.0
-"""Components of accelerations; of fewer a mean square says nothing."""
+"""Least number of determined components of accelerations from which the prior is estimated."""
 LEAST = 0.1
-"""[rad/s^2, m/s^2] A rig that stands still accelerates less; zero would be held for certain."""
+"""Least standard deviation [rad/s^2, m/s^2]: zero would fix the motion. A rig at rest accelerates less."""
 
 
 def solve_with_accelerations(problem: SplineProblem, iterations: int) -> Solution:
-    """As `continuous.solve`, with `smoothness` by the data, for knots so dense that they follow any motion of the rig.
+    """Runs `continuous.solve` with `smoothness` estimated from the data, for knots dense enough for any motion.
 
-    Where one camera's exposures lie before and after all those of the other, the spline alone says how the two lie to
-    each other: the little that too few knots cannot follow turns them by ten times as much.
+    If the frames of one camera are before and after all those of the other, only the spline relates the two. Motion
+    that too few knots cannot follow would rotate them by ten times its own size.
     """
     begun = found = solve(problem, iterations)
     for _ in range(ROUNDS):
@@ -37,7 +37,7 @@ def solve_with_accelerations(problem: SplineProblem, iterations: int) -> Solutio
 
 
 def accelerations(solution: Solution) -> tuple[float, float]:
-    """Standard deviations of angular [rad/s^2] and linear [m/s^2] acceleration, each component, between the knots."""
+    """Estimates the standard deviations of each component of angular [rad/s^2] and linear [m/s^2] acceleration."""
     problem, spline = solution.problem, solution.problem.spline
     covariance = solution.parameter_covariance(problem.prior)
     components = 3 * (len(spline) - 2)

@@ -1,9 +1,9 @@
-"""One trajectory as a spline through the raw observations of all cameras of a rig, each at its own time.
+"""Estimates a trajectory as a spline from the observations of all cameras of a rig, each at its own time.
 
-Bundle adjustment in continuous time (Furgale et al. 2012): a metric stereo pair and a video camera whose exposures need
-not coincide share one spline. Points are inverse depths (Civera et al. 2008) in a frame that stays where it was put, so
-that far points, and those whose depth is not known yet, are as well-behaved as near ones. The pose of the video camera
-in the rig and the offset of its clock can be unknowns too. Levenberg-Marquardt, Cauchy loss.
+Bundle adjustment in continuous time (Furgale et al. 2012): a metric stereo pair and a video camera whose frames need
+not coincide share one spline. Points are inverse depths (Civera et al. 2008) in fixed coordinate frames, so far points
+and those of unknown depth converge as well as near ones. The pose of the video camera in the rig and its time offset
+can be unknowns, too. Uses Levenberg-Marquardt and the Cauchy loss.
 """
 
 from __future__ import annotations
@@ -25,33 +25,31 @@ from ispom.solvers.spline.points import point_pulls, point_sensitivity, point_st
 from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, SplineProblem
 
 Tried = tuple[SplineProblem, Sampled, float]
-"""Values, their poses at the exposures, and their cost."""
+"""Values, their poses at the frames, and their cost."""
 LONGER = 2.0
-"""Steps with the weights of a loss at hand fall short where it flattens: one so many times as long is tried, too, which
-costs little, and taken where it is better (over-relaxation). Four such steps come as far as six others."""
+"""Factor of a second, longer step (over-relaxation), taken if its cost is lower. With fixed weights, steps are too
+short where the loss flattens; trying it is cheap, and four such steps achieve as much as six others."""
 WIDER = 3
-"""At most so often a loss that is too narrow for the errors is widened."""
+"""Largest number of times that the loss is widened if it is too narrow for the errors."""
 HIGHEST_DAMPING = 1e4
 NOT_MOVED = np.zeros((0, 3))
 UNSEEN = 1e-6
-"""Information of a knot that nothing was seen from: it is known to a kilometre, or not at all as an angle."""
+"""Information of a knot without observations: a standard deviation of a kilometre, or no knowledge of an angle."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointUncertainty:
-    """How points follow what they were triangulated from: sensitivity @ z (3,), z being the error of spline and rig.
-
-    What else is wrong with a point is seen where it is seen again, by an error of its own.
-    """
+    """Errors of points from those of spline and rig, z: sensitivity @ z (3,). Other errors of a point are separate."""
 
     sensitivity: Array
-    """(K, 3, n)."""
+    """(K, 3, n) derivative of the points by z."""
     parameters: Array
     """(n, n) covariance of z."""
     shared: Array
-    """(K, 3, S) how they follow errors that the observations share, such as of the lens: spline and rig with them."""
+    """(K, 3, S) total derivative of the points, through spline and rig as well, by errors that observations share, such
+    as of the lens."""
     moves: Array
-    """(K, n) how each, by its own observations, moves spline and rig: part of `parameters`."""
+    """(K, n) change of spline and rig by each point's own observations: part of `parameters`."""
 
     def select(self, index: NDArray) -> PointUncertainty:
         return PointUncertainty(self.sensitivity[index], self.parameters, self.shared[index], self.moves[index])
@@ -59,22 +57,24 @@ class PointUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
+    """The optimised problem, with what its covariances are computed from."""
+
     problem: SplineProblem
     sampled: Sampled
     hessian: Array
-    """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
+    """(n, n) reduced Hessian of knots and rig at the end, undamped, without the prior that fixes the world."""
     eliminated: Eliminated
-    """What the points were eliminated with."""
+    """Data of the elimination of the points."""
     errors_before: Array
-    """(O,) reprojection errors [standard deviations] that it began with."""
+    """(O,) reprojection errors [standard deviations] at the start."""
     errors: Array
-    """(O,) at the end."""
+    """(O,) reprojection errors [standard deviations] at the end."""
     cost_before: float
     cost_after: float
     iterations: int
 
     def parameter_covariance(self, held: PosePrior) -> Array:
-        """(n, n) covariance of knots and rig where a pose is known as `held` says; zero for what is not free."""
+        """Returns the covariance (n, n) of knots and rig with the pose prior `held`; zero for fixed parameters."""
         knots = 6 * len(self.problem.spline)
         j = self.sampled.jacobian(held.exposure, len(self.problem.spline))
         hessian, free = self.hessian.copy(), _free(self.problem)
@@ -84,14 +84,12 @@ class Solution:
         return full
 
     def sandwich_covariance(self, parameters: Array) -> tuple[Array, Array]:
-        """(n, n) `parameters`, and (M, n) how each point moves them, where observations are as far off as they turned
-        out to be, whatever their weights say.
+        """Returns the covariance (n, n) of knots and rig by actual residuals, and each point's changes of them (M, n).
 
-        The sandwich H^-1 M H^-1 (Huber 1981, section 7.6) with M the sum over points of the squares of what each adds
-        to the right side: errors along a track may be alike, as those of one that drifts are (Liang and Zeger 1986).
-        Each as it would be, to first order, had the point had no part in the estimate (a jackknife: Bell & McCaffrey
-        2002): knots are many, and follow the errors that a track keeps. What is believed beforehand is as sure as it
-        says.
+        It is the sandwich H^-1 M H^-1 (Huber 1981, section 7.6), with M the sum over points of their squared scores:
+        errors along a track may be correlated, as with drift (Liang and Zeger 1986). Scores are those, to first order,
+        without the point's part in the estimate (a jackknife: Bell & McCaffrey 2002), as the many knots follow the
+        errors of tracks. Priors keep their covariance. `parameters` is as of `parameter_covariance`.
         """
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
         pulls = point_pulls(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
@@ -108,19 +106,19 @@ class Solution:
         return parameters + moves.T @ moves - parameters @ (self.hessian - believed) @ parameters, moves
 
     def _pulls_of(self, moves: Array) -> Array:
-        """(M, n) what each point adds to the right side as it moves spline and rig by `moves` (M, n)."""
+        """Returns the change (M, n) of each point's score as it moves spline and rig by `moves` (M, n)."""
         p, o, knots = self.problem, self.problem.observations, _knots(self.problem, self.sampled)
         moved = views_moved(moves, knots, _observed(p, self.sampled), bool(p.rig.free.any()))
         return point_pulls(knots, o.exposure, o.owner, self._where_moved(-moved)[2])
 
     def _where_moved(self, moved: Array) -> tuple[Array, Array, Eliminated]:
-        """As `_reduced`, of observations that are off by `moved` (O, 3) alone."""
+        """Returns the result of `_reduced` for residuals `moved` (O, 3) only."""
         p = self.problem
         at = np.column_stack([p.points.values[:, 2], p.depth_prior[:, 1]])
         return _reduced(replace(p, depth_prior=at), self.sampled, 0.0, np.ascontiguousarray(moved))
 
     def follows(self, moved: Array, parameters: Array) -> tuple[Array, Array]:
-        """How knots and rig (n, S), and points (M, 3, S), follow what moves all observations by (O, 3, S)."""
+        """Returns the changes of knots and rig (n, S) and of points (M, 3, S) if observations move by (O, 3, S)."""
         p, o, steps, points = self.problem, self.problem.observations, list[Array](), list[Array]()
         for way in np.moveaxis(moved, 2, 0):
             _, right, pulled = self._where_moved(way)
@@ -129,21 +127,21 @@ class Solution:
         return np.stack(steps, axis=1), np.stack(points, axis=2)
 
     def pose_covariance(self, e: int, parameters: Array) -> Array:
-        """(6, 6) of the pose at exposure e, a twist (rho, phi) on its right; `parameters` as `parameter_covariance`."""
+        """Returns the covariance (6, 6) of the pose at frame e, a right twist (rho, phi), from that of `parameters`."""
         s, k = self.sampled, 6 * int(self.sampled.first[e])
         j = s.jacobian(e, len(self.problem.spline))[:, k : k + 24]
         turn = np.vstack([s.rotations[e].T @ j[3:], j[:3]])
         return turn @ parameters[k : k + 24, k : k + 24] @ turn.T
 
     def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array, moves: Array) -> PointUncertainty:
-        """Of the chosen points (K,), in their values; the others as of `sandwich_covariance`."""
+        """Returns the uncertainty of the chosen points (K,), in their values; for `moves` see `sandwich_covariance`."""
         o, knots = self.problem.observations, _knots(self.problem, self.sampled)
         sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
         none = np.zeros((len(chosen), 3, 0))
         return PointUncertainty(sensitivity, parameters, none, moves[chosen])
 
     def refined_rig(self, parameters: Array) -> RigModel:
-        """The rig as estimated, with the information that its covariance leaves."""
+        """Returns the estimated rig, with the information from its covariance."""
         free, rig = np.flatnonzero(self.problem.rig.free), self.problem.rig
         information = rig.information.copy()
         information[np.ix_(free, free)] = np.linalg.inv(parameters[-RIG:, -RIG:][np.ix_(free, free)])
@@ -151,7 +149,7 @@ class Solution:
 
 
 def covariance_of(information: Array) -> Array:
-    """(n, n) inverse of an information matrix; of what it says nothing of, the variance is large, and finite."""
+    """Returns the inverse (n, n) of an information matrix; undetermined parameters get a large, finite variance."""
     found = inverse_factored(factor(information))
     if (found.diagonal() < 1 / UNSEEN).all():  # not for NaN either
         return found
@@ -161,8 +159,8 @@ def covariance_of(information: Array) -> Array:
 def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
     """Minimises the robust reprojection errors.
 
-    Ends early when a step lowers the cost by less than the share `tolerance`. Where the errors are much wider than the
-    loss (a wrong clock or rig), the loss is first as wide as they are: from there all observations pull.
+    Ends early when a step lowers the cost by less than the share `tolerance`. If the errors are much larger than the
+    loss scale (wrong time offset or rig), the loss is first widened to them, so that all observations have weight.
     """
     begun, done = problem.sampled(), 0
     before, errors_before = _cost(problem, begun), np.sqrt(_squares(problem, begun))
@@ -182,13 +180,13 @@ def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) 
 
 
 def _typical(problem: SplineProblem) -> float:
-    """Median error [standard deviations] of the camera that fits worst."""
+    """Returns the largest median error [standard deviations] of a camera."""
     errors, camera = np.sqrt(_squares(problem, problem.sampled())), problem.observations.camera
     return max((float(np.median(errors[camera == c])) for c in np.unique(camera)), default=0.0)
 
 
 def _descended(problem: SplineProblem, iterations: int, tolerance: float) -> tuple[SplineProblem, Sampled, float, int]:
-    """With better values, sampled, the cost, and the steps that it took."""
+    """Optimises the values; returns them, their poses, the cost, and the number of steps."""
 
     def stepped(values: Tried, damping: float) -> Tried:
         now, sampled, _ = values
@@ -211,7 +209,7 @@ def _tried(problem: SplineProblem) -> Tried:
 
 
 def _free(problem: SplineProblem) -> NDArray[np.int64]:
-    """Unknowns that may change."""
+    """Returns the indices of the free unknowns."""
     return np.flatnonzero(np.concatenate([np.ones(6 * len(problem.spline), bool), problem.rig.free]))
 
 
@@ -232,7 +230,7 @@ def _squares(problem: SplineProblem, sampled: Sampled) -> Array:
 
 
 def _prior_residual(problem: SplineProblem, sampled: Sampled) -> Array:
-    """(6,) of the pose that holds the world: rotation in the rig, position."""
+    """Returns the residual (6,) of the pose prior: rotation in the rig [rad], position [m]."""
     e, pose = problem.prior.exposure, problem.prior.world_from_rig
     turn = logs((pose.rotation.T @ sampled.rotations[e])[None])[0]
     return np.concatenate([turn, sampled.positions[e] - pose.translation])
@@ -255,13 +253,13 @@ def _cost(problem: SplineProblem, sampled: Sampled) -> float:
 def _reduced(
     problem: SplineProblem, sampled: Sampled, damping: float, moved: Array = NOT_MOVED
 ) -> tuple[Array, Array, Eliminated]:
-    """As `normal_equations.reduce` says."""
+    """Returns the result of `normal_equations.reduce`."""
     knots, with_rig = _knots(problem, sampled), bool(problem.rig.free.any())
     return reduce(knots, _observed(problem, sampled), problem.depth_prior, problem.loss, damping, with_rig, moved)
 
 
 def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, Eliminated]:
-    """Reduced Hessian and right side, with all priors; and what finds the points' step."""
+    """Returns the reduced Hessian and right side, with all priors, and the data for the points' step."""
     spline, (hessian, right, points) = problem.spline, _reduced(problem, sampled, damping)
     add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
     j, r = sampled.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
@@ -274,7 +272,7 @@ def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) 
 
 
 def _step(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
-    """One damped step: (n,) of knots and rig, (M, 3) of the points."""
+    """Returns one damped step of knots and rig (n,), and of the points (M, 3)."""
     hessian, right, points = _normal_equations(problem, sampled, damping)
     free, step = _free(problem), np.zeros(len(right))
     reduced = hessian[np.ix_(free, free)]

@@ -1,4 +1,4 @@
-"""Splines through poses at known times by least squares: a start for an adjustment, and what knots cannot follow."""
+"""Fits splines to poses at known times by least squares, as a start for an optimisation, and returns residuals."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ispom.numerics.lie import logs
 from ispom.solvers.spline.curve import ORDER, Spline
 
 STIFFNESS = 1e-4
-"""Weight of the knots' bends beside that of the poses: it decides only where there are no poses."""
+"""Weight of the knots' second differences, relative to the poses: it matters only where there are no poses."""
 
 
 def fitted(times_s: Array, rotations: Array, positions: Array, spacing_s: float, passes: int = 2) -> Spline:
-    """Through poses (E, 3, 3) and (E, 3) [m] at ascending times (E,) [s], with knots `spacing_s` apart."""
+    """Fits a spline to poses (E, 3, 3), (E, 3) [m] at ascending times (E,) [s], with knots every `spacing_s`."""
     spline = _on_the_way(times_s, rotations, positions, spacing_s)
     knots, bend = len(spline), np.diff(np.eye(len(spline)), 2, axis=0)
     sampled = spline.at(times_s)
@@ -23,7 +23,7 @@ def fitted(times_s: Array, rotations: Array, positions: Array, spacing_s: float,
         basis[np.arange(len(times_s)), sampled.first + k] = sampled.weights[:, k]
     lower = factor(basis.T @ basis + STIFFNESS * bend.T @ bend)
     for _ in range(passes):
-        # A knot turns the poses near it about as much as it moves them.
+        # The rotation of a knot affects the poses near it with about the same weights as its position.
         turns = logs(np.swapaxes(sampled.rotations, 1, 2) @ rotations)
         sides = basis.T @ np.column_stack([turns, positions - sampled.positions])
         steps = np.stack([solve_factored(lower, np.ascontiguousarray(side)) for side in sides.T], axis=1)
@@ -33,7 +33,7 @@ def fitted(times_s: Array, rotations: Array, positions: Array, spacing_s: float,
 
 
 def misfits(spline: Spline, times_s: Array, rotations: Array, positions: Array) -> Array:
-    """(E, 6) twists (rho, phi) on the right of the spline's poses that lead to the given ones."""
+    """Returns residuals (E, 6): right twists (rho, phi) from the spline's poses to the given ones."""
     sampled = spline.at(times_s)
     inverse = np.swapaxes(sampled.rotations, 1, 2)
     shift = np.einsum("eij,ej->ei", inverse, positions - sampled.positions)
@@ -41,7 +41,7 @@ def misfits(spline: Spline, times_s: Array, rotations: Array, positions: Array) 
 
 
 def _on_the_way(times_s: Array, rotations: Array, positions: Array, spacing_s: float) -> Spline:
-    """Knots where the poses, joined by straight ways, are at their times."""
+    """Returns a spline whose knots are interpolated linearly between the poses."""
     start = times_s[0] - 0.25 * spacing_s
     count = int(np.floor((times_s[-1] - start) / spacing_s)) + ORDER
     at = np.clip(start + spacing_s * (np.arange(count) - 1), times_s[0], times_s[-1])
@@ -50,7 +50,7 @@ def _on_the_way(times_s: Array, rotations: Array, positions: Array, spacing_s: f
     share = (at - times_s[before]) / np.diff(times_s)[before]
     turned = rotations[before] @ so3_exp(share[:, None] * turns[before])
     moved = np.column_stack([np.interp(at, times_s, positions[:, k]) for k in range(3)])
-    # A knot's spline passes beside it by a sixth of the bend there.
+    # The spline misses a knot by a sixth of the second difference there.
     steps = logs(np.swapaxes(turned[:-1], 1, 2) @ turned[1:])
     turned[1:-1] = turned[1:-1] @ so3_exp(-np.diff(steps, axis=0) / 6)
     moved[1:-1] -= np.diff(moved, 2, axis=0) / 6

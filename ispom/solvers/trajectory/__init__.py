@@ -1,1 +1,1 @@
-"""Trajectories: aligned, interpolated, anchored."""
+"""Aligns, interpolates and anchors trajectories."""

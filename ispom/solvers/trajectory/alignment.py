@@ -1,4 +1,4 @@
-"""The closed-form motion between corresponding points (Umeyama 1991; Horn 1987 without scale)."""
+"""Aligns corresponding points in closed form (Umeyama 1991; Horn 1987 without scale)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ispom.geometry import Array, Pose, Similarity
 
 
 def umeyama(source: Array, target: Array, with_scale: bool) -> Similarity:
-    """target_from_source of points (N, 3) and (N, 3), N >= 1, that minimises the squared distances.
+    """Returns target_from_source of points (N, 3) and (N, 3), N >= 1, that minimises the squared distances.
 
-    Points on a line leave the turn about it open, a single point the whole rotation: one of the best is given.
+    Points on a line do not determine the rotation about it, a single point no rotation: one of the best is returned.
     Without extent in the source the scale stays 1. Raises ValueError for no points or unequal numbers.
     """
     if source.shape != target.shape or not len(source):
@@ -35,18 +35,18 @@ def _of_moments(
 
 @dataclass
 class RunningAlignment:
-    """The same of points that come one after the other, at the same cost for each: of the sums over them."""
+    """The alignment of points that arrive one by one, at constant cost for each, from running sums."""
 
     with_scale: bool = True
     count: int = 0
     _origins: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(3), np.zeros(3)))
-    """The first points: sums about them lose no digits."""
+    """The first points: sums relative to them avoid rounding errors."""
     _sums: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(3), np.zeros(3)))
     _products: Array = field(default_factory=lambda: np.zeros((3, 3)))
     _squares: float = 0.0
 
     def add(self, source: Array, target: Array) -> None:
-        """One more pair of points (3,)."""
+        """Adds a pair of corresponding points (3,)."""
         if not self.count:
             self._origins = source.copy(), target.copy()
         a, b = source - self._origins[0], target - self._origins[1]
@@ -56,7 +56,7 @@ class RunningAlignment:
 
     @property
     def target_from_source(self) -> Similarity:
-        """As `umeyama` of all points so far, at least one."""
+        """Returns the result of `umeyama` for all points so far, at least one."""
         mean_a, mean_b = self._sums[0] / self.count, self._sums[1] / self.count
         covariance = self._products / self.count - np.outer(mean_b, mean_a)
         variance = self._squares / self.count - float(mean_a @ mean_a)

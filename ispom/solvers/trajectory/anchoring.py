@@ -1,4 +1,4 @@
-"""One trajectory carried onto another where both have poses: its shape stays, its drift becomes the other's."""
+"""Corrects one trajectory by another at their common times: it keeps its shape, and gets the other's drift."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ispom.types import Trajectory
 
 
 def anchored(own: Trajectory, anchors: Trajectory) -> Trajectory:
-    """`own`, moved so that it meets `anchors` at the times (at least one) that both have; else as it is.
+    """Returns `own`, moved onto `anchors` at their common times; unchanged if there are none.
 
-    Between two such times the one correction goes over into the other, linearly in time; before the first and after
-    the last it is theirs. Both are of the same frame, their worlds may differ.
+    Between common times the correction is interpolated linearly; before the first and after the last it is constant.
+    Both trajectories are of the same frame; their worlds may differ.
     """
     common, turns, shifts = _corrections(own, anchors)
     if not len(common):
@@ -25,16 +25,16 @@ def anchored(own: Trajectory, anchors: Trajectory) -> Trajectory:
     low = np.clip(np.searchsorted(common, times, side="right") - 1, 0, len(common) - 2)
     share = ((times - common[low]) / (common[low + 1] - common[low]))[:, None]
     turned = Slerp((common - common[0]) * 1e-9, Rotation.from_matrix(turns))((times - common[0]) * 1e-9).as_matrix()
-    # Blending places, not the motions: far from the world's origin a small turn moves much.
+    # Interpolates positions, not corrections: far from the world's origin a small rotation moves a position far.
     ends = [np.einsum("kij,kj->ki", turns[i], own.translations) + shifts[i] for i in (low, low + 1)]
     return Trajectory(own.times_ns, turned @ own.rotations, (1 - share) * ends[0] + share * ends[1], own.frame)
 
 
 def averaged(own: Trajectory, anchors: Trajectory, over: int) -> Trajectory:
-    """The poses of `anchors` at the times that both have, but for what differs between neighbours: each is where the
-    corrections of the `over` nearest (as many before as after it; fewer at the ends) carry that of `own` on average.
+    """Smooths the poses of `anchors` at the common times: each is the pose of `own`, moved by the mean of corrections.
 
-    For anchors with errors of their own, where `own` says better how neighbours lie to each other.
+    The mean is over the `over` nearest corrections (as many before as after; fewer at the ends). Suits anchors with
+    independent errors, if relative poses of neighbours are more accurate in `own`.
     """
     common, turns, shifts = _corrections(own, anchors)
     mine = own.select(np.searchsorted(own.times_ns, common))
@@ -51,7 +51,7 @@ def averaged(own: Trajectory, anchors: Trajectory, over: int) -> Trajectory:
 
 
 def _corrections(own: Trajectory, anchors: Trajectory) -> tuple[NDArray[np.int64], Array, Array]:
-    """Times (K,) that both have; rotations (K, 3, 3) and translations (K, 3) that carry own poses onto the anchors."""
+    """Returns the common times (K,), and rotations (K, 3, 3) and translations (K, 3) that map own poses to anchors."""
     common = np.intersect1d(own.times_ns, anchors.times_ns)
     mine = own.select(np.searchsorted(own.times_ns, common))
     theirs = anchors.select(np.searchsorted(anchors.times_ns, common))

@@ -1,4 +1,4 @@
-"""Poses at any time: what a sensor that measures thousands of times a second needs."""
+"""Returns poses at any time, for sensors that measure thousands of times per second."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 Between = Literal["linear", "spline"]
-"""linear: constant velocity from a pose to the next, spherical linear rotation; spline: continuous accelerations."""
+"""linear: constant velocity between poses, spherical linear rotation; spline: continuous accelerations."""
 
 
 def poses_at(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Between) -> Trajectory:
-    """The poses at times (M,), in any order, inside the trajectory's span; outside, those of the nearest end.
+    """Returns the poses at times (M,) [ns], in any order; outside the trajectory's span, those of the nearest end.
 
     The spline passes through every pose: cubic in position, and in rotation as RotationSpline. Fewer than three poses
-    are joined linearly. Raises ValueError for an empty trajectory. The result's times are those asked, in their order.
+    are joined linearly. The result's times are `times_ns` in their order. Raises ValueError for an empty trajectory.
     """
     if kind == "linear" or len(trajectory) < 3:
         return interpolate(trajectory, times_ns, "linear")
@@ -33,20 +33,20 @@ def poses_at(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Between)
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The spline through at least three poses, made once for many questions."""
+    """The spline through at least three poses, made once for many evaluations."""
 
     through: Trajectory
 
     @cached_property
     def _splines(self) -> tuple[RotationSpline, CubicSpline]:
-        from scipy.interpolate import CubicSpline  # here, as it takes 14 MB that few runs need
+        from scipy.interpolate import CubicSpline  # imported here: it takes 14 MB, and few runs need it
 
         knots_s = (self.through.times_ns - self.through.times_ns[0]) * 1e-9
         rotations = RotationSpline(knots_s, Rotation.from_matrix(self.through.rotations))
         return rotations, CubicSpline(knots_s, self.through.translations)
 
     def at(self, times_ns: NDArray[np.int64]) -> Trajectory:
-        """As `poses_at`."""
+        """Returns the poses at times (M,) [ns], see `poses_at`."""
         times_ns, (start, *_, end) = np.asarray(times_ns, np.int64), self.through.times_ns
         asked_s = (np.clip(times_ns, start, end) - start) * 1e-9
         turn, place = self._splines
@@ -54,7 +54,7 @@ class Curve:
 
 
 def known_at(trajectory: Trajectory, times_ns: NDArray[np.int64], gap: float = 3.0) -> NDArray[np.bool_]:
-    """(M,) whether each time lies between two poses that are not much farther apart than most: `gap` medians."""
+    """Returns whether each time (M,) lies between two poses whose interval is at most `gap` times the median."""
     if len(trajectory) < 2:
         return np.zeros(len(times_ns), bool)
     intervals = np.diff(trajectory.times_ns)

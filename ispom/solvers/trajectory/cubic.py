@@ -1,6 +1,6 @@
-"""The cubic through values: continuous in its second derivative, and in its third next to both ends (not-a-knot).
+"""Interpolates values by a cubic with continuous second derivative, and third next to both ends (not-a-knot).
 
-The same curve as scipy.interpolate's, whose import would take 14 MB and 0.2 s in the middle of a run.
+The curve is that of scipy.interpolate, whose import would take 14 MB and 0.2 s in the middle of a run.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from ispom.geometry import Array
 
 
 def cubic_at(knots: Array, values: Array, asked: Array) -> Array:
-    """(M, D) at `asked` (M,), of the curve through `values` (N, D) at `knots` (N,), at least two that increase.
+    """Returns the curve (M, D) at `asked` (M,), through `values` (N, D) at at least two increasing `knots` (N,).
 
-    A parabola through three values, a line through two. De Boor 1978, A Practical Guide to Splines, chapter IV.
+    Three values give a parabola, two a line. De Boor 1978, A Practical Guide to Splines, chapter IV.
     """
     h = np.diff(knots)
     rise = np.diff(values, axis=0) / h[:, None]
@@ -27,7 +27,7 @@ def cubic_at(knots: Array, values: Array, asked: Array) -> Array:
 
 
 def _slopes(h: Array, rise: Array) -> Array:
-    """(N, D) at the knots, of the steps (N - 1,) between them and how fast the values rise there (N - 1, D)."""
+    """Returns the slopes (N, D) at the knots, from intervals (N - 1,) and difference quotients (N - 1, D)."""
     if len(h) == 1:
         return rise[[0, 0]]
     if len(h) == 2:

@@ -1,4 +1,4 @@
-"""Poses between poses (section 6.3, step 1): translation linear or by B-spline, rotation by spherical linear."""
+"""Interpolates poses (section 6.3, step 1): positions linearly or by B-spline, rotations spherically linearly."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Interpolation = Literal["linear", "bspline"]
 
 
 def interpolate(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Interpolation) -> Trajectory:
-    """The poses at times (M,) inside the trajectory's span; outside, those of the nearest end.
+    """Returns the poses at times (M,) [ns]; outside the trajectory's span, those of the nearest end.
 
-    The B-spline is the cubic that passes through every position (of lower degree with fewer than four poses).
+    The B-spline is the cubic through every position (of lower degree with fewer than four poses).
     Raises ValueError for an empty trajectory.
     """
     if not len(trajectory):

@@ -1,4 +1,4 @@
-"""One segment between two stereo exposures: video poses made metric (section 6.3, steps 2 and 3; Fig. 7)."""
+"""Fits video poses between two stereo frames to the metric poses (section 6.3, steps 2 and 3; Fig. 7)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ispom.types import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Poses that begin and end at the metric ones, and how far they had to be bent for it."""
+    """Poses that start and end at the metric ones, and the corrections that this needed."""
 
     poses: Trajectory
-    """world_from_video at the asked times, metric."""
+    """world_from_video at the requested times, metric."""
     scale: float
     """Metres per unit of the video trajectory."""
     turn_rad: float
-    """Angle between the two segment vectors, once the first orientations agree."""
+    """Angle between the two segment vectors, after alignment of the first orientations."""
     residual_rad: float
-    """The rotation by which the last orientation missed its goal; spread over the segment."""
+    """Angle of the last orientation's error, which is distributed over the segment."""
 
 
 def fit_segment(
@@ -33,12 +33,12 @@ def fit_segment(
     span_ns: tuple[int, int],
     min_length_m: float,
 ) -> Segment | None:
-    """Video poses (own world and unit) between two instants whose metric poses are known.
+    """Fits video poses, in their own world and unit, between two times of known metric poses.
 
-    `own_start`, `own_end`: the video trajectory at the two instants `span_ns`; `start`, `end`: world_from_video there.
-    The video world is first turned so that its first orientation is the metric one (the two worlds are unrelated);
-    then the positions are scaled and turned about the start by the smallest rotation that brings the end into place.
-    None where either segment vector is shorter than `min_length_m`, or no longer than rounding: no ratio then.
+    `own_start` and `own_end` are the video's poses at the two times `span_ns`; `start` and `end` are world_from_video
+    there. The video world is rotated so that the first orientations agree (the worlds are unrelated). Then positions
+    are scaled, and rotated about the start by the smallest rotation that aligns the ends. None if the metric segment is
+    shorter than `min_length_m`, or the video's not above rounding, as no scale is defined then.
     """
     metric_vector = end.translation - start.translation
     own_vector = own_end.translation - own_start.translation
@@ -57,7 +57,7 @@ def fit_segment(
 def fit_rotations(
     video: Trajectory, own_start: Pose, own_end: Pose, start: Pose, end: Pose, span_ns: tuple[int, int]
 ) -> tuple[np.ndarray, float]:
-    """Orientations (N, 3, 3) that begin and end at the metric ones, and the residual rotation [rad] spread for it."""
+    """Returns orientations (N, 3, 3) that start and end at the metric ones, and the error [rad] distributed for it."""
     world_from_own = start.rotation @ own_start.rotation.T
     residual = end.rotation @ (world_from_own @ own_end.rotation).T
     fraction = (video.times_ns - span_ns[0]) / (span_ns[1] - span_ns[0])

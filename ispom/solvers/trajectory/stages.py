@@ -1,4 +1,4 @@
-"""The fit of a segment (section 6.3; Fig. 7) stage by stage, each with what is still missing at its end."""
+"""Shows the fit of a segment (section 6.3; Fig. 7) stage by stage, each with the remaining error at its end."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Stage:
 
     kind: Kind
     poses: Trajectory
-    """world_from_video: of `given` and `bracketed` with the poses outside that bracket the ends, else those inside."""
+    """world_from_video inside the segment; for `given` and `bracketed` also the poses outside that bracket its ends."""
     ends: Trajectory
-    """(2,) at the times of the stereo exposures."""
+    """Two poses, at the times of the stereo frames."""
     gap_m: float
     """Distance of the segment's end from the stereo pose there."""
     direction_rad: float
@@ -32,10 +32,10 @@ class Stage:
 
 
 def stages(fit: SegmentFit) -> tuple[Stage, ...]:
-    """given, bracketed, scaled, turned, oriented; the first two where no ratio of lengths is defined.
+    """Returns the stages given, bracketed, scaled, turned and oriented; only the first two without a scale.
 
-    The two worlds are unrelated, so that the video's is shown from the start such that the first poses agree, with its
-    unit as metres. Empty where the fit's arrays are.
+    The two worlds are unrelated, so the first poses are aligned from the start, with the video's unit as metres. Empty
+    if the fit's arrays are empty.
     """
     if not len(fit.video) or len(fit.own_ends) < 2 or len(fit.metric_ends) < 2:
         return ()
@@ -69,7 +69,7 @@ def _scaled(poses: Trajectory, start: Pose, scale: float) -> Trajectory:
 
 
 def _turned(poses: Trajectory, start: Pose, turn: np.ndarray) -> Trajectory:
-    """The positions alone: orientations have a correction of their own."""
+    """Rotates the positions only, as orientations have their own correction."""
     translations = start.translation + (poses.translations - start.translation) @ turn.T
     return Trajectory(poses.times_ns, poses.rotations, translations, poses.frame)
 

@@ -1,1 +1,1 @@
-"""Adjustment of a window of poses and points."""
+"""Bundle adjustment of a window of poses and points."""

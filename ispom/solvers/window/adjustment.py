@@ -1,7 +1,7 @@
 """Windowed bundle adjustment over one camera or a rectified pair, with a prior for what has left the window.
 
-Schur complement over the points (Triggs et al. 2000), Cauchy loss, Levenberg's damping; marginalisation as in
-Leutenegger et al. 2015, section 3.5. Beside poses and points it can estimate what is wrong with the camera or the pair.
+Uses the Schur complement over the points (Triggs et al. 2000), the Cauchy loss and Levenberg's damping; marginalisation
+is as in Leutenegger et al. 2015, section 3.5. It can also estimate corrections of the camera's or pair's calibration.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from ispom.solvers.window.observation import Observed, robust_cost, squared_erro
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
 FARTHEST = 10.0
-"""Times its depth that a step may lead a point to."""
+"""Largest factor by which one step may increase the depth of a point."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Poses, points and observations to be adjusted. Image coordinates are normalised (on the plane z = 1)."""
+    """Poses, points and observations to optimise. Image coordinates are normalised (on the plane z = 1)."""
 
     rotations: Array
     """(C, 3, 3) camera_from_world, oldest first."""
     translations: Array
-    """(C, 3)."""
+    """(C, 3) camera_from_world."""
     points: Array
     """(M, 3) xyz_in_world."""
     cameras: NDArray[np.int64]
@@ -43,27 +43,27 @@ class Window:
     seen: Array
     """(K, 3) x, y in the (left) camera, x in the right one; NaN where there is none."""
     baseline: float = 0.0
-    """Of the pair; 0 for one camera."""
+    """Baseline of the pair; 0 for one camera."""
     extra: Array = field(default_factory=lambda: np.zeros(LENS))
-    """(E,) of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2).
-    Of a pair: what is wrong with both its cameras, and with the right one (see right_camera.TERMS). The left one sees
-    x (1 + k |x|^2 + k2 |x|^4) by the first two; to the right x all add `factors` @ `extra`."""
+    """(E,) corrections. For one camera those of focal length f and radial distortion k: seen = x (1 + f + k |x|^2).
+    For a pair those of both cameras, and of the right one (see right_camera.TERMS): the left camera sees
+    x (1 + k |x|^2 + k2 |x|^4) by the first two, and `factors` @ `extra` is added to the right x."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
-    """(E,) standard deviations before any data; 0 keeps the value as it is."""
+    """(E,) prior standard deviations; 0 fixes a correction."""
     factors: Array = field(default_factory=lambda: np.zeros((0, LENS)))
-    """(K, S) of a pair (see right_camera.by_column), by its first S corrections: the others do not move the right x,
-    and only the prior knows of them. Empty for one camera."""
+    """(K, S) Jacobian of a pair's right x by its first S corrections (see right_camera.by_column). The others do not
+    change the right x, and only the prior contains them. Empty for one camera."""
     prior: Prior | None = None
     fixed: int = 0
-    """The first poses are held."""
+    """Number of first poses that are fixed."""
 
     def __post_init__(self) -> None:
-        # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
+        # Stacked transposes have another memory layout, for which all kernels would be compiled again.
         object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
 
     @cached_property
     def observed(self) -> Observed:
-        """Its arrays as compiled loops take them."""
+        """Returns the arrays for the compiled kernels, with a pair's observations corrected."""
         seen = self.seen
         if self.baseline:
             seen = without_lens(seen, self.extra)
@@ -75,23 +75,25 @@ class Window:
 
     @property
     def shown(self) -> int:
-        """S, corrections that observations depend on: the first ones."""
+        """Returns S, the number of first corrections that observations depend on."""
         return self.factors.shape[1] if self.baseline else len(self.extra)
 
     @cached_property
     def squared_errors(self) -> Array:
-        """(K,) over both images; inf behind the camera."""
+        """Returns the squared reprojection errors (K,) over both images; inf behind the camera."""
         return squared_errors(self.observed)
 
     @cached_property
     def shift(self) -> Array:
-        """(6 P + E,) since the prior's linearisation, where there is one."""
+        """Returns the change (6 P + E,) since the linearisation of the prior, which must exist."""
         assert self.prior is not None
         return self.prior.shifted(self.rotations, self.translations, self.extra)
 
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
+    """The result of `adjust`."""
+
     window: Window
     cost_before: float
     cost_after: float
@@ -101,7 +103,7 @@ class Adjusted:
 
 
 def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float = 1e-3) -> Adjusted:
-    """Minimises the Cauchy loss of scale `scale` (normalised units) over poses from `fixed` on, points, and extras.
+    """Minimises the Cauchy loss of scale `scale` (normalised units) over free poses, points and corrections.
 
     Ends early when a step lowers the cost by less than the share `tolerance`. Deterministic.
     """
@@ -117,7 +119,7 @@ def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float 
 
 
 def total_cost(window: Window, scale: float) -> float:
-    """Half the robust sum of squares, in units of the measurement's standard deviation `scale`, with the priors."""
+    """Returns half the robust sum of squares, in units of the squared loss scale `scale`, plus the priors' cost."""
     cost = float(robust_cost(window.squared_errors, scale))
     if window.prior is not None:
         return cost + window.prior.cost(window.shift)
@@ -126,17 +128,17 @@ def total_cost(window: Window, scale: float) -> float:
 
 
 def covariance(window: Window, scale: float) -> Array:
-    """(6 C + E, 6 C + E) of all poses (left twists) and extras, given what is in the window."""
+    """Returns the covariance (6 C + E, 6 C + E) of all poses (left twists) and corrections."""
     return np.linalg.inv(Equations.of(window, scale).symmetric)
 
 
 def marginalise(
     window: Window, points: NDArray[np.bool_], scale: float, sandwich: Callable[[Window], Sandwich] | None = None
 ) -> Prior:
-    """The prior on poses 1.. and the extras that replaces pose 0 and these points (mask (M,)) with their observations.
+    """Marginalises pose 0 and the points of the mask (M,) with all their observations.
 
-    All observations of these points in the window are used up by it. `sandwich` gives that of a window, by poses and
-    extras, where the prior is to keep its own.
+    Returns the prior on the other poses and the corrections. `sandwich`, if given, computes the sandwich of a window
+    over poses and corrections, which the prior then keeps.
     """
     gone = points[window.owners]
     number = np.cumsum(points) - 1
@@ -166,18 +168,20 @@ def marginalise(
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Normal equations of poses and extras with the points eliminated, and what gives the points back."""
+    """Normal equations of poses and corrections (Schur complement), and the data for the points' steps."""
 
     matrix: Array
-    """(6 C + E, 6 C + E), its lower triangle."""
+    """(6 C + E, 6 C + E) matrix, its lower triangle."""
     right: Array
-    """(6 C + E,)."""
+    """(6 C + E,) right side."""
     eliminated: Eliminated
 
     @staticmethod
     def of(window: Window, scale: float, damping: float = 0.0, bends: float = 0.0) -> Equations:
-        """`damping` raises the points' diagonal entries by this share; the matrix is as it is. With `bends` 2 it is of
-        the loss's own second derivatives, and with 0 of these with weights held; the priors' are as they are."""
+        """Builds the equations. `damping` raises the points' diagonal entries by this share, not those of `matrix`.
+
+        `bends` 2 uses the loss's own second derivatives, 0 those with fixed weights; the priors are the same.
+        """
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
         shown = window.shown
@@ -198,12 +202,12 @@ class Equations:
 
     @property
     def symmetric(self) -> Array:
-        """(6 C + E, 6 C + E) with both triangles."""
+        """Returns the matrix (6 C + E, 6 C + E) with both triangles."""
         return np.tril(self.matrix) + np.tril(self.matrix, -1).T
 
 
 def _add_priors(window: Window, matrix: Array, right: Array) -> None:
-    """Adds the priors' part at the values now to normal equations of all poses and the extras."""
+    """Adds the priors, at the current values, to the normal equations of all poses and corrections."""
     first, prior = POSE * len(window.rotations), window.prior
     if prior is not None:
         p = POSE * len(prior.rotations)
@@ -222,7 +226,7 @@ def _add_priors(window: Window, matrix: Array, right: Array) -> None:
 
 
 def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, Array]:
-    """One damped step: of the poses (C, 6), the points (M, 3) and the extras (E,)."""
+    """Returns one damped step of the poses (C, 6), the points (M, 3) and the corrections (E,)."""
     equations, f = Equations.of(window, scale, damping), POSE * window.fixed
     free = np.ascontiguousarray(equations.matrix[f:, f:])
     free.flat[:: len(free) + 1] = free.diagonal() * (1 + damping) + 1e-12
@@ -246,11 +250,10 @@ def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Arra
 
 
 def _as_inverse_depths(window: Window, step: Array) -> Array:
-    """(M, 3) the step of the points that changes their inverse depths, in the first camera that sees each, as `step`
-    does to first order.
+    """Returns steps (M, 3) that change the points' inverse depths as `step` (M, 3) does to first order.
 
-    What is seen is nearly linear in these, and not at all in the depths of what is far: by those, an offset of the
-    disparities of half a pixel takes fifty steps to be found, and most of them are taken back.
+    Inverse depths are those in the first camera of each point. Observations are nearly linear in them, but not in the
+    depths of far points: with depths, a disparity offset of half a pixel takes fifty steps, most of them rejected.
     """
     first = window.cameras[np.searchsorted(window.owners, np.arange(len(step)))]
     axis = window.rotations[first, 2]

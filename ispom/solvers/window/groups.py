@@ -1,10 +1,11 @@
-"""How sure a window is of its poses by what the tracks of each part of the image say, whatever their errors are like.
+"""Sandwich covariance of a window's poses from the scores of its tracks, for errors of any distribution.
 
-An estimate is off by H^-1 g, so its covariance is the sandwich H^-1 S H^-1 (Huber 1967; White 1982), S the covariance
-of the slope g of the cost at the truth. H has the loss's own second derivatives: where the loss is as narrow as the
-errors, poses are off by a fifth to a third more than with weights held. S is the sum over tracks of the squares of what
-each says: within one, errors may hang together as they like, from view to view, with those of the rows. What neighbours
-share makes it larger (`neighbours.widened`), by where their newest places are.
+The error of an estimate is H^-1 g, so its covariance is the sandwich H^-1 S H^-1 (Huber 1967; White 1982), with S the
+covariance of the cost's gradient g at the true values. H has the loss's own second derivatives: if the loss is as
+narrow as the errors, standard deviations are a fifth to a third larger than with fixed weights. S is the sum over
+tracks of their squared scores, so errors within a track may be correlated, between views and with those of the rows.
+Correlation between neighbours increases it (`neighbours.cluster_inflation`), by the positions of their newest
+observations.
 """
 
 from __future__ import annotations
@@ -24,32 +25,32 @@ from ispom.solvers.window.prior import POSE, PendingScores, Sandwich
 from ispom.solvers.window.slopes import followed, slopes
 
 BENDS = 2.0
-"""See kernels.reduce_points: the loss's own second derivatives."""
+"""Value of `bends` that selects the loss's own second derivatives, see kernels.reduce_points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """What the tracks of a window say of poses and corrections, D = 6 C + E."""
+    """Scores of a window's tracks for poses and corrections, D = 6 C + E unknowns."""
 
     window: Window
     scale: float
-    """Of the loss."""
+    """Scale of the loss."""
     eliminated: Eliminated
-    """The points, by the loss's own second derivatives."""
+    """The eliminated points, with the loss's own second derivatives."""
     ids: NDArray[np.int64]
-    """(M,) of the tracks."""
+    """(M,) ids of the tracks."""
     slopes: Array
-    """(M, D) what each says, with what it said before."""
+    """(M, D) score of each track, including its earlier ones."""
     others: PendingScores
-    """Of tracks that said something before, and are not in the window."""
+    """Scores of tracks that have earlier ones but are not in the window."""
     curvature: Array
-    """(D, D) H, with the prior's."""
+    """(D, D) H, including the prior's."""
     scatter: Array
     """(D, D) S of the prior."""
 
     @staticmethod
     def of(window: Window, ids: NDArray[np.int64], scale: float) -> Groups:
-        """Of a window whose tracks are `ids` (M,), ascending."""
+        """Computes the scores of a window with tracks `ids` (M,), ascending."""
         equations, prior = Equations.of(window, scale, bends=BENDS), window.prior
         size, known_to, corrections = len(equations.right), 0, POSE * len(window.rotations)
         curvature, others = equations.symmetric, PendingScores.none(size)
@@ -71,22 +72,23 @@ class Groups:
 
     @cached_property
     def covariance(self) -> Array:
-        """(D, D) were all errors independent and as large as the loss says."""
+        """Returns the covariance (D, D) for independent errors with the width of the loss."""
         try:
             np.linalg.cholesky(self.curvature)
         except np.linalg.LinAlgError:
-            return covariance(self.window, self.scale)  # weights held: no minimum, to the last digits
+            return covariance(self.window, self.scale)  # fixed weights, as H is not positive definite numerically
         return np.linalg.inv(self.curvature)
 
     def newest(self) -> Array:
-        """(6, 6) covariance of the left twist of the newest pose."""
+        """Returns the sandwich covariance (6, 6) of the newest pose, as a left twist."""
         way = self._way(self.covariance)
         alone, others = self._alone(self.covariance) @ way, self.others.slopes @ way
         wider = self._wider(np.ones(len(self.ids), bool), self.covariance, alone)
         return wider * alone.T @ alone + way.T @ self.scatter @ way + others.T @ others
 
     def sandwich(self, lasting: NDArray[np.int64], known: Array) -> Sandwich:
-        """Of what is marginalised; tracks `lasting` (N,) go on. `known` (D, D): `covariance` of the whole window."""
+        """Returns the sandwich of the marginalised part; tracks `lasting` (N,) continue, `known` (D, D) is the whole
+        window's `covariance`."""
         go_on, others_go = (np.isin(own, lasting, kind="table") for own in (self.ids, self.others.ids))
         ended, alone = self.others.slopes[~others_go], self._alone(known)[~go_on]
         wider = self._wider(~go_on, known, alone @ self._way(known))
@@ -95,16 +97,16 @@ class Groups:
         return Sandwich(self.curvature, scatter, left.and_of(self.ids[go_on], self.slopes[go_on]))
 
     def _way(self, known: Array) -> Array:
-        """(D, 6) how the newest pose follows a slope."""
+        """Returns the derivative (D, 6) of the newest pose by a score."""
         last = POSE * len(self.window.rotations)
         return known[:, last - POSE : last]
 
     def _alone(self, known: Array) -> Array:
-        """(M, D) what each track says, as if it had had no part in the estimate."""
+        """Returns the score (M, D) of each track, as if it had not contributed to the estimate."""
         return self._without(np.arange(len(self.ids)), self.slopes, known)
 
     def _wider(self, use: NDArray[np.bool_], known: Array, alone: Array) -> float:
-        """See neighbours.widened, of the tracks in `use` (M,), which move the newest pose by `alone` (N, 6)."""
+        """Returns the cluster inflation of the tracks in `use` (M,), which move the newest pose by `alone` (N, 6)."""
         if not use.any():
             return 1.0
         newest, groups = self.window.seen[np.append(np.flatnonzero(np.diff(self.window.owners)), -1), :2], list[Array]()
@@ -116,5 +118,5 @@ class Groups:
         return cluster_inflation(alone, groups)
 
     def _without(self, groups: NDArray[np.int64], said: Array, known: Array) -> Array:
-        """(G, D) what groups of tracks say, `said` (G, D), as if each had had no part in the estimate."""
+        """Returns the scores `said` (G, D) of groups of tracks, as if each had not contributed to the estimate."""
         return said + followed(self.window.observed, self.eliminated, self.scale, BENDS, groups, said @ known)

@@ -1,4 +1,4 @@
-"""What is known of the poses of a window, and of its correction, besides the observations in it."""
+"""The prior of a window's poses and corrections, from marginalised observations."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ from ispom.numerics.lie import logs
 from ispom.numerics.places import places
 
 POSE = 6
-"""Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
+"""Number of unknowns of a pose: left twist (rho, phi) of camera_from_world."""
 LENS = 2
-"""Unknowns of what is wrong with one lens, or with both of a pair: see window.Window.extra."""
+"""Number of lens corrections of one camera, or of both of a pair, see adjustment.Window.extra."""
 LEAST_SIGMA = 1e-6
-"""Of a correction [rad, share, s], before any data: less than a thousandth of a pixel, as good as exact."""
+"""Least prior standard deviation of a correction [rad, share, s]: less than a thousandth of a pixel, as good as
+exact."""
 
 
 @dataclass(frozen=True, eq=False)
 class PendingScores:
-    """What tracks that go on have said of the slope of the cost: it is squared together with what they say later."""
+    """Scores (gradients of the cost) of continuing tracks; they are squared together with their later scores."""
 
     ids: NDArray[np.int64]
-    """(T,) ascending."""
+    """(T,) ids of the tracks, ascending."""
     slopes: Array
-    """(T, D)."""
+    """(T, D) scores."""
 
     @staticmethod
     def none(size: int) -> PendingScores:
-        """Of no track, by so many unknowns."""
+        """Returns the scores of no track, for `size` unknowns."""
         return PendingScores(np.zeros(0, np.int64), np.zeros((0, size)))
 
     def and_of(self, ids: NDArray[np.int64], slopes: Array) -> PendingScores:
-        """With (N, D) `slopes` of tracks (N,) more, each of which is in it once at most."""
+        """Adds the scores `slopes` (N, D) of tracks `ids` (N,), each at most once."""
         at = places(self.ids, ids)
         known, own = at >= 0, self.slopes.copy()
         own[at[known]] += slopes[known]
@@ -43,12 +44,12 @@ class PendingScores:
         return PendingScores(every[order], np.concatenate([own, slopes[~known]])[order])
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> PendingScores:
-        """See Sandwich.without."""
+        """Eliminates the unknowns `gone`, see Sandwich.without."""
         return PendingScores(self.ids, self.slopes[:, ~gone] - self.slopes[:, gone] @ gain.T)
 
 
 def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
-    """A symmetric matrix (D, D), see Sandwich.without."""
+    """Eliminates unknowns from a symmetric matrix (D, D), see Sandwich.without."""
     rows = form[gone]
     taken = gain @ (rows[:, ~gone] - rows[:, gone] @ gain.T / 2)
     return form[np.ix_(~gone, ~gone)] - taken - taken.T
@@ -56,41 +57,41 @@ def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What else the corrections show in: `design` times them is `seen`, in deviations, by Cauchy's weights."""
+    """Further linear observations of the corrections: `design` times them is `seen`, normalised and Cauchy-weighted."""
 
     design: Array
-    """(N, E)."""
+    """(N, E) Jacobian."""
     seen: Array
-    """(N,)."""
+    """(N,) observed values."""
     left: Array
-    """(N,) what the rows are off by where the weights are of."""
+    """(N,) residuals at which the weights were computed."""
     ids: NDArray[np.int64]
-    """(N,) of the tracks that say it, each once."""
+    """(N,) ids of the observed tracks, each once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sandwich:
-    """A covariance is H^-1 S H^-1; both are the same where all errors are independent and as large as the loss says."""
+    """The parts of a covariance H^-1 S H^-1. H and S are equal for independent errors with the width of the loss."""
 
     curvature: Array
-    """H (D, D), second derivatives of the cost: its loss's own, where `Prior.hessian` holds the weights."""
+    """H (D, D), second derivatives of the cost with the loss's own; in `Prior.hessian` weights are fixed."""
     scatter: Array
-    """S (D, D), the covariance of the cost's gradient, but for what `lasting` tracks make of it."""
+    """S (D, D), the covariance of the cost's gradient, without the contribution of `lasting` tracks."""
     lasting: PendingScores | None = None
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> Sandwich:
-        """Of what is left when the unknowns `gone` (D,) are eliminated: `gain` (D - G, G) times their gradient is taken
-        from that of the others."""
+        """Eliminates the unknowns `gone` (D,): `gain` (D - G, G) times their gradient is subtracted from that of the
+        others."""
         lasting = None if self.lasting is None else self.lasting.without(gain, gone)
         return Sandwich(_without(self.curvature, gain, gone), _without(self.scatter, gain, gone), lasting)
 
     def times(self, factor: float) -> Sandwich:
-        """In a unit of the cost in which there is so many times as much of it."""
+        """Returns the sandwich of the cost multiplied by `factor`."""
         lasting = None if self.lasting is None else replace(self.lasting, slopes=factor * self.lasting.slopes)
         return Sandwich(factor * self.curvature, factor**2 * self.scatter, lasting)
 
     def with_evidence(self, evidence: Evidence) -> Sandwich:
-        """The loss's second derivatives by what a row is off by are its weight times 1 - 2 left^2."""
+        """Adds evidence. The loss's second derivative by a residual is its weight times 1 - 2 left^2."""
         design, left, size = evidence.design, evidence.left, len(self.curvature)
         corrections = slice(size - design.shape[1], size)
         curvature, slopes = self.curvature.copy(), np.zeros((len(design), size))
@@ -103,32 +104,32 @@ class Sandwich:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What marginalised poses and points say of those still there: cost 1/2 d' H d + g' d + c, d their change since."""
+    """The prior from marginalised poses and points: cost 1/2 d' H d + g' d + c, d the change since linearisation."""
 
     rotations: Array
-    """(P, 3, 3) camera_from_world of the first P poses of the window, when linearised."""
+    """(P, 3, 3) camera_from_world of the first P poses of the window, at the linearisation."""
     translations: Array
-    """(P, 3)."""
+    """(P, 3) translations of these poses."""
     extra: Array
-    """(E,)."""
+    """(E,) corrections at the linearisation."""
     hessian: Array
-    """(6 P + E, 6 P + E)."""
+    """(6 P + E, 6 P + E) H."""
     gradient: Array
-    """(6 P + E,)."""
+    """(6 P + E,) g."""
     constant: float = 0.0
-    """c, what the evidence that was added costs where d is 0."""
+    """c, the cost of the added evidence at d = 0."""
     sandwich: Sandwich | None = None
-    """Where someone keeps what the covariance follows from."""
+    """Parts of the covariance, if the caller keeps them."""
 
     def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
-        """d (6 P + E,) of the values now against those of the linearisation."""
+        """Returns d (6 P + E,), the change of the values since the linearisation."""
         p = len(self.rotations)
         turn = rotations[:p] @ np.swapaxes(self.rotations, 1, 2)
         rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
         return np.concatenate([np.hstack([rho, logs(turn)]).ravel(), extra - self.extra])
 
     def times(self, factor: float) -> Prior:
-        """The same in another unit of the cost: so many times all of it, and the same covariance."""
+        """Returns the prior with its cost multiplied by `factor`, and the same covariance."""
         sandwich = self.sandwich or Sandwich(self.hessian, self.hessian)
         return replace(
             self,
@@ -139,7 +140,7 @@ class Prior:
         )
 
     def with_evidence(self, evidence: Evidence) -> Prior:
-        """With what else the corrections show in."""
+        """Adds further observations of the corrections."""
         hessian, gradient, e, design = self.hessian.copy(), self.gradient.copy(), len(self.extra), evidence.design
         error = design @ self.extra - evidence.seen
         hessian[-e:, -e:] += design.T @ design
@@ -149,15 +150,16 @@ class Prior:
         return replace(self, hessian=hessian, gradient=gradient, constant=constant, sandwich=sandwich)
 
     def aged(self, kept: float, sigma: Array) -> Prior:
-        """Of the corrections a while later: `kept` of each is left, and as much has come that its deviation returns to
-        `sigma` (E,) if nothing is seen (a Gauss-Markov process); 0 holds one.
+        """Adds process noise to the corrections (a Gauss-Markov process): each is multiplied by `kept`.
+
+        Without observations the standard deviations return to `sigma` (E,); 0 fixes a correction.
         """
         poses, size = len(self.hessian) - len(sigma), len(self.hessian)
         now = np.flatnonzero(sigma > 0) + poses
         if not 0 <= kept < 1 or not len(now):
             return self
         came = 1 / ((1 - kept**2) * sigma[now - poses] ** 2)
-        # now = kept * then + what came; the values then, at the end, are eliminated
+        # now = kept * then + noise; the old values, at the end, are eliminated
         gone, then = (1 - kept) * self.extra[now - poses], size + np.arange(len(now))
         before = np.arange(size)
         before[now] = then
@@ -186,14 +188,14 @@ class Prior:
         return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient, sandwich=sandwich)
 
     def cost(self, shift: Array) -> float:
-        """Of a change `shift` (6 P + E,); inf where a step ended at no number, so that it is not taken."""
+        """Returns the cost of a change `shift` (6 P + E,); inf for a step that is not finite, which rejects it."""
         if not np.isfinite(shift).all():
             return float("inf")
         return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift) + self.constant
 
 
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:
-    """The prior that makes the first pose the world: known to `sigma`."""
+    """Returns the prior that fixes the first pose, with standard deviation `sigma` [m, rad]."""
     information = np.concatenate([np.full(POSE, sigma**-2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0])
     zeros, held = np.zeros(len(information)), np.diag(information)
     sandwich = Sandwich(held, held)

@@ -1,1 +1,1 @@
-"""The modern stereo method; its steps are the file names."""
+"""The modern stereo method; the file names are its steps."""

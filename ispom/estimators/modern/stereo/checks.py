@@ -19,7 +19,7 @@ STAGES = {
     "conclude": "Bookkeeping.",
     "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
 }
-"""By their names in Step.seconds, in order."""
+"""Descriptions of the stages, in order; the keys are those of Step.seconds."""
 
 GUIDED_POINTS = Check(
     "guided_points",
@@ -124,7 +124,7 @@ OBSERVABLE = Check(
 
 
 def _correction(key: str, name: str, unit: str, what: str) -> Check:
-    """Of one term; `what` is what its value measures."""
+    """Returns the check of one calibration correction; `what` names the quantity in its sentences."""
     shown = f" {unit}" if unit else ""
     passes, fails = (
         f"{what}: {{value}}{shown}, {word} (2 sigma: {{threshold}}{shown})."
@@ -156,7 +156,7 @@ CORRECTIONS = (
     _correction("row_offset", "row offset", "px", "Row offset of the right image in the centre"),
     _correction("baseline_down", "baseline direction, downwards", "deg", "Direction of the baseline (downwards)"),
 )
-"""Of right_camera.TERMS, in that order."""
+"""The checks of the corrections, in the order of right_camera.TERMS."""
 
 CHECKS = by_key(
     GUIDED_POINTS,

@@ -1,4 +1,4 @@
-"""What a pair leaves behind: the next state, and the Step that says all of it."""
+"""Makes the next state and the Step from the outcome of a stereo frame."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def next_state(
     sighting: TrackingResult,
     is_key: bool,
 ) -> ModernStereoState:
-    """`before` is as the pair was followed from, `state` has the map as it left it."""
+    """Returns the next state. Tracking started from `before`; `state` has the map after this frame."""
     newest, last, new = state.map.keys[-1], before.last, now.new
-    # A start from the prediction goes on as predicted: where no motion was known before, none is now.
+    # A start from the prediction keeps the predicted motion, which is unknown if it was unknown before.
     unknown = last.left is None or (sighting.located is None and last.motion_s <= 0)
     following = LastPair(
         new.left,
@@ -50,7 +50,7 @@ def next_state(
 
 
 def _with_keyframe(state: ModernStereoState, now: Current) -> KeyframeDatabase:
-    """With what this keyframe saw, and the others' poses as they are now."""
+    """Returns the database with this keyframe, and with the current poses of those in the window."""
     here = (now.new.left, now.new.right)
     keyframe = Keyframe.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.motion)
     return state.database.with_poses({k.time_ns: k.left_from_world for k in state.map.keys}).with_keyframe(keyframe)
@@ -59,7 +59,7 @@ def _with_keyframe(state: ModernStereoState, now: Current) -> KeyframeDatabase:
 def _covariance(
     setup: Setup, state: ModernStereoState, now: Current, sighting: TrackingResult, is_key: bool
 ) -> Array | None:
-    """(6, 6) of left_from_world's left twist."""
+    """Returns the covariance (6, 6) of left_from_world, as a left twist."""
     world = state.map
     if not is_key and sighting.located is not None and world.newest is not None:
         pair = now.as_key(setup, now.points)
@@ -68,7 +68,7 @@ def _covariance(
 
 
 def as_step(setup: Setup, exposure: Frame, outcome: Outcome) -> Step:
-    """The Step of an outcome, but for its times."""
+    """Returns the Step of an outcome, without the durations of its stages."""
     sighting, after, has_pose = outcome.sighting, outcome.after, outcome.before is not None
     residual = np.full(len(sighting.status), np.nan, np.float32)
     if sighting.located is not None:
@@ -105,7 +105,7 @@ def _calibration(setup: Setup, after: ModernStereoState) -> Corrections:
 
 
 def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:
-    """(6, 6) of world_from_rig's right twist from that of left_from_world's left one.
+    """Returns the covariance (6, 6) of world_from_rig (right twist) from that of left_from_world (left twist).
 
     left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right.
     """
@@ -114,7 +114,7 @@ def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:
 
 
 def _tracks(outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
-    """All points followed, with what became of them, and the fresh ones; none where the pair has no pose."""
+    """Returns all tracks with their status, and the new ones; none if the frame has no pose."""
     if outcome.before is None:
         return Tracks.of(np.zeros(0), np.zeros((0, 2)))
     sighting, fresh = outcome.sighting, outcome.fresh
@@ -140,5 +140,5 @@ def _landmarks(exposure: Frame, after: ModernStereoState) -> Landmarks:
 
 
 def _revised(setup: Setup, after: ModernStereoState) -> Trajectory:
-    """The key frames before the newest."""
+    """Returns world_from_rig of the keyframes before the newest one."""
     return Trajectory.of([(k.time_ns, k.left_from_world.inverse() @ setup.left_from_rig) for k in after.map.keys[:-1]])

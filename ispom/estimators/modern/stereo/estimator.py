@@ -1,4 +1,4 @@
-"""Stereo, modern: guided tracking in both images, reprojection in both, a window of key frames, self-calibration."""
+"""Modern stereo method: guided tracking, localisation by both images, windowed optimisation, self-calibration."""
 
 from __future__ import annotations
 
@@ -37,56 +37,56 @@ class ModernStereoConfig:
     """Settings of the modern stereo estimator."""
 
     max_tracks: Annotated[int, Range(50, 3000)] = 400
-    """Points tracked at a time."""
+    """Number of points that are tracked at a time."""
     window: Annotated[int, Range(3, 20)] = 8
-    """Key frames adjusted together; older ones become a prior."""
+    """Number of keyframes that are optimised together; older ones become a prior."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
-    """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
-    those then."""
+    """Images whose longer side exceeds this are halved first; settings and checks are in pixels of the halved image."""
     relocalise: bool = True
-    """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
+    """Relocalise a lost camera at earlier keyframes by descriptors. Off: search only near the last pose."""
     loops: bool = False
-    """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
+    """Close loops: recognise earlier keyframes, and distribute the drift over all poses. Off: plain odometry."""
     follow: Follow = "static"
-    """Where two things move by themselves: what stands still, as far as known (it was there before, and spans more
-    room), or what fills more of the image."""
+    """Which of two rigid motions to follow: the static scene (observed longer, and larger), or what fills more of the
+    image."""
     self_calibration: bool = True
-    """Estimate what is wrong with the pair: the radial distortion of both cameras; and how the right one is turned, its
-    own focal length, principal point, distortion, and a late shutter. The settings that follow are standard deviations
-    before any data, where the rig's file does not say how sure its calibration is (pair_sigma)."""
+    """Self-calibrate the pair: radial distortion of both cameras; orientation, focal length, principal point,
+    distortion and time offset of the right camera. The next settings are prior standard deviations; pair_sigma in the
+    rig's file replaces them."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.25
-    """Of how far off disparities and rows are in the middle of the image."""
+    """Prior standard deviation of the disparity offset and the row offset in the image centre."""
     turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.1
-    """Of how the right camera is turned about each of its axes."""
+    """Prior standard deviation of the right camera's rotation about each axis."""
     focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.0015
-    """Of its focal length against the left one's, as a share."""
+    """Prior standard deviation of the right focal length, relative to the left one."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
-    """Of the radial distortion k1 and k2 of both, and of the right one's beside."""
+    """Prior standard deviation of k1 and k2 of both cameras, and of the right camera's own k1 and k2."""
     decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.001
-    """Of the right one's decentring distortion p1 and p2."""
+    """Prior standard deviation of the right camera's decentring distortion p1 and p2."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
-    """Of how late its shutter is."""
+    """Prior standard deviation of the right camera's time offset."""
     settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
-    """After so long the pair may have changed by as much as was unknown before any data."""
+    """Time constant after which the calibration may have changed by its prior standard deviation."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
-    """Scale of the Cauchy loss, and the error that covariances take a track for until residuals say more."""
+    """Scale of the Cauchy loss, and noise of a track in covariances until residuals determine it."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
-    """Larger reprojection errors end a track."""
+    """Tracks with a larger reprojection error are outliers and end."""
     min_parallax_px: Annotated[float, Range(0.5, 100)] = 25.0
-    """Median displacement since the last key frame that makes the next one."""
+    """Median displacement since the last keyframe from which a new one is made."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.6
-    """A key frame is taken before a smaller share of the last one's points is left."""
+    """A new keyframe is made when a smaller share of the last keyframe's points is left."""
     min_inliers: Annotated[int, Range(6, 500)] = 15
-    """Fewer points than this, and the pair is not located."""
+    """Least number of inliers with which a frame is localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
-    """Pairs that may fail against the last located one before the next starts afresh from where the motion led."""
+    """Number of lost frames in a row that are tolerated; the next one starts a new segment at the predicted pose."""
     iterations: Annotated[int, Range(1, 30)] = 10
-    """Of the adjustment at most, at each key frame: a pair that is not what it is taken for needs most of them."""
+    """Most iterations of the optimisation at each keyframe; a wrong calibration needs nearly all of them."""
 
     def pair_sigma(self, focal_px: float, told: PairSigma | None = None) -> Array:
-        """(E,) of what may be wrong with the pair, in the order of right_camera.TERMS; 0 holds it.
+        """Returns the prior standard deviations (E,) of the corrections, in the order of right_camera.TERMS.
 
-        `focal_px` of the images whose pixels they are in; `told` by the calibration, in place of the settings.
+        0 fixes a correction. The settings are in pixels of images with focal length `focal_px`; `told`, from the
+        calibration, replaces them.
         """
         if not self.self_calibration:
             return np.zeros(PAIR)
@@ -105,27 +105,30 @@ class ModernStereoConfig:
         return np.maximum(found, LEAST_SIGMA)
 
     def build(self, rig: Rig) -> ModernStereo:
+        """Returns the estimator for a rig."""
         return ModernStereo(rig, self)
 
 
 @dataclass(frozen=True, eq=False)
 class ModernStereo:
-    """Metric; needs no key frame to follow, and corrects the last few as it goes. World: the rig at the first pair."""
+    """Estimates metric poses, and optimises the last few keyframes. The world is the rig at the first frame."""
 
     rig: Rig
     config: ModernStereoConfig
 
     def start(self) -> ModernStereoState:
+        """Returns the state before the first frame."""
         return ModernStereoState(LastPair(left_from_world=self._left_from_rig))
 
     def finish(self, state: ModernStereoState) -> Trajectory:
+        """Returns the final estimate: world_from_rig of all localised frames, with loops closed."""
         keys = dict(state.settled) | {k.time_ns: k.left_from_world for k in state.map.keys}
         world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in state.poses}
         poses = Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
         return corrected(state.loops, poses)
 
     def step(self, state: ModernStereoState, exposure: Measurement) -> tuple[ModernStereoState, Step]:
-        """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
+        """Tracks and localises one frame; at a keyframe also adds points and optimises the window."""
         last_ns = None if state.last.left is None else state.last.time_ns
         exposure = self._size.reduced(require_frame(exposure, STEREO, last_ns))
         watch, new = Stopwatch(), NewPair.of(exposure)
@@ -138,7 +141,7 @@ class ModernStereo:
         return after, self._size.enlarged(replace(step, seconds=watch.seconds))
 
     def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
-        """The algorithm, as its list of steps."""
+        """Runs the steps of the algorithm on one frame."""
         setup = self._setup
         before, sighting, decisions = track_and_locate(setup, state, new)
         watch.lap("track")
@@ -165,7 +168,7 @@ class ModernStereo:
         decisions: tuple[Decision, ...],
         watch: Stopwatch,
     ) -> Outcome:
-        """The pair once it is known where it was taken; `before` is the state as it was followed from."""
+        """Makes a localised frame a keyframe if needed, and extends the map. Tracking started from `before`."""
         setup = self._setup
         status = Status.INITIALISING if sighting.located is None else Status.TRACKING
         now = Current.of(before, new, sighting)
@@ -177,7 +180,7 @@ class ModernStereo:
         fresh = new_points(setup, before, now)
         why_not = () if before.map.keys else _no_start(setup, new, len(fresh))
         if why_not:
-            # Nothing is seen: what was seen before is still the best to find the way from.
+            # No map can start here, so the earlier state remains the best one to localise from.
             status = Status.LOST if state.map.keys else Status.INITIALISING
             waiting = replace(state, lost_pairs=before.lost_pairs)
             return Outcome(waiting, status, sighting, (*decisions, *why_not))
@@ -226,7 +229,7 @@ class ModernStereo:
 
 
 def _no_start(setup: Setup, new: NewPair, count: int) -> tuple[Decision, ...]:
-    """Why a pair begins no map, with `count` new points; nothing where it does."""
+    """Returns why a frame with `count` new points cannot start a map; empty if it can."""
     wrong = exchanged(setup, new)
     few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting for the next pair")
     return (wrong,) if wrong is not None else (few,) if few.failed else ()

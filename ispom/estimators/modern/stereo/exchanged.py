@@ -1,4 +1,4 @@
-"""Whether left and right are exchanged: what both cameras see then lies farther right in the right image."""
+"""Detects exchanged left and right images: their disparities are negative."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from ispom.features.row_search import PointSearch
 from ispom.types import Decision, TrackStatus
 
 CLEAR_PX = 1.0
-"""Least disparity to either side: what is far away may lie on the wrong one, as no pair is rectified any better."""
+"""Least absolute disparity [px] that counts: that of far points may have the wrong sign, as rectification is no
+better."""
 DOUBTED_SHARE = 0.5
-"""A pair located by points of which fewer have a match that fits is looked at: ordinary ones have more, and pairs with
-half of the right image covered mostly do."""
+"""Share of points with a positive disparity below which a localised frame is checked. Ordinary frames have more, and
+those with half of the right image covered mostly do."""
 
 
 def exchanged(setup: Setup, new: NewPair) -> Decision | None:
-    """That left and right are exchanged; None where they are not.
+    """Returns the failed check if left and right are exchanged, else None.
 
-    Of ordinary pairs 0.01 to 0.06 times as many corners have a match farther right as farther left, by chance; of
-    exchanged ones 17 times and more.
+    In ordinary frames the ratio of negative to positive disparities is 0.01 to 0.06, by chance; in exchanged ones it is
+    17 or more.
     """
     uv, width = corners(setup, new, PairPoints()), new.left.shape[1]
     mirrored = uv.copy()
@@ -35,7 +36,10 @@ def exchanged(setup: Setup, new: NewPair) -> Decision | None:
 
 
 def exchanged_since(setup: Setup, new: NewPair, sighting: TrackingResult) -> Decision | None:
-    """The same of a pair that was located: by its left image alone, so that its place is the right camera's."""
+    """Checks a localised frame like `exchanged`, if few disparities are positive.
+
+    Such a frame was localised by its left image only, so its pose would be that of the right camera.
+    """
     alive = sighting.status == TrackStatus.ALIVE
     judged = alive | (sighting.status == TrackStatus.REPROJECTION)
     fits = int((alive & (sighting.disparity_px > 0)).sum())
@@ -43,5 +47,5 @@ def exchanged_since(setup: Setup, new: NewPair, sighting: TrackingResult) -> Dec
 
 
 def _clear(left: NDArray[np.uint8], right: NDArray[np.uint8], uv: NDArray[np.float32]) -> int:
-    """How many points (N, 2) [px] of the left image are clearly found farther left in the right one."""
+    """Returns the number of points (N, 2) [px] of the left image with a disparity of at least CLEAR_PX."""
     return int((PointSearch().search(left, right, uv).disparity_px >= CLEAR_PX).sum())

@@ -1,4 +1,4 @@
-"""What makes a pair a key frame of the stereo estimator, and what it adds: new points, a window adjusted, a prior."""
+"""Decides when a frame becomes a keyframe, and extends the map by it."""
 
 from __future__ import annotations
 
@@ -28,42 +28,41 @@ from ispom.persistent_list import PersistentList
 from ispom.types import Decision
 
 CORNER_DISTANCE_PX = 8.0
-"""Least distance of a new corner from other points: with less, patches of 11 pixels see nearly the same."""
+"""Least distance [px] of a new corner from other points: patches of 11 pixels would show nearly the same."""
 CROWD = 2.0
-"""Times its share of the points that a part of the image may hold. The strongest corners alone stand in heaps, mostly
-on what is far ahead, and what they have in common, such as one edge's disparity, is not averaged out; of equal shares
-many are weak ones."""
+"""Most points in a part of the image, relative to an equal share. Without a limit the strongest corners cluster, mostly
+far ahead, and common errors, such as one edge's disparity, do not average out. With equal shares many are weak."""
 CANDIDATES = 1.8
-"""Corners looked for, over those wanted: of nearly half the match is not as sure as of most."""
+"""Number of corners detected, relative to those needed: nearly half have a match that is less accurate than most."""
 LIKE_MOST = 1.3
-"""Times their median that deviations of new disparities may be, and what patches differ by. What a patch predicts of
-its match is what it turns out to be off by, from 0.03 px to ten times that; one that sees two surfaces is off by more,
-towards the nearer one, and differs by more than the sensor's noise. One weight and one covariance for all points hold
-for like ones."""
+"""Largest standard deviation of a new disparity, and largest difference of its patches, relative to the median. The
+predicted deviations agree with the errors from 0.03 px to ten times that. A patch that shows two surfaces is biased
+towards the nearer one, and differs by more than the sensor's noise. All points get the same weight and covariance, so
+their accuracy must be similar."""
 SAME_GREY = 2.0
-"""Differences [grey levels] below this are as good as each other: the noise of a camera at its best."""
+"""Difference of patches [grey levels] below which all count as equally good: the noise of a camera at its best."""
 SURE_PX = 0.03
-"""Deviations below this are as good as each other: images without noise would leave out all but their finest match."""
+"""Standard deviation [px] below which matches count as equally good: noise-free images would keep only their best."""
 CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
-"""Of the sub-pixel place of a corner."""
+"""Radius [px] and number of steps of the sub-pixel refinement of a corner."""
 
 
 @dataclass(frozen=True, eq=False)
 class Current:
-    """The pair that is being worked on, once it has a pose."""
+    """The current frame, once it has a pose."""
 
     new: NewPair
     pose: Pose
     """left_from_world."""
     points: PairPoints
-    """Those alive."""
+    """The points alive."""
     motion: Array
-    """(12,) of left_from_world, as of rolling.mean_rates: since the last pair, 0 where that is a gap; or while the rows
-    of a rolling shutter were exposed."""
+    """(12,) rate of left_from_world and its change, see rolling.mean_rates: since the last frame, 0 after a gap; or
+    during the exposure of a rolling shutter."""
 
     @staticmethod
     def of(state: ModernStereoState, new: NewPair, sighting: TrackingResult) -> Current:
-        """Located, or where the motion led."""
+        """Returns the frame at its localised pose, or else at the predicted one."""
         last, located = state.last, sighting.located
         pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
         motion = np.zeros(12)
@@ -75,13 +74,13 @@ class Current:
         return Current(new, pose, sighting.alive(last.points), motion)
 
     def as_key(self, setup: Setup, points: PairPoints) -> KeyFrame:
-        """With these points, as they are in the pair."""
+        """Returns the frame as a keyframe that observed these points."""
         seen = points.seen_by(setup.camera)
         return KeyFrame(self.new.time_ns, self.pose, points.ids, seen, self.motion, points.slants, setup.shutter)
 
 
 def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:
-    """Large displacement, or too few of the last key frame's points left: each makes a key frame; none, the first."""
+    """Returns the checks for a keyframe: large displacement, few of the last keyframe's points left; none at first."""
     if not world.keys:
         return ()
     last, camera = world.keys[-1], setup.camera
@@ -96,15 +95,14 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
 
 
 def corners(setup: Setup, new: NewPair, points: PairPoints, share: float = 1.0) -> NDArray[np.float32]:
-    """(N, 2) [px] in the left image, between the points there are; so many that with them there are `share` times as
-    many points as are tracked."""
+    """Detects corners (N, 2) [px] in the left image, which complete the points to `share` times `max_tracks`."""
     count = int(share * setup.max_tracks)
     found = detect_spread(new.left, count, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0])
     return at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
 
 
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> PairPoints:
-    """Corners between the points there are, with their disparity."""
+    """Detects corners between the present points, and keeps those with an accurate disparity."""
     new, uv = now.new, corners(setup, now.new, now.points, CANDIDATES)
     matches = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(matches.disparity_px))
@@ -117,16 +115,16 @@ def new_points(setup: Setup, state: ModernStereoState, now: Current) -> PairPoin
 
 
 def _like_most(values: Array, least: float) -> NDArray[np.bool_]:
-    """(N,) which are about as small as usual, or as `least`."""
+    """Returns a mask (N,) of the values that do not much exceed the median, or `least`."""
     return np.asarray(values <= LIKE_MOST * max(median(values), least))
 
 
 def extended(
     setup: Setup, state: ModernStereoState, now: Current, fresh: PairPoints, sighting: TrackingResult
 ) -> tuple[ModernStereoState, Current, tuple[Decision, ...]]:
-    """The window with this pair as a key frame, adjusted; and the pair as that left it.
+    """Adds this frame as a keyframe and optimises the window; returns the state, the frame and the decisions.
 
-    The adjustment knows nothing of points seen once: the fresh ones are placed by the pose and the pair that it found.
+    Points observed once take no part in the optimisation; the new ones are triangulated with its results.
     """
     points, world = PairPoints.joined(now.points, fresh), state.map
     key = now.as_key(setup, points)
@@ -150,7 +148,7 @@ def extended(
 def _with_row_errors(
     setup: Setup, world: StereoMap, state: ModernStereoState, now: Current, sighting: TrackingResult
 ) -> StereoMap:
-    """With what the rows of this pair say about the right camera."""
+    """Adds the row differences of this frame to the prior of the right camera's corrections."""
     located = sighting.located
     if located is None:
         return world
@@ -162,7 +160,7 @@ def _with_row_errors(
 def _adjusted(
     setup: Setup, world: StereoMap, settled: PersistentList[tuple[int, Pose]]
 ) -> tuple[StereoMap, PersistentList[tuple[int, Pose]], tuple[Decision, ...]]:
-    """The window adjusted; what is too much for it becomes a prior."""
+    """Optimises the window, and marginalises the keyframes that exceed its size."""
     world, result = adjusted(setup, world)
     count, then = len(world.keys), ""
     while len(world.keys) > setup.window:

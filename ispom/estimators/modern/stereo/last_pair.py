@@ -1,4 +1,4 @@
-"""The last located pair, and the motion that is expected to go on from it."""
+"""The last localised frame, and the motion model that predicts the next poses."""
 
 from __future__ import annotations
 
@@ -15,65 +15,66 @@ from ispom.numerics.twist import twist_of
 from ispom.types import Image
 
 COASTING_S = 2.0
-"""Out of sight the motion is held to go on for so long, or for one more interval between pairs; then to end."""
+"""Time [s] for which a lost camera is predicted to keep its motion, or one interval between frames if longer; then it
+is predicted to rest."""
 CHANGE = 0.5
-"""Standard deviation of how a motion may differ from the expected one, as a share of it: the rig may stop (2 sigma)."""
+"""Standard deviation of a motion from the predicted one, relative to it: the rig may stop (2 sigma)."""
 REST_BASELINES, REST_RAD = 0.1, 0.05
-"""The same where none is expected, from one pair to the next: in baselines, as the rig's size goes with its speed, and
-[rad], 3 degrees."""
+"""Standard deviation of a motion from one frame to the next if none is predicted: in baselines, as larger rigs move
+faster, and [rad] (3 degrees)."""
 UNKNOWN_BASELINES_S, UNKNOWN_RAD_S = 40.0, 1.0
-"""Standard deviation of a motion of which nothing was measured, in baselines per second (a car on a country road, a
-camera in a running hand), and [rad/s]: the prediction then is the place of the first pair, which tells nothing."""
+"""Standard deviation of a motion that was never measured, in baselines per second (a car on a country road, a running
+person's camera), and [rad/s]: the prediction then is the pose of the first frame."""
 
 SHAKE_RAD_S = 2 * np.pi * 2.5
-"""A hand, a step or a road shakes with some 1 to 4 Hz: how fast a motion changes, for how much it may differ."""
+"""Angular frequency of a camera's shake [rad/s], which relates the change of a motion to its deviation. Hands, steps
+and roads shake with some 1 to 4 Hz."""
 
 
 def motion_sigma(way: Pose, baseline_m: float) -> Array:
-    """(6,) standard deviations of how a motion may differ from this expected one, and a little at rest."""
+    """Returns the standard deviations (6,) of a motion from this predicted one; they are not zero at rest."""
     moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(twist_of(way)[3:]))
     return np.repeat([CHANGE * moved + REST_BASELINES * baseline_m, CHANGE * turned + REST_RAD], 3)
 
 
 @dataclass(frozen=True, eq=False)
 class LastPair:
-    """The last located pair, and how the rig moved until then."""
+    """The last localised frame, and the motion of the rig up to it."""
 
     left: Image | None = None
     key_left: Image | None = None
-    """Of the newest key frame."""
+    """Left image of the newest keyframe."""
     key_half: Image | None = None
-    """The same at half its size."""
+    """The newest keyframe's left image at half size."""
     points: PairPoints = PairPoints()
     time_ns: int = 0
     left_from_world: Pose = field(default_factory=Pose)
     motion: Pose = field(default_factory=Pose)
-    """curr_left_from_prev_left of the last two located pairs."""
+    """curr_left_from_prev_left of the last two localised frames."""
     motion_s: float = 0.0
-    """Time between them; 0 before two pairs were located by the same points."""
+    """Time between these frames; 0 before two frames were localised by the same points."""
     covariance: Array | None = None
-    """(6, 6) of left_from_world's left twist."""
+    """(6, 6) covariance of left_from_world, as a left twist."""
 
     @cached_property
     def rate(self) -> Array:
-        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
+        """Returns the rate (6,) of left_from_world, a left twist (rho [m/s], phi [rad/s]) per second."""
         return twist_of(self.motion) / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
     def believed_motion(self, time_ns: int, baseline_m: float) -> MotionPrior:
-        """How left_from_world moves at a time, if the motion goes on as it was; it may differ, as `motion_sigma`."""
+        """Returns the prior of left_from_world's motion at a time: the last motion, with `motion_sigma`."""
         seconds = self.motion_s if self.motion_s > 0 else max(self._since_s(time_ns), 1e-3)
         sigma = motion_sigma(self.motion, baseline_m) / seconds
         return MotionPrior(steady(self.rate), np.concatenate([sigma, SHAKE_RAD_S * sigma]))
 
     def predicted(self, time_ns: int) -> Pose:
-        """left_from_world if the motion goes on as it was, COASTING_S long at most."""
+        """Returns left_from_world if the motion continues, for COASTING_S at most."""
         return self._way(self._coasting_s(time_ns)) @ self.left_from_world
 
     def predicted_covariance(self, time_ns: int, baseline_m: float) -> Array:
-        """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since.
+        """Returns the covariance (6, 6) of `predicted`, as a left twist: the last one plus that of the motion since.
 
-        That is the more, the longer nothing was seen: the motion may have gone on after the prediction holds it to end,
-        or no motion was measured before.
+        It grows with time: the motion may have continued after its predicted end, or no motion was measured before.
         """
         coasting_s = self._coasting_s(time_ns)
         way, beyond = self._way(coasting_s), (self._since_s(time_ns) - coasting_s) * self.rate

@@ -1,4 +1,4 @@
-"""Locating a pair: reprojection of the known points in both images, from a prediction, or samples."""
+"""Localises a frame by reprojection of the map in both images, from a prediction or by RANSAC."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ispom.numerics.twist import twist_of
 from ispom.solvers.localisation import Policy, PoseFit, locate
 
 POOR = 2.0
-"""A pose whose inliers have a larger median error, in noise of a track, is sought again: where a turn was not
-foretold, a sixth of the points, found on a road that looks the same everywhere, pulled a pose 0.2 m away within what
-the others, far off, agree with."""
+"""Largest median error of a pose's inliers, relative to the noise of tracks; above it the pose is found again by
+RANSAC. On an unpredicted turn a sixth of the points, wrong matches on a uniform road, had pulled a pose away by 0.2 m,
+within the tolerance of the other, distant points."""
 CLOSE = 4.0
-"""Points of a sample agree with its pose within so many times that."""
+"""Inlier threshold of RANSAC, relative to the noise of tracks."""
 ROUNDS = 3
-"""The pose is located, and how it moves while the rows are exposed, so many times in turn."""
+"""Number of times that the pose, and the motion during the exposure of the rows, are estimated in turn."""
 FEW = 3
-"""With fewer points than so many times the least number, the expected motion counts as well."""
+"""Number of points, relative to the least number, below which the predicted motion is a prior of the pose."""
 
 
 def located(
@@ -38,10 +38,10 @@ def located(
     time_ns: int,
     motion: Array | None = None,
 ) -> tuple[PoseFit | None, Array | None]:
-    """left_from_world by reprojection in both images; from three-point samples where the prediction is poor. Of a
-    rolling shutter also how it moved meanwhile (12,), as of rolling.mean_rates.
+    """Finds left_from_world by reprojection in both images, and by three-point RANSAC if the prediction is poor.
 
-    `place` (N,) of the points in the map, `seen` (N, 3) as KeyFrame.seen.
+    `place` (N,) are indices of the points in the map, `seen` (N, 3) is as KeyFrame.seen. For a rolling shutter it also
+    returns the motion (12,) during the exposure, see rolling.mean_rates.
     """
     if not setup.shutter.rolls:
         seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
@@ -70,7 +70,7 @@ def _ideal(
     predicted: Pose,
     time_ns: int,
 ) -> Array:
-    """(N, 3) what a perfect pair would have seen."""
+    """Returns the observations (N, 3) that a pair without calibration errors would have made."""
     rate = twist_of(predicted @ last.left_from_world.inverse()) / ((time_ns - last.time_ns) * 1e-9)
     return ideal(world, setup.baseline_m, predicted.apply(world.xyz[place]), seen, rate)
 
@@ -78,7 +78,7 @@ def _ideal(
 def _located(
     setup: Setup, last: LastPair, world: StereoMap, place: NDArray[np.int64], seen: Array, predicted: Pose
 ) -> PoseFit | None:
-    """By what all rows of a perfect pair saw at one time."""
+    """Localises by observations of a pair without calibration errors whose rows are all exposed at one time."""
     xyz, prior = world.xyz[place], None
     if len(xyz) < FEW * setup.min_inliers:
         prior = np.diag(motion_sigma(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)

@@ -1,4 +1,4 @@
-"""How each key frame is held to move while the rows of a rolling shutter are exposed, by where those beside it are."""
+"""Priors of the keyframes' motions during the exposure of a rolling shutter, from the poses of their neighbours."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ispom.numerics.twist import twist_of
 
 
 def motion_priors(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[MotionPrior]:
-    """How each key frame moves, by where those beside it are."""
+    """Returns the motion prior of each keyframe, from the poses of its neighbours."""
     ways = [b.left_from_world @ a.left_from_world.inverse() for a, b in pairwise(keys)]
     seconds = np.array([b.time_ns - a.time_ns for a, b in pairwise(keys)]) * 1e-9
     rates = np.array([twist_of(way) for way in ways]) / seconds[:, None]
     foreseen = np.array([motion_sigma(way, baseline_m) for way in ways]) / seconds[:, None]
     shaken = SHAKE_RAD_S * _shaken(rates, seconds, foreseen.mean(axis=0) / SHAKE_RAD_S)
     sigma = np.concatenate([shaken, SHAKE_RAD_S * shaken])
-    # The nearer in time a neighbour is, the more it says of the motion here.
+    # The rate to the neighbour that is nearer in time has the larger weight.
     share = (seconds[:-1] / (seconds[:-1] + seconds[1:]))[:, None]
     between = (1 - share) * rates[:-1] + share * rates[1:]
     change = (rates[1:] - rates[:-1]) / (0.5 * (seconds[:-1] + seconds[1:]))[:, None]
@@ -32,10 +32,10 @@ def motion_priors(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[MotionP
 
 
 def _shaken(rates: Array, seconds: Array, usual: Array) -> Array:
-    """(6,) by how much poses deviate from a steady motion: by how much the mean rates (C, 6) between them, over times
-    (C,), differ; and by the `usual` (6,), as if that were one more difference along one axis."""
+    """Returns standard deviations (6,) of poses from a steady motion, from differences of the mean rates (C, 6) over
+    times (C,) [s]. The `usual` (6,) counts as one more difference along one axis."""
     before, after = 1 / seconds[:-1], 1 / seconds[1:]
-    # Of deviations that are independent and alike: of the middle pose, and of those at the ends.
+    # Propagates independent, equal deviations of the middle pose and of those at the ends.
     gain = (before + after) ** 2 + before**2 + after**2
     found = np.diff(rates, axis=0) ** 2 / gain[:, None]
     square = [np.append(found[:, part], usual[part][0] ** 2).mean() for part in (slice(0, 3), slice(3, 6))]

@@ -1,4 +1,4 @@
-"""A pair located: does one other rigid motion explain the points that its pose does not, and is it to be followed?"""
+"""Checks whether a second rigid motion explains a frame's outliers, and whether to follow it."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ from ispom.solvers.multiview.essential import sampson_distance
 from ispom.types import Decision, Tracks
 
 INLIER = 4.0
-"""A point agrees with the other motion within so many widths of the loss: 0.7 px at the default, where the pose lets
-points be off by 2.5. What is off by little more than that, alike in a part of the image, is no thing that moves."""
+"""Inlier threshold of the second motion, in loss widths: 0.7 px at the default, where the pose allows 2.5 px. Points
+just beyond the pose's threshold, alike in a part of the image, are no moving object."""
 SAMPLES = 110
-"""Of four points: where half agree with the other motion, and fewer do not count, one holds just such at 99.9 %."""
+"""Number of samples of four points: if half of the points are inliers (fewer do not count), one sample has only inliers
+with a probability of 99.9 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class OtherMotion:
-    """What one other rigid motion explains."""
+    """The inliers of a second rigid motion."""
 
     of: NDArray[np.int64]
-    """(M,) which of the last pair's points."""
+    """(M,) indices of the inliers among the last frame's points."""
     left_from_world: Pose
-    """As these points say, by where the map has them."""
+    """Pose relative to these points, at their positions in the map."""
 
 
 def motions(
     setup: Setup, state: ModernStereoState, new: NewPair, sighting: TrackingResult
 ) -> tuple[TrackingResult, tuple[Decision, ...], Tracks | None]:
-    """The pair located by the motion that is to be followed, and what it does not explain and another one does.
+    """Localises the frame by the motion to follow; returns the decisions and the tracks of the other motion as well.
 
-    No Decisions where too few points are left unexplained; None where no other motion is told.
+    There are no decisions with too few outliers, and no tracks without a second motion.
     """
     found, tests = other_motion(setup, state, sighting)
     if found is None:
@@ -58,8 +59,10 @@ def motions(
 def _by_nearer(
     setup: Setup, state: ModernStereoState, sighting: TrackingResult, other: OtherMotion
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The points that the other motion explains better than the pair's pose, and those that agree with the pose only:
-    where little has moved yet, what is far off agrees with both."""
+    """Returns the points that the other motion fits better than the frame's pose, and the inliers of the pose only.
+
+    After little motion, far points are inliers of both.
+    """
     assert sighting.located is not None
     part = sighting.took_part
     xyz, uv, left = state.map.xyz[sighting.place[part]], sighting.uv[part], state.map.left(setup.camera)
@@ -74,8 +77,8 @@ def _by_nearer(
 def other_motion(
     setup: Setup, state: ModernStereoState, sighting: TrackingResult
 ) -> tuple[OtherMotion | None, tuple[Decision, ...]]:
-    """Whether one other motion carries those of the last pair's points that end here as no still ones, as the map had
-    them, to where they are seen now. Too few are not asked."""
+    """Finds a second rigid motion that maps the outliers of the frame's pose, from their positions in the map, to their
+    observations. With too few outliers there is no check."""
     located = sighting.located
     if located is None:
         return None, ()
@@ -97,9 +100,11 @@ def other_motion(
 def _off_their_lines(
     setup: Setup, state: ModernStereoState, sighting: TrackingResult, located: PoseFit, of: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Which of these points (M,) are seen beside their epipolar lines from the last pair: what is still has none of
-    them there, whatever its depth. By one key frame nothing is known of what is wrong with the pair, and depths that
-    are wrong by as much as that allows look like another motion along these lines."""
+    """Returns a mask of the points (M,) that lie off their epipolar lines from the last frame.
+
+    Static points lie on them at any depth. After one keyframe the calibration is uncorrected, and wrong depths look
+    like another motion along these lines.
+    """
     left, last = state.map.left(setup.camera), state.last
     x, before = left.normalise(sighting.uv[of]), left.normalise(last.points.uv[of])
     way = located.camera_from_world @ last.left_from_world.inverse()
@@ -111,7 +116,7 @@ def _moving(state: ModernStereoState, sighting: TrackingResult, of: NDArray[np.i
 
 
 def _tracks(state: ModernStereoState, sighting: TrackingResult, of: NDArray[np.int64]) -> Tracks:
-    """As a Step shows them."""
+    """Returns these points as tracks of a Step."""
     points = state.last.points
     disparity = sighting.disparity_px[of]
     return Tracks.of(points.ids[of], sighting.uv[of], uv_prev=points.uv[of], disparity_px=disparity)

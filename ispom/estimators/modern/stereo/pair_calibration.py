@@ -1,4 +1,4 @@
-"""What the calibration errors of the pair found so far do to what is seen, and what the rows say of them."""
+"""Corrects observations for the calibration errors found so far, and learns about these from the rows."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from ispom.solvers.right_camera import LAG, LEAST_DISPARITY, by_row, drift, row_
 
 
 def ideal(world: StereoMap, baseline_m: float, near: Array, seen: Array, rate: Array) -> Array:
-    """Observations (N, 3) as a perfect pair's, where points are `near` (N, 3) in the left camera."""
+    """Returns observations (N, 3) without calibration errors; the points are `near` (N, 3) in the left camera."""
     return without_errors(seen, world.extra, drift(near, rate[None], world.extra[LAG], baseline_m))
 
 
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Array) -> Array:
-    """Points (N, 3) in the left camera from disparities without the errors of the pair found so far; at 2000 baselines
-    at most; `motion` (12,) as of rolling.mean_rates. Of a rolling shutter in that of the middle row."""
+    """Triangulates points (N, 3) in the left camera from corrected disparities, at 2000 baselines at most.
+
+    `motion` (12,) is as in rolling.mean_rates. For a rolling shutter the points are in the camera of the middle row.
+    """
     seen = without_errors(points.seen_by(setup.camera), world.extra)
     (x, y, right), lag, rate = seen.T, world.extra[LAG], motion[:6]
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
@@ -33,7 +35,7 @@ def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Arra
 def with_rows(
     setup: Setup, world: StereoMap, ids: NDArray[np.int64], near: Array, lower: Array, rate: Array
 ) -> StereoMap:
-    """The map that knows that points (N,), `near` (N, 3) in the left camera, lie `lower` (N,) in the right image."""
+    """Adds the vertical disparities `lower` (N,) of points, `near` (N, 3) in the left camera, to the map's prior."""
     if world.prior is None or not setup.self_calibration:
         return world
     seen = (near[:, :2] - (setup.baseline_m, 0.0)) / np.maximum(near[:, 2:], 1e-6)

@@ -1,4 +1,4 @@
-"""Points found by the patches of the newest key frame, warped as the map says: nothing drifts from pair to pair."""
+"""Finds points by patches of the newest keyframe, warped by the map, so that no drift accumulates between frames."""
 
 from __future__ import annotations
 
@@ -19,33 +19,32 @@ from ispom.numerics.places import common
 from ispom.types import Image, TrackStatus
 
 MIN_CORRELATION = 0.7
-"""Normalised correlation of a patch found again with its origin; less is another thing."""
+"""Least normalised correlation of a match with its patch; below it the match is wrong."""
 MAX_SHIFT_PX = 1.5
-"""Alignment with the origin corrects tracking by no more."""
+"""Largest correction [px] of a tracked position by alignment with its patch."""
 PREDICTION_SEARCH_PX = 8.0
-"""Points are looked for no farther from where the motion leads: half-size patches are drawn in from 4 px of theirs."""
+"""Largest distance [px] of a match from its prediction: alignment at half size converges from 4 px of its pixels."""
 LED_SHARE = 0.7
-"""Of the points that the motion leads into sight, those found there; where it is fewer, they are tracked as well."""
+"""Least share of the points predicted in the image that is found there; with fewer, all are tracked instead."""
 BORDER_PX = Klt().border_px
 
 
 @dataclass(frozen=True, eq=False)
 class _Patches:
-    """Of K points that the newest key frame saw."""
+    """Patches of K points that the newest keyframe observed."""
 
     of: NDArray[np.int64]
-    """(K,) which of the last pair's points."""
+    """(K,) indices of the last frame's points."""
     uv: NDArray[np.float32]
-    """(K, 2) [px] in the key frame's left image."""
+    """(K, 2) [px] in the keyframe's left image."""
     warps: Array
-    """(K, 2, 2) its pixels per pixel of the image."""
+    """(K, 2, 2) pixels of the keyframe per pixel of the image."""
     bends: Array
     """(K, 2) see patches.align."""
 
     @staticmethod
     def of_points(setup: Setup, last: LastPair, world: StereoMap, near: Array, predicted: Pose) -> _Patches:
-        """Seen from `predicted`, where the points lie `near` (N, 3) to the camera: patches that do not grow, or slant,
-        as their surfaces do drift."""
+        """Returns patches warped to the pose `predicted`, with points `near` (N, 3) there: others would drift."""
         key, camera = world.keys[-1], setup.camera
         old, new = common(key.ids, last.points.ids)
         xy = key.seen[old, :2]
@@ -56,8 +55,11 @@ class _Patches:
 
 
 def warps_from(setup: Setup, way: Pose, xy: Array, depth: Array, slants: Array) -> tuple[Array, Array]:
-    """See patches.align: to a left image in which points are at normalised `xy` (N, 2) and `depth` (N,) on surfaces
-    with `slants` (N, 2), from another one, `way` from it."""
+    """Returns the warps and bends (see patches.align) from an image back to a left image.
+
+    In the left image points are at normalised `xy` (N, 2) and `depth` (N,) on surfaces with `slants` (N, 2); `way` is
+    image_from_left.
+    """
     warps, bends, known = slanted_warps(setup.camera, way, xy, depth, slants, setup.baseline_m)
     back = way.inverse()
     near = way.apply(np.column_stack([xy, np.ones(len(xy))])[~known] * depth[~known, None])
@@ -68,10 +70,10 @@ def warps_from(setup: Setup, way: Pose, xy: Array, depth: Array, slants: Array) 
 def track_from_prediction(
     setup: Setup, last: LastPair, world: StereoMap, new: NewPair, near: Array, predicted: Pose
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
-    """Places (N, 2) [px] in the left image, and TrackStatus (N,), about where the motion leads the points; None where
-    that finds too few.
+    """Finds points near their predictions: positions (N, 2) [px] in the left image and TrackStatus (N,).
 
-    At half size first. It takes half the time of tracking from the last image, and follows what grows near the sides.
+    Returns None if too few are found. Patches are aligned at half size first, which takes half the time of tracking
+    from the last image, and also follows points that grow near the sides.
     """
     if last.key_left is None or last.key_half is None:
         return None
@@ -103,9 +105,9 @@ def realigned(
     near: Array,
     predicted: Pose,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Tracked places sought again: a chain of small steps drifts, most at rest.
+    """Aligns tracked positions with their patches, as chains of small steps drift, most at rest.
 
-    What does not look like its patch any more is lost.
+    Points that no longer resemble their patch are lost.
     """
     if last.key_left is None:
         return uv, status
@@ -123,13 +125,13 @@ def realigned(
 
 
 def _within(a: Array, b: Array, limit: float) -> NDArray[np.bool_]:
-    """(N,) which of the places (N, 2) are no farther apart."""
+    """Returns a mask (N,) of the positions (N, 2) that differ by less than `limit`."""
     apart = a - b
     return np.einsum("ni,ni->n", apart, apart) < limit**2
 
 
 def _inside(image: Image, uv: Array) -> NDArray[np.bool_]:
-    """(N,) which of the places (N, 2) lie in the image; no NaN does."""
+    """Returns a mask (N,) of the positions (N, 2) [px] inside the image and off its border; NaN is outside."""
     height, width = image.shape
     last = (width - 1 - BORDER_PX, height - 1 - BORDER_PX)
     return np.asarray(((uv >= BORDER_PX) & (uv <= last)).all(axis=1))

@@ -1,4 +1,4 @@
-"""Relocalises a pair that tracking lost: by descriptors of the keyframes' images, then by patches; or starts again."""
+"""Relocalises a lost frame by descriptors of the keyframes' images, then by patches; or starts a new segment."""
 
 from __future__ import annotations
 
@@ -24,39 +24,41 @@ from ispom.solvers.localisation import resect, resect_optimised
 from ispom.types import Decision
 
 MIN_DISPARITY_PX = 1.0
-"""Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
+"""Least disparity [px] of points triangulated for relocalisation: below it the depth is known to no better than
+half."""
 FEWEST = 8
-"""Points that agree with a pose, from which the others that it tells where to look for are looked for."""
+"""Least number of inliers of a pose with which further matches are searched near its projections."""
 AROUND = (8, 4, 2)
-"""Largest errors of a track within which the others are looked for, one after the other."""
+"""Radii of the search for further matches, in turn, relative to the largest reprojection error of a track."""
 ENOUGH = 2
-"""With so many times the least number of points no further key frame is compared."""
+"""Number of points, relative to the least number, with which no further keyframe is compared."""
 MIN_CORRELATION = 0.7
-"""Normalised correlation of a patch with that of the key frame, warped; less keeps the place of the descriptor."""
+"""Least normalised correlation with the keyframe's warped patch; below it the descriptor's position is kept."""
 MAX_SHIFT_PX = 3.0
-"""Descriptors are placed to about a pixel; alignment with the patch corrects them by no more."""
+"""Largest correction [px] of a descriptor's position by alignment; descriptors are accurate to about a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recognised:
-    """A pair that shows what a key frame saw."""
+    """A frame that was matched with a keyframe."""
 
     place: Keyframe
     points: PairPoints
-    """What both show, as the key frame saw it."""
+    """The common points, as the keyframe observed them."""
     xyz: Array
-    """(N, 3) in the key frame's left camera."""
+    """(N, 3) the points in the keyframe's left camera."""
     uv: NDArray[np.float32]
-    """(N, 2) [px] where the pair's left image has them."""
+    """(N, 2) [px] the points in the frame's left image."""
     left_from_place: Pose
 
     @property
     def left_from_world(self) -> Pose:
+        """Returns the pose of the frame's left camera."""
         return self.left_from_place @ self.place.camera_from_world
 
 
 def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[ModernStereoState, Recognised | None]:
-    """The keyframe that shows most of what the pair shows, if it shows anything; and the state, with descriptions."""
+    """Returns the state with the descriptors computed here, and the keyframe with most matches, or None."""
     now, best = setup.front_end.descriptor.detect_and_describe(new.left, FEATURES), None
     for keyframe in state.database.query(new.left, state.lost_pairs):
         described = keyframe.described(setup.front_end.descriptor)
@@ -73,11 +75,11 @@ def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[Mo
 def _compared(
     setup: Setup, state: ModernStereoState, place: Keyframe, new: NewPair, now: Features
 ) -> Recognised | None:
-    """The pose by resection from what both images show, and the points that agree with it; None for too few points."""
+    """Finds the pose by resection from matches with a keyframe, and its inliers; None with too few of them."""
     assert place.features is not None
     points, then, xyz = _intersected(setup, state, place, place.features)
     left = state.map.left(setup.camera)
-    # A pose by points that lie close together is off for the others: they are looked for farther around at first.
+    # A pose from points that are close together is inaccurate for others, so the first search radius is larger.
     around_px = tuple(around * setup.max_error_px for around in AROUND)
     solvers = resect, resect_optimised
     verification = Verification(setup.front_end.matcher, 2 * setup.limit, around_px, FEWEST, FEWEST, solvers)
@@ -93,7 +95,7 @@ def _compared(
 def _intersected(
     setup: Setup, state: ModernStereoState, place: Keyframe, features: Features
 ) -> tuple[PairPoints, Features, Array]:
-    """The features of a keyframe that have a depth: as points of a pair, as features, and in its left camera (N, 3)."""
+    """Returns the features of a keyframe that have a depth: as points, as features, and in its left camera (N, 3)."""
     left, right = place.images
     reduced = PointSearch().search(left, right, place.reduced(features.uv).astype(np.float32))
     disparity = (reduced.disparity_px / place.reduction).astype(np.float32)
@@ -106,7 +108,7 @@ def _intersected(
 def _aligned(
     setup: Setup, place: Keyframe, points: PairPoints, xyz: Array, uv: NDArray[np.float32], pose: Pose, new: NewPair
 ) -> NDArray[np.float32]:
-    """Places (N, 2) [px] in the left image, set right by the key frame's patches as seen from `pose`."""
+    """Returns positions (N, 2) [px] in the left image, aligned with the keyframe's patches warped to `pose`."""
     warps, bends = warps_from(setup, pose, xyz[:, :2] / xyz[:, 2:], xyz[:, 2], points.slants)
     warps = place.reduction * warps
     found, score = align(place.images[0], place.reduced(points.uv), new.left, uv, warps, bends=bends)
@@ -115,9 +117,9 @@ def _aligned(
 
 
 def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernStereoState:
-    """The state whose window holds the key frame and what it has in common with the pair, to be followed on from.
+    """Returns the state whose window contains the keyframe and the points that it shares with the frame.
 
-    A key frame that has left the window begins a new one, as sure of its pose as it was.
+    A keyframe that has left the window starts a new one, with the covariance that its pose had.
     """
     place, points = found.place, found.points
     world = state.map
@@ -135,7 +137,7 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
 
 
 def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -> StereoMap:
-    """With these points among what the key frame at that time saw."""
+    """Adds these points to the observations of the keyframe at that time."""
     keys = tuple(
         replace(
             k,
@@ -153,7 +155,7 @@ def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -
 def recover(
     setup: Setup, state: ModernStereoState, sighting: TrackingResult
 ) -> tuple[ModernStereoState, TrackingResult, tuple[Decision, ...]]:
-    """The state with one more lost pair; after too many of them without a map, and why: a start from the prediction."""
+    """Counts one more lost frame; after too many, empties the map to start a new segment at the prediction."""
     state = replace(state, lost_pairs=state.lost_pairs + 1)
     if state.lost_pairs <= setup.max_lost_pairs:
         return state, sighting, ()

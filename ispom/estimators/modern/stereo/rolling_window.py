@@ -1,8 +1,8 @@
-"""The window where a shutter rolls: how key frames moved while rows were exposed is no more known than tracks say it.
+"""The window of a rolling shutter, with the uncertainty of the keyframes' motions during the exposure.
 
-To place key frames their motions are held, once found (`row_motions`). How sure the poses are, and what those that
-leave say of the others, follows with the motions as unknowns: held, poses were taken to be six to twenty times as sure
-as they are, and what had left the window outweighed what was in it.
+The optimisation of the poses fixes these motions, once estimated (`row_motions`). Covariances and marginalisation have
+them as unknowns: with fixed motions, standard deviations of poses were six to twenty times too small, and the prior
+outweighed the observations in the window.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def with_pair(setup: Setup, world: StereoMap, pair: KeyFrame) -> StereoMap:
 
 
 def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
-    """See `window.without_oldest`.
+    """Marginalises the oldest keyframe, see `window.without_oldest`.
 
-    A motion of a key frame that stays is a new unknown, as far as it was foretold, for each that leaves: it is the same
-    one, but one prior on it for all would have to be kept.
+    Each marginalisation treats the remaining keyframes' motions as new unknowns with their own prior. They are the same
+    ones, but the window's prior does not contain motions.
     """
     if not setup.shutter.rolls:
         return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.noise.width)
@@ -57,7 +57,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
 
 
 def _covariance(setup: Setup, world: StereoMap) -> Array:
-    """See `StereoMap.covariance`."""
+    """Returns the covariance, see `StereoMap.covariance`."""
     hessian, _ = Joint.of(setup, world, motion_priors(world.keys, setup.baseline_m)).without_motions()
     free = np.append(np.ones(len(hessian) - PAIR, bool), setup.extra_sigma > 0)
     inside, found = np.ix_(free, free), np.zeros_like(hessian)
@@ -67,6 +67,6 @@ def _covariance(setup: Setup, world: StereoMap) -> Array:
 
 
 def _newest(setup: Setup, world: StereoMap, known: Array) -> Array:
-    """(6, 6) of the last pose in it."""
+    """Returns the covariance (6, 6) of the newest pose from that of the window."""
     last = slice(len(known) - PAIR - POSE, len(known) - PAIR)
     return variance_factor(world, setup.noise) * known[last, last]

@@ -1,9 +1,9 @@
-"""How the key frames moved while the rows of a rolling shutter were exposed: sought for all of the window together.
+"""Estimates the keyframes' motions during the exposure of a rolling shutter, for the whole window together.
 
-Against a map alone it cannot be found: points that a wrong motion put aside are put aside alike the next time. What
-tells is that the same points are seen in other rows, and where the key frames before and after are. What is wrong with
-the pair bends images much as a motion does, so it is sought as well. Steps of bundle adjustment of poses, motions,
-points and pair; the adjustment that follows holds the motions.
+A fixed map does not determine them: points triangulated with a wrong motion are reproduced by it. Observations of the
+same points in other rows do, and so do the neighbouring keyframes. Calibration errors distort images much as a motion
+does, so they are estimated as well. Runs bundle adjustment over poses, motions, points and corrections of the pair; the
+optimisation that follows fixes the motions.
 """
 
 from __future__ import annotations
@@ -26,16 +26,15 @@ from ispom.solvers.window.observation import MIN_DEPTH
 from ispom.solvers.window.prior import POSE, Prior
 
 ITERATIONS, TOLERANCE = 8, 1e-3
-"""Steps, at most, and the relative decrease of the cost that ends them: bundle adjustment follows."""
+"""Largest number of steps, and the relative decrease of the cost that ends them: bundle adjustment follows."""
 MOVES = 18
-"""Unknowns of a key frame: the left twist of its pose, and its motion."""
+"""Number of unknowns of a keyframe: the left twist of its pose (6), and its motion (12)."""
 LEAST = 1e-9
-"""Added to the information of each unknown: far points say nothing of their depth, and nothing may be left to see of a
-key frame's points."""
+"""Information added to each unknown: far points do not determine depth, and a keyframe may have lost all points."""
 
 
 def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
-    """The map with better motions of its key frames. Nothing changes with a global shutter, or a single key frame."""
+    """Estimates the keyframes' motions. A map with a global shutter, or one keyframe, is returned unchanged."""
     if len(world.keys) < 2 or not setup.shutter.rolls:
         return world
     believed = motion_priors(world.keys, setup.baseline_m)
@@ -49,7 +48,7 @@ def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
 
 
 def _cost(setup: Setup, world: StereoMap, believed: list[MotionPrior]) -> float:
-    """That of which `Joint` has the derivatives; observations beyond the limit cost as much as those at it."""
+    """Returns the cost whose normal equations are `Joint`; the cost of observations beyond the limit is constant."""
     places, count = _places(world)
     total, variance = 0.0, variance_factor(world, setup.noise)
     for key, place, known in zip(world.keys, places, believed, strict=True):
@@ -66,14 +65,14 @@ def _cost(setup: Setup, world: StereoMap, believed: list[MotionPrior]) -> float:
 
 
 def _places(world: StereoMap) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Places of each key frame's points in the map, -1 where it has none, and how often each of the map's is seen."""
+    """Returns map indices of each keyframe's points, -1 if absent, and the number of observations of each map point."""
     places = [world.places(k.ids) for k in world.keys]
     every = np.concatenate(places)
     return places, np.bincount(every[every >= 0], minlength=len(world.ids))
 
 
 def _shift(world: StereoMap, prior: Prior) -> Array:
-    """Of poses and pair since the prior's linearisation."""
+    """Returns the change of poses and corrections since the prior's linearisation."""
     poses = [k.left_from_world for k in world.keys]
     rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     return prior.shifted(rotations, translations, world.extra)
@@ -81,23 +80,22 @@ def _shift(world: StereoMap, prior: Prior) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Observed:
-    """What a key frame observed of points that are seen twice."""
+    """A keyframe's observations of points that at least two keyframes observe."""
 
     point: NDArray[np.int64]
-    """(O,) ascending."""
+    """(O,) indices in the map, ascending."""
     by_unknown: Array
-    """(O, 3, MOVES + PAIR) how x, y and the right x follow the key frame's unknowns, and the pair's."""
+    """(O, 3, MOVES + PAIR) Jacobian of x, y and right x by the keyframe's unknowns, and the pair's."""
     by_point: Array
-    """(O, 3, 3) how they follow the point in the world."""
+    """(O, 3, 3) Jacobian by the point in the world."""
     error: Array
-    """(O, 3) where they were seen, minus where they are."""
+    """(O, 3) residuals, observed minus projected."""
 
     @staticmethod
     def of(
         setup: Setup, world: StereoMap, key: KeyFrame, place: NDArray[np.int64], count: NDArray[np.int64]
     ) -> _Observed:
-        """Where its points have places (N,) in the map, whose points are seen (M,) times; without those beyond the
-        limit."""
+        """Returns the inliers; `place` (N,) and `count` (M,) are as of `_places`."""
         near = key.left_from_world.apply(world.xyz[place])
         good = np.flatnonzero((place >= 0) & (count[place] >= 2) & (near[:, 2] > MIN_DEPTH))
         middle, near = key.at_middle(setup.baseline_m)[good], near[good]
@@ -111,8 +109,8 @@ class _Observed:
 
 
 def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, exact: Array) -> Array:
-    """(N, 3, PAIR) how x, y and the right x follow what is wrong with the pair, where a perfect one would see `exact`
-    (N, 3); 0 where the right x is unknown."""
+    """Returns the Jacobian (N, 3, PAIR) of x, y and right x by the corrections of the pair, at observations `exact`
+    (N, 3) without calibration errors; 0 if the right x is unknown."""
     late = drift(near, key.rate[None], world.extra[LAG], setup.baseline_m)
     out, square = np.zeros((len(exact), 3, PAIR)), (exact[:, :2] ** 2).sum(axis=1)
     out[:, :2, BOTH_K1], out[:, :2, BOTH_K2] = square[:, None] * exact[:, :2], square[:, None] ** 2 * exact[:, :2]
@@ -122,26 +120,28 @@ def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, exact: 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Normal equations of key frames (MOVES each) and pair, the points eliminated, by tracks that are off by the loss's
-    scale; what gives the points back is beside them."""
+    """Normal equations of the keyframes (MOVES each) and the pair: the Schur complement over the points.
+
+    Residuals are in units of the loss width. The other fields give the steps of the points.
+    """
 
     hessian: Array
-    """(D, D)."""
+    """(D, D) reduced matrix."""
     right: Array
-    """(D,)."""
+    """(D,) reduced right side."""
     used: NDArray[np.int64]
-    """(U,) places of the points in the map."""
+    """(U,) indices of the points in the map."""
     inverse: Array
-    """(U, 3, 3) of their own blocks."""
+    """(U, 3, 3) inverses of the points' own blocks."""
     side: Array
-    """(U, 3)."""
+    """(U, 3) right side of the points."""
     rows: Array
-    """(U, 3, D) what they share with the others."""
+    """(U, 3, D) blocks between the points and the other unknowns."""
 
     @staticmethod
     def of(setup: Setup, world: StereoMap, believed: list[MotionPrior], damping: float = 0.0) -> Joint:
-        """`believed` of each key frame; `damping` raises the points' diagonal entries. Of points that one key frame
-        sees, nothing."""
+        """Builds the equations with the prior `believed` of each keyframe's motion, from points that at least two
+        keyframes observe. `damping` raises the points' diagonal entries by this share."""
         places, count = _places(world)
         observed = [_Observed.of(setup, world, *each, count) for each in zip(world.keys, places, strict=True)]
         used = np.unique(np.concatenate([seen.point for seen in observed]))
@@ -169,11 +169,12 @@ class Joint:
         return Joint((reduced + reduced.T) / 2, right - carried.T @ side.ravel(), used, inverse, side, rows)
 
     def without_motions(self, first_poses: int = 0) -> tuple[Array, Array]:
-        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, without the motions, and so many of the first poses."""
+        """Returns the equations (6 C + E, 6 C + E) and (6 C + E,) after elimination of the motions, and of the first
+        `first_poses` poses."""
         pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
         pose[: first_poses * MOVES] = False
         h, g = self.hessian, self.right
-        # Each motion has units of its own, and so have poses: scaled, none loses digits to another.
+        # Motions and poses have different units; scaling to a unit diagonal avoids rounding errors.
         scale = 1 / np.sqrt(h.diagonal())
         scaled = scale[:, None] * h * scale
         gain = np.linalg.solve(scaled[np.ix_(~pose, ~pose)], scaled[np.ix_(~pose, pose)]).T
@@ -183,7 +184,7 @@ class Joint:
 
 
 def _stepped(setup: Setup, world: StereoMap, believed: list[MotionPrior], damping: float) -> StereoMap:
-    """One damped step; corrections of the pair that are held are no unknowns of it."""
+    """Takes one damped step; fixed corrections of the pair are not unknowns."""
     joint = Joint.of(setup, world, believed, damping)
     free = np.append(np.ones(len(joint.right) - PAIR, bool), setup.extra_sigma > 0)
     step, matrix = np.zeros(len(free)), joint.hessian[np.ix_(free, free)]
@@ -198,8 +199,8 @@ def _stepped(setup: Setup, world: StereoMap, believed: list[MotionPrior], dampin
 
 
 def _add_known(setup: Setup, world: StereoMap, believed: list[MotionPrior], hessian: Array, right: Array) -> None:
-    """Adds what is known of the motions, and what has left the window says of poses and pair."""
-    variance = variance_factor(world, setup.noise)  # of the tracks, which count as off by the loss's scale here
+    """Adds the priors of the motions, and the window's prior on poses and pair."""
+    variance = variance_factor(world, setup.noise)  # residuals are in units of the loss width
     for c, (key, known) in enumerate(zip(world.keys, believed, strict=True)):
         here, information = MOVES * c + np.arange(POSE, MOVES), variance * known.sigma**-2
         hessian[here, here] += information

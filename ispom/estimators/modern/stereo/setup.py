@@ -1,4 +1,4 @@
-"""The camera and the settings of the stereo method, in the units that are computed with."""
+"""The camera and the settings of the stereo method, in the units of the computation."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Setup:
     """See ModernStereoConfig for what the settings mean."""
 
     camera: Camera
-    """The left one; the right one is the same."""
+    """The left camera; the right one has the same parameters."""
     baseline_m: float
     rig_from_left: Pose
     noise_px: Noise
-    """Of a track before any data [px]."""
+    """Prior noise of a track [px]."""
     max_error_px: float
     extra_sigma: Array
-    """(E,) of what may be wrong with the pair (see right_camera.TERMS); 0 holds it."""
+    """(E,) prior standard deviations of the corrections (see right_camera.TERMS); 0 fixes one."""
     settling_s: float
     """See window.with_key."""
     max_tracks: int
@@ -39,7 +39,7 @@ class Setup:
     relocalise: bool
     follow: Follow
     front_end: FrontEnd = KLT
-    """Whose descriptors find lost pairs and loops again."""
+    """Its descriptors are used for relocalisation and loops."""
 
     @cached_property
     def left_from_rig(self) -> Pose:
@@ -47,17 +47,17 @@ class Setup:
 
     @cached_property
     def shutter(self) -> Shutter:
-        """Of both cameras."""
+        """Returns the shutter of both cameras."""
         return Shutter.of(self.camera)
 
     @cached_property
     def noise(self) -> Noise:
-        """The same in normalised units."""
+        """Returns the prior noise of a track in normalised units."""
         return self.noise_px.times(1 / self.camera.fx)
 
     @property
     def limit(self) -> float:
-        """Larger reprojection errors end a track, normalised."""
+        """Returns the largest reprojection error of an inlier, normalised."""
         return self.max_error_px / self.camera.fx
 
     @property

@@ -1,8 +1,8 @@
-"""A rolling shutter of the pair: what it would have seen, had all rows been exposed with the middle one.
+"""The rolling shutter of a stereo pair: converts observations to those at the exposure of the middle row.
 
-Rows of the two rectified images that show the same point are exposed together: each point is seen by a pair whose rows
-have one time, and one depth. The way from there to the middle row's time is what `motion` says (rolling.mean_rates): a
-rate and its change; by a hand's shake (4 Hz) outer rows of 30 ms are 0.7 px from where one rate alone would lead.
+Rectified rows that show the same point are exposed together, so each point has one time and one depth. `motion`
+(rolling.mean_rates), a rate and its change, leads from there to the middle row's time. With a hand's shake (4 Hz) a
+constant rate would put outer rows of 30 ms 0.7 px off.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ class Shutter:
     """When the rows of the rectified images are exposed."""
 
     slope_s: float = 0.0
-    """By how much later a row is than one that is 1 higher in normalised coordinates; 0 unless the shutter rolls."""
+    """Delay [s] per unit of normalised y; 0 for a global shutter."""
     middle: float = 0.0
     """Normalised y of the middle row."""
 
     @staticmethod
     def of(camera: Camera) -> Shutter:
+        """Returns the shutter of a camera."""
         return Shutter(camera.line_delay_s * camera.fy, ((camera.height - 1) / 2 - camera.cy) / camera.fy)
 
     @property
     def rolls(self) -> bool:
+        """Returns whether rows are exposed at different times."""
         return self.slope_s != 0.0
 
     def late_s(self, y: Array) -> Array:
-        """(N,) [s] after the middle row are rows at y (N,), normalised, exposed."""
+        """Returns the times (N,) [s], relative to the middle row, at which rows at normalised y (N,) are exposed."""
         return self.slope_s * (y - self.middle)
 
     def at_middle(self, seen: Array, motion: Array, baseline_m: float) -> Array:
-        """Observations (N, 3) (see KeyFrame.seen) as they were with the middle row; `motion` (12,) of left_from_world.
-
-        The depth is that of the disparity; without one the point is held to be far.
-        """
+        """Returns observations (N, 3) (see KeyFrame.seen) at the time of the middle row; `motion` (12,) is that of
+        left_from_world. The depth is that of the disparity; points without one count as infinitely far."""
         if not self.rolls:
             return seen
         far = np.maximum(np.nan_to_num(seen[:, 0] - seen[:, 2]), 0.0) / baseline_m
@@ -52,57 +52,60 @@ class Shutter:
         late_s = self.late_s(seen[:, 1])
         middle = moved(ray, -late_s, mean_rates(motion, late_s), far)
         right = middle[:, 0] - np.where(np.isfinite(seen[:, 2]), baseline_m * far, np.nan)
-        # What has no positive disparity keeps it, and moves with the left image's point.
+        # A disparity that is not positive gives no depth, and is kept.
         right = np.where(far > 0, right / middle[:, 2], seen[:, 2] + middle[:, 0] / middle[:, 2] - seen[:, 0])
         return np.column_stack([middle[:, :2] / middle[:, 2:], right])
 
     def points_at_middle(self, near: Array, motion: Array) -> Array:
-        """Points (N, 3) in the left camera of the row that sees them, in that of the middle row."""
+        """Returns points (N, 3), in the left camera at the time of their own row, in that of the middle row."""
         if not self.rolls:
             return near
         late_s = self.late_s(near[:, 1] / np.maximum(near[:, 2], 1e-9))
         return moved(near, -late_s, mean_rates(motion, late_s), np.ones(len(near)))
 
     def as_seen(self, near: Array, motion: Array) -> Array:
-        """Points (N, 3) in the left camera of the middle row, in that of the row that sees them."""
+        """Returns points (N, 3), in the left camera at the time of the middle row, in that of their own row."""
         if not self.rolls:
             return near
         late_s = self.late_s(np.clip(near[:, 1] / np.maximum(near[:, 2], 1e-9), -10, 10))
         return moved(near, late_s, mean_rates(motion, late_s), np.ones(len(near)))
 
     def by_motion(self, by_twist: Array, y: Array) -> Array:
-        """(N, 3, 12) how what is seen in rows at y (N,) follows the motion, if it follows a left twist of the pose by
-        (N, 3, 6)."""
+        """Returns the Jacobian (N, 3, 12) of observations in rows at y (N,) by the motion; `by_twist` (N, 3, 6) is that
+        by a left twist of the pose."""
         late_s = self.late_s(y)[:, None, None]
         return np.concatenate([late_s * by_twist, 0.5 * late_s**2 * by_twist], axis=2)
 
 
 @dataclass(frozen=True, eq=False)
 class MotionPrior:
-    """What is known about how left_from_world moves while rows are exposed, before they are looked at."""
+    """The prior of left_from_world's motion during the exposure of the rows."""
 
     motion: Array
-    """(12,)."""
+    """(12,) expected motion, see rolling.mean_rates."""
     sigma: Array
-    """(12,) its standard deviations."""
+    """(12,) standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Known points that a pair saw in rows of different times."""
+    """Map points that a frame observed in rows of different times."""
 
     shutter: Shutter
     xyz: Array
     """(N, 3) in the world."""
     y: Array
-    """(N,) of the rows that saw them, normalised."""
+    """(N,) normalised y of the rows that observed them."""
     baseline_m: float
     sigma: float
-    """Standard deviation of what was seen, normalised."""
+    """Standard deviation of an observation, and scale of the Cauchy loss, normalised."""
 
     def refined(self, believed: MotionPrior, motion: Array, middle: Array, fit: PoseFit) -> tuple[Array, PoseFit]:
-        """The motion (12,) that, with a change of the pose, explains what the fit leaves of the errors, if by `motion`
-        the middle row saw the points at (N, 3), `middle`; and the fit, as much less sure as the motion is unknown."""
+        """Refines the motion (12,) by one step of least squares over motion and pose, with the prior `believed`.
+
+        `middle` (N, 3) are the observations at the middle row by `motion`. The returned fit has less information, by
+        the uncertainty of the motion.
+        """
         near = fit.camera_from_world.apply(self.xyz)
         keep = fit.inliers & (near[:, 2] > 1e-6)
         jacobian, _, error = pair_reprojected(near[keep], middle[keep], self.baseline_m)
@@ -124,8 +127,11 @@ class Rows:
 
 
 def pair_reprojected(near: Array, seen: Array, baseline_m: float) -> tuple[Array, Array, Array]:
-    """How x, y and the right x of points (N, 3) in the left camera follow a left twist of its pose (N, 3, 6) and the
-    point there (N, 3, 3), and where they were seen (N, 3) minus where they are; zeros where the right x is unknown."""
+    """Returns the Jacobians of x, y and right x of points (N, 3) in the left camera, and the residuals (N, 3).
+
+    The Jacobians are by a left twist of the pose (N, 3, 6) and by the point in the camera (N, 3, 3). Residuals are
+    observed minus projected. An unknown right x has zeros.
+    """
     uv, of_left, by_twist = reprojected(near)
     right, of_right, _ = reprojected(near - (baseline_m, 0, 0))
     known = np.isfinite(seen[:, 2])

@@ -1,4 +1,4 @@
-"""What the modern stereo estimator remembers from pair to pair, and what one pair leads to."""
+"""The state of the modern stereo estimator between frames, and the outcome of one frame."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from ispom.types import Decision, Status, Tracks
 
 @dataclass(frozen=True, eq=False)
 class StereoLoops:
+    """Loop closures, and the final odometry poses of the keyframes."""
+
     loops: Loops = Loops()
     keys: PersistentList[tuple[int, Pose]] = PersistentList()
-    """Time and left_from_world of the key frames that nothing adjusts any more, each once, by time."""
+    """Times and left_from_world of the keyframes that are no longer optimised, each once, by time."""
 
     def with_settled(self, settled: list[tuple[int, Pose]]) -> StereoLoops:
-        """With those that have left the window; not with what was told before, of a key frame that was found again."""
+        """Adds keyframes that have left the window; skips those already here, which relocalisation may repeat."""
         keys = self.keys
         for time_ns, pose in settled:
             last = keys.part(len(keys) - 1, len(keys))
@@ -30,7 +32,7 @@ class StereoLoops:
         return replace(self, keys=keys)
 
     def key_pose(self, world: StereoMap, time_ns: int) -> Pose:
-        """left_from_world of a key frame."""
+        """Returns left_from_world of the keyframe at `time_ns`."""
         for key in world.keys:
             if key.time_ns == time_ns:
                 return key.left_from_world
@@ -43,34 +45,36 @@ class StereoLoops:
 
 @dataclass(frozen=True, eq=False)
 class ModernStereoState:
+    """The state of the estimator between frames."""
+
     last: LastPair
     map: StereoMap = StereoMap()
     next_id: int = 0
     lost_pairs: int = 0
     poses: PersistentList[tuple[int, int, Pose]] = PersistentList()
-    """Time, the key frame's time, left_from_key of every located pair."""
+    """Time, time of the keyframe, and left_from_key of every localised frame."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
-    """left_from_world of the key frames that have left the window."""
+    """Times and left_from_world of the keyframes that have left the window."""
     database: KeyframeDatabase = KeyframeDatabase()
-    """Where a lost pair is looked for."""
+    """The keyframes that relocalisation compares with."""
     loops: StereoLoops = StereoLoops()
-    """Where a way came back, and what follows for the poses; all else here is odometry without it."""
+    """Loop closures and their corrections of the poses; all other fields are odometry without them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one pair led to; the rest of the Step follows from it."""
+    """The outcome of one frame, from which its Step is made."""
 
     after: ModernStereoState
     status: Status
     sighting: TrackingResult
     decisions: tuple[Decision, ...]
     before: ModernStereoState | None = None
-    """Whose points were followed; None where the pair has no pose."""
+    """The state whose points were tracked; None if the frame has no pose."""
     fresh: int = 0
-    """New points: the last ones in the state after it."""
+    """Number of new points: the last ones in the state after the frame."""
     key_frame: bool = False
     restarted: bool = False
-    """Its place is the predicted one: no observation joins it to the pairs before."""
+    """Whether the pose is only predicted: no observation links it to earlier frames."""
     other_motion: Tracks | None = None
-    """What one other motion explains; None where it is not told of one."""
+    """Tracks that a second rigid motion explains; None if there is none."""

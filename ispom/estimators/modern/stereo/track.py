@@ -1,4 +1,4 @@
-"""Following the points of the last located pair into a new one: guided by the motion, around, or by descriptors."""
+"""Tracks the last localised frame's points into a new one: from predictions, from last positions, by descriptors."""
 
 from __future__ import annotations
 
@@ -25,22 +25,23 @@ from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus
 
 ENOUGH_SHARE = 0.3
-"""Share of the last pair's points that must agree with the pose, before other ways to find them are tried."""
+"""Share of the last frame's points that must be inliers; with fewer, the next way of tracking is tried."""
 SURE = 2
-"""Times the least number of points must agree with a pose that descriptors alone find, as nothing foretold it: by
-fewer, which may lie close together or far away, a pair was 4 m off after 30 m."""
+"""Number of inliers, relative to the least number, that a pose by descriptors needs, as no prediction supports it. With
+fewer points, which may be close together or far away, a frame was 4 m off after 30 m."""
 NEAREST_BASELINES = 0.2
-"""Depth, in baselines, of points that the prediction puts nearer or behind: as far as disparities are looked for."""
+"""Least depth [baselines] from which disparities are predicted; nearer points and those behind the camera get it."""
 UNGUIDED, GUIDED = Klt(levels=5), Klt(levels=2, max_forward_backward_px=np.inf)
-"""Guided is from a good guess and one way only: the key frame's patch then checks what was found."""
+"""Tracking without and with predictions. The latter has no backward check, as the keyframe's patch checks the
+result."""
 
 
 def track_and_locate(
     setup: Setup, state: ModernStereoState, new: NewPair
 ) -> tuple[ModernStereoState, TrackingResult, tuple[Decision, ...]]:
-    """The points of the last pair in this one, and the pose: guided by the motion so far, around, or by descriptors.
+    """Tracks the last frame's points and localises: from predictions, else from last positions, else by descriptors.
 
-    By descriptors the state changes: its window then holds what a key frame and this pair have in common.
+    Relocalisation changes the state: its window then contains the matched keyframe and the points shared with it.
     """
     last, world = state.last, state.map
     predicted = last.predicted(new.time_ns)
@@ -66,7 +67,7 @@ def track_and_locate(
             if setup.relocalise
             else "relocalisation is switched off"
         )
-        # After a loss, few points may agree about another window of the same facade, and nothing tells them apart.
+        # After a loss, few points may match another window of the same facade, which no other check detects.
         needed = wanted if state.lost_pairs else setup.min_inliers
         nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, needed, why)
         return state, sighting if nothing.passed else TrackingResult.nothing(), (guided, nearby, nothing)
@@ -82,7 +83,7 @@ def track_and_locate(
 def located_by(
     setup: Setup, state: ModernStereoState, new: NewPair, seen: TrackingResult, pose: Pose, of: NDArray[np.int64]
 ) -> TrackingResult:
-    """The pair located by some of its points alone (M,), near `pose`; the others end as none that stand still."""
+    """Localises the frame by some of its points (M,) only, from `pose`; the tracks of the others end as outliers."""
     status = seen.status.copy()
     status[seen.took_part] = TrackStatus.REPROJECTION
     status[of] = TrackStatus.ALIVE
@@ -92,8 +93,10 @@ def located_by(
 def _begun(
     setup: Setup, state: ModernStereoState, sighting: TrackingResult, new: NewPair
 ) -> tuple[ModernStereoState, TrackingResult]:
-    """The second pair tells how the first one moved while its rows were exposed: the state with its points where they
-    were with its middle row, and the pair located by these."""
+    """Corrects the first frame for its motion during the exposure, known since the second frame.
+
+    Returns the state with points at the time of the first frame's middle row, and the second frame localised by them.
+    """
     assert sighting.located is not None
     pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
     seconds = (new.time_ns - last.time_ns) * 1e-9
@@ -107,13 +110,12 @@ def _begun(
 
 
 def _better(first: TrackingResult, second: TrackingResult) -> TrackingResult:
-    """The one with more inliers; of equal ones the first."""
+    """Returns the result with more inliers; the first one if equal."""
     return second if second.inliers > first.inliers else first
 
 
 def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: NewPair) -> TrackingResult:
-    """What a key frame and the pair have in common located by both images; then the points tracked before as well,
-    where that pose puts them."""
+    """Localises by the points shared with a keyframe, then also by tracked points, searched at their projections."""
     last, world, count = state.last, state.map, len(state.last.points) - len(found.points)
     uv = np.concatenate([last.points.uv[:count], found.uv])
     status = np.full(len(uv), TrackStatus.LOST, np.uint8)
@@ -131,7 +133,7 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
 
 
 def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> TrackingResult:
-    """Tracked around where the points were; then all of them looked for where that pose puts them."""
+    """Tracks from the last positions, then searches all points where that pose projects them."""
     first, _ = _follow(setup, last, world, new, predicted, guided=False)
     return _better(first, _where_located(setup, last, world, new, first))
 
@@ -139,10 +141,10 @@ def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, 
 def _where_located(
     setup: Setup, last: LastPair, world: StereoMap, new: NewPair, first: TrackingResult
 ) -> TrackingResult:
-    """All points looked for where the pose, and the motion while rows were exposed, put them.
+    """Searches all points where the pose, and the motion during the exposure, project them.
 
-    What was found before was compared with patches as a prediction that was wrong warps them: it is found a little
-    beside its place, and many are not found.
+    The first result compared patches warped by a wrong prediction: its positions are biased, and many points are
+    missing.
     """
     if first.located is None:
         return first
@@ -155,7 +157,7 @@ def _where_located(
 
 
 def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
+    """Projects points (N, 3) in the left camera: returns positions (N, 2) [px] and TrackStatus (N,)."""
     uv = world.left(setup.camera).in_image(near)
     inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
@@ -165,8 +167,10 @@ def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.
 def _follow(
     setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool
 ) -> tuple[TrackingResult, bool]:
-    """Found in the left image, where `predicted` puts the points or around where they were; then in the right one. And
-    whether they were found where `predicted` led."""
+    """Tracks in the left image, from predictions or from last positions, then in the right image, and localises.
+
+    Also returns whether the predictions led to enough points.
+    """
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
         return TrackingResult.nothing(), False
@@ -190,7 +194,7 @@ def _sighted(
     guided: bool = False,
     motion: Array | None = None,
 ) -> TrackingResult:
-    """The pair located by the points alive at `uv` (N, 2) [px] in its left image, once found in the right one."""
+    """Matches the points alive at `uv` (N, 2) [px] of the left image in the right one, and localises by both."""
     points, place = last.points, world.places(last.points.ids)
     near = predicted.apply(world.xyz[place])
     alive = np.flatnonzero(status == TrackStatus.ALIVE)
@@ -211,11 +215,12 @@ def _sighted(
 def _tracked(
     setup: Setup, last: LastPair, world: StereoMap, left: Image, near: Array | None
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Places (N, 2) [px] in the left image and TrackStatus (N,); from where `near` (N, 3) to the camera puts them."""
+    """Tracks into the left image: positions (N, 2) [px] and TrackStatus (N,), starting from the projections of `near`
+    (N, 3) in the camera, or from the last positions."""
     assert last.left is not None
     uv = last.points.uv
     if near is None:
-        # Where tracking failed so far, the exposure may have changed.
+        # Tracking from predictions may have failed because the exposure changed.
         return UNGUIDED.track(last.left, as_bright(left, last.left), uv)
     expected = world.left(setup.camera).project(near).astype(np.float32)
     behind = ~np.isfinite(expected).all(1)

@@ -1,4 +1,4 @@
-"""The stereo estimator's window: key frames with what they saw, the points, and the prior for what has left."""
+"""The stereo estimator's window: keyframes with observations, points, and the prior from marginalisation."""
 
 from __future__ import annotations
 
@@ -21,91 +21,93 @@ from ispom.solvers.window.prior import POSE, Prior, Sandwich, anchored
 from ispom.types import Camera
 
 KEPT_FRAMES = 2
-"""A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
+"""Number of newest keyframes whose observations of a point stay when its older ones are marginalised."""
 HELD_SIGMA = 1e-6
-"""[m, rad] With it a window's first pose is held after a loss, as `prior.anchored` does at the beginning."""
+"""Standard deviation [m, rad] that fixes the window's first pose after a loss, like `prior.anchored`."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeyFrame:
+    """A keyframe of the window with its observations."""
+
     time_ns: int
     left_from_world: Pose
     ids: NDArray[np.int64]
-    """(N,) of the points seen, ascending."""
+    """(N,) ids of the observed points, ascending."""
     seen: Array
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
     motion: Array
-    """(12,) of left_from_world, as of rolling.mean_rates; its change is known of a rolling shutter only."""
+    """(12,) motion of left_from_world, see rolling.mean_rates; its change is known for a rolling shutter only."""
     slants: Array
-    """(N, 2) of the points' surfaces, see features.slanted; 0 where unknown."""
+    """(N, 2) slants of the points' surfaces, see features.slanted; 0 where unknown."""
     shutter: Shutter = Shutter()
 
     @property
     def rate(self) -> Array:
-        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
+        """Returns the rate (6,) of left_from_world, a left twist (rho [m/s], phi [rad/s]) per second."""
         return self.motion[:6]
 
     def only(self, keep: NDArray[np.bool_]) -> KeyFrame:
-        """With these of its points (N,)."""
+        """Returns the keyframe with the points of the mask `keep` (N,) only."""
         return replace(self, ids=self.ids[keep], seen=self.seen[keep], slants=self.slants[keep])
 
     def at_middle(self, baseline_m: float) -> Array:
-        """(N, 3) `seen` as it was with the middle row."""
+        """Returns the observations (N, 3) at the time of the middle row."""
         return self.shutter.at_middle(self.seen, self.motion, baseline_m)
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the window began anew, after a loss: all its poses share the error of this one.
+    """The pose at which a new segment started after a loss; all its poses share the error of this one.
 
-    It is no prior of the window: beside what a hundred points say of each other it would drown in rounding.
+    It is not in the window's prior, where rounding would hide it next to the information of a hundred points.
     """
 
     left_from_world: Pose
     covariance: Array
-    """(6, 6) of its left twist."""
+    """(6, 6) covariance of the pose, as a left twist."""
 
 
 @dataclass(frozen=True, eq=False)
 class StereoMap:
-    """Key frames, points and calibration: all that a pair is located against."""
+    """The map that frames are localised in: keyframes, points and calibration."""
 
     keys: tuple[KeyFrame, ...] = ()
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(M,) of the points with a place, ascending."""
+    """(M,) ids of the points, ascending."""
     xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    """(M, 3) in the world [m]."""
+    """(M, 3) positions in the world [m]."""
     extra: Array = field(default_factory=lambda: np.zeros(PAIR))
-    """(E,) what is wrong with the pair (see right_camera.TERMS)."""
+    """(E,) corrections of the pair (see right_camera.TERMS)."""
     prior: Prior | None = None
     covariance: Array | None = None
-    """(6 C + E, 6 C + E) of the key frames' left twists and the extras, relative to the start, were errors
-    independent and as large as the loss says: what the adjustment goes by. None before a second key frame."""
+    """(6 C + E, 6 C + E) covariance of the keyframes' left twists and the corrections, relative to the start. It takes
+    errors as independent, with the width of the loss. None before a second keyframe."""
     newest: Array | None = None
-    """(6, 6) covariance of the newest key frame's left twist, relative to the start, by what tracks turn out to be
-    off by (see groups.Groups)."""
+    """(6, 6) covariance of the newest keyframe's left twist, relative to the start, from the residuals of the tracks
+    (see groups.Groups)."""
     start: Start | None = None
-    """None where the first key frame is the world."""
+    """None if the first keyframe defines the world."""
     noise: TrackNoise = TrackNoise()
-    """What the windows' residuals said of the tracks."""
+    """Noise of the tracks, estimated from the windows' residuals."""
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(N,) index of each id among the points, -1 where unknown."""
+        """Returns the index (N,) of each id among the points, -1 if unknown."""
         return places(self.ids, ids)
 
     def left(self, camera: Camera) -> Lens:
-        """The left camera without what was found to be wrong with it."""
+        """Returns the left camera with its estimated corrections."""
         return Lens(camera, lens_of_both(self.extra))
 
     def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
-        """With new points; ids not in the map yet."""
+        """Adds new points, whose ids are not in the map yet."""
         every = np.concatenate([self.ids, ids])
         order = np.argsort(every, kind="stable")
         return replace(self, ids=every[order], xyz=np.concatenate([self.xyz, xyz])[order])
 
     def only(self, ids: NDArray[np.int64]) -> StereoMap:
-        """Without the points that neither a key frame nor these ids know any more."""
-        needed = np.zeros(len(self.ids) + 1, bool)  # the last one for what is unknown
+        """Removes the points that no keyframe observes and that are not among these ids."""
+        needed = np.zeros(len(self.ids) + 1, bool)  # the last entry stands for unknown ids
         needed[self.places(np.concatenate([ids, *(k.ids for k in self.keys)]))] = True
         return replace(self, ids=self.ids[needed[:-1]], xyz=self.xyz[needed[:-1]])
 
@@ -113,9 +115,9 @@ class StereoMap:
 def with_key(
     state: StereoMap, key: KeyFrame, extra_sigma: Array, settling_s: float, predicted: Array | None = None
 ) -> StereoMap:
-    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6) in it.
+    """Adds a keyframe; the first one defines the world, or has the covariance `predicted` (6, 6) in it.
 
-    Since the last one the pair may have changed: within `settling_s` as much as was open before any data.
+    The prior of the corrections ages: with time constant `settling_s` [s] it returns to `extra_sigma` (E,).
     """
     keys, prior, covariance, newest, start = state.keys, state.prior, state.covariance, state.newest, state.start
     if not keys:
@@ -133,28 +135,28 @@ def with_key(
         assert prior is not None
         prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
         if len(keys) == 1:
-            # Nothing was before the first one: it moved as the second does.
+            # The first keyframe has no predecessor, so it gets the motion of the second one.
             keys = (replace(keys[0], motion=key.motion),)
     return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, newest=newest, start=start)
 
 
 def emptied(state: StereoMap) -> StereoMap:
-    """Without key frames and points; what was found out about the pair stays."""
+    """Returns the map without keyframes and points, but with the corrections of the pair and the noise."""
     covariance = None if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
     return StereoMap(extra=state.extra, covariance=covariance, noise=state.noise)
 
 
 def known_of_pair(state: StereoMap, extra_sigma: Array) -> Array:
-    """(E, E) covariance of `extra`."""
+    """Returns the covariance (E, E) of `extra`."""
     return np.diag(extra_sigma**2) if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
 
 
 def adjusted(
     state: StereoMap, baseline: float, extra_sigma: Array, scale: float, threshold: float, iterations: int
 ) -> tuple[StereoMap, Adjusted | None]:
-    """Bundle adjustment of the window; observations farther than `threshold` from their points are dropped then.
+    """Optimises the window by bundle adjustment, and drops observations with errors above `threshold` afterwards.
 
-    How sure it is then is told where all rows are exposed together (else see rolling_window.py).
+    Covariances are computed for a global shutter only (else see rolling_window.py).
     """
     window, used, origin = _packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
@@ -181,8 +183,11 @@ def adjusted(
 
 
 def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]]:
-    """What all key frames saw of the points that leave with the oldest, and the others with the rest of what they saw;
-    tracks that go on keep their newest places."""
+    """Splits the window for marginalisation of its oldest keyframe.
+
+    Returns all keyframes with the observations to marginalise (of the oldest keyframe's points), and the others with
+    the rest. Continuing tracks keep their newest observations.
+    """
     oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
     gone = [
         places(oldest.ids, k.ids) >= 0 if i < newest else np.zeros(len(k.ids), bool) for i, k in enumerate(state.keys)
@@ -193,7 +198,7 @@ def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]
 
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
-    """The oldest key frame and its points become a prior on the others."""
+    """Marginalises the oldest keyframe and its points into a prior on the others."""
     (past, keys), known = parted(state), state.covariance
     assert known is not None
     window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
@@ -209,7 +214,7 @@ def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale:
 def _packed(
     state: StereoMap, baseline: float, extra_sigma: Array
 ) -> tuple[Window, NDArray[np.int64], NDArray[np.int64]]:
-    """The window's arrays; which points of the map are in it; and where in its key frame each observation stands."""
+    """Returns the window's arrays, the indices of its points in the map, and of each observation in its keyframe."""
     keys, sizes = state.keys, np.array([len(k.ids) for k in state.keys])
     rotations = np.stack([k.left_from_world.rotation for k in keys])
     translations = np.stack([k.left_from_world.translation for k in keys])
@@ -242,15 +247,15 @@ def _packed(
 
 
 def variance_factor(state: StereoMap, noise: Noise) -> float:
-    """Returns the factor that makes covariances of those that take the width of the loss for the noise of tracks."""
+    """Returns the factor of covariances that assumed the loss width as the noise of tracks."""
     return state.noise.variance(noise.sigma) / noise.width**2
 
 
 def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
-    """The map as sure as it is of a located pair that is no key frame: as if it were the newest one.
+    """Returns the map with the covariance of a frame that is no keyframe, as if it were the newest one.
 
-    What each track says there it mostly says in the window, too: the covariance of the newest key frame and that of the
-    way from there, added, would be too small by a tenth to a third.
+    A track's errors in window and frame are correlated: the sum of the covariances of the newest keyframe and of the
+    relative pose would be a tenth to a third too small.
     """
     known = state.places(pair.ids) >= 0
     state = replace(state, keys=(*state.keys, pair.only(known)))
@@ -259,7 +264,7 @@ def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Ar
 
 
 def newest_covariance(state: StereoMap) -> Array | None:
-    """(6, 6) of the newest key frame's left twist in the world; None before an adjustment."""
+    """Returns the covariance (6, 6) of the newest keyframe's left twist in the world; None before an optimisation."""
     if state.newest is None or not state.keys or state.start is None:
         return state.newest
     way = (state.keys[-1].left_from_world @ state.start.left_from_world.inverse()).adjoint
@@ -267,6 +272,6 @@ def newest_covariance(state: StereoMap) -> Array | None:
 
 
 def _proper(rotations: Array) -> Array:
-    """The nearest rotations (C, 3, 3): products of many turns lose their last digits."""
+    """Returns the nearest rotations (C, 3, 3), as products of many rotations accumulate rounding errors."""
     u, _, vt = np.linalg.svd(rotations)
     return u @ vt
