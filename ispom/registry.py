@@ -61,6 +61,11 @@ class Registry(Generic[Item]):
         self._added.append(item)
         self.refresh()
 
+    def remove(self, item: Item) -> None:
+        """Removes a value that was added. Raises ValueError where it was not."""
+        self._added.remove(item)
+        self.refresh()
+
     def faults(self) -> tuple[str, ...]:
         """Returns a sentence about each entry point that was skipped."""
         self.items()

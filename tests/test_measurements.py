@@ -188,5 +188,4 @@ def test_a_missing_sensor_is_named() -> None:
         with pytest.raises(InputError, match="wheels needs a sensor sonar and a wheel odometer, which"):
             require_sensors(("wheels",), doubles.rig())
     finally:
-        methods._ADDED.remove(method)
-        methods._found.cache_clear()
+        methods.REGISTRY.remove(method)

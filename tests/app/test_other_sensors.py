@@ -80,8 +80,7 @@ def fused() -> Iterator[Method]:
     method = Method(FUSED, frozenset({"video", "gnss"}), Config, "metric", "a stand-in")
     methods.add(method)
     yield method
-    methods._ADDED.remove(method)
-    methods._found.cache_clear()
+    methods.REGISTRY.remove(method)
 
 
 @pytest.fixture(scope="module")

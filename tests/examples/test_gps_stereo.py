@@ -199,8 +199,7 @@ def added(example: ModuleType) -> Iterator[Method]:
     """The method, in this process alone."""
     methods.add(example.METHOD)
     yield example.METHOD
-    methods._ADDED.remove(example.METHOD)
-    methods._found.cache_clear()
+    methods.REGISTRY.remove(example.METHOD)
 
 
 def test_fixes_are_put_among_the_frames_in_python(pairs: Sequence, example: ModuleType, added: Method) -> None:
