@@ -32,6 +32,7 @@ def test_over_an_exact_floor_the_focal_length_is_found(wrong: float) -> None:
     assert found.sigma[0] < 2e-3
 
 
+@pytest.mark.slow
 def test_over_a_noisy_floor_it_is_as_sure_as_it_is_near_whatever_the_guess() -> None:
     away, sigma = np.zeros((SEEDS, 2)), np.zeros((SEEDS, 2))
     for seed in range(SEEDS):

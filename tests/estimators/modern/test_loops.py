@@ -45,7 +45,10 @@ def test_a_lap_ends_where_it_began(camera: LoopCamera, seed: int) -> None:
     assert after < 0.001 * 1.06 * LAP_M < before
 
 
-@pytest.mark.parametrize(("camera", "keys", "seeds"), [(CAMERA, 1, (1,)), (SINGLE, 2, (1, 2))], ids=["pair", "single"])
+@pytest.mark.parametrize(
+    ("camera", "keys", "seeds"),
+    [pytest.param(CAMERA, 1, (1,), id="pair"), pytest.param(SINGLE, 2, (1, 2), id="single", marks=pytest.mark.slow)],
+)
 def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
     camera: LoopCamera, keys: int, seeds: tuple[int, ...]
 ) -> None:

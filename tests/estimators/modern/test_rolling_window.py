@@ -91,7 +91,7 @@ def found(seed: int, pair_at: float | None = None) -> tuple[Pose, Array | None]:
     return world.keys[-1].left_from_world, newest_covariance(world)
 
 
-@pytest.mark.parametrize("pair_at", [None, (KEYS - 0.5) * INTERVAL_S])
+@pytest.mark.parametrize("pair_at", [None, pytest.param((KEYS - 0.5) * INTERVAL_S, marks=pytest.mark.slow)])
 def test_poses_are_as_far_off_as_they_are_told_to_be(pair_at: float | None) -> None:
     """Were the motions held, poses would be taken to be ten times as sure. They are a little surer than told: motions
     are held to differ from those foretold by more than they do."""
