@@ -70,7 +70,7 @@ def next_state(
         moved = sorted(world.trajectory(), key=lambda item: item[0])
     database = _database(setup, state.database, outcome, new, segment)
     # In another world the motion before the last pose is unknown.
-    recent = moved if outcome.restarted and moved else [*state.recent, *moved]
+    recent = moved if outcome.segment is not None else [*state.recent, *moved]
     return ModernMonocularState(
         live=live,
         sights=sights,
