@@ -129,8 +129,9 @@ def test_the_mode_survives_a_reload_and_is_the_pages_own(page: Page, app: App, b
     page.tab.keyboard.press("ArrowRight")
     page.tab.locator("#compare").wait_for()
     page.until("location.hash.includes('mode=compare')", "the address")
-    chosen = [each.input_value() for each in page.tab.locator(".swipe select").all()]
-    assert chosen == [method["name"] for method in page.state["methods"][:2]], "two methods of the one run"
+    values = "[...document.querySelectorAll('.swipe select')].map((each) => each.value)"
+    wanted = "state.methods.slice(0, 2).map((each) => each.name)"
+    page.until(f"`${{{values}}}` === `${{{wanted}}}` && state.methods.length > 1", "two methods of the one run")
     page.tab.reload()
     page.until("state.total > 0 && document.body.dataset.mode === 'compare'", "the mode")
     page.tab.locator("#compare").wait_for()
