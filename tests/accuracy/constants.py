@@ -57,7 +57,7 @@ def constants() -> list[Constant]:
         module = ".".join(("ispom", *path.relative_to(root).with_suffix("").parts))
         tree = ast.parse(path.read_text())
         used = {n.id for f in ast.walk(tree) if _is_compiled(f) for n in ast.walk(f) if isinstance(n, ast.Name)}
-        for statement, after in zip(tree.body, [*tree.body[1:], None], strict=True):
+        for statement, after in zip(tree.body, [*tree.body[1:], None], strict=False):
             for name, value in _numbers(statement):
                 found.append(Constant(module, name, value, _first_sentence(after), name in used))
     return found
