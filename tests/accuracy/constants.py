@@ -202,8 +202,8 @@ def main(data: Path) -> None:
         out.write(
             "# What each constant does\n\nMade by `python -m tests.accuracy.constants [DATA]`: change of the error, of "
             "located frames and of segments with half / twice the value (whole numbers stay whole). `=`: no figure "
-            "changes; `compiled`: part of compiled code, not varied; empty: not run, the method does not use the module."
-            "\n\n"
+            "changes; `compiled`: part of compiled code, not varied; empty: not run, the method does not use "
+            "the module.\n\n"
         )
         out.write(f"| {' | '.join(heads)} |\n|{' --- |' * len(heads)}\n")
         for row in table(data):
