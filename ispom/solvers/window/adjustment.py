@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
@@ -85,9 +86,8 @@ class Window:
 
     @cached_property
     def shift(self) -> Array:
-        """Returns the change (6 P + E,) since the linearisation of the prior, which must exist."""
-        assert self.prior is not None
-        return self.prior.shifted(self.rotations, self.translations, self.extra)
+        """Returns the change (6 P + E,) since the linearisation of the prior. Raises ValueError without a prior."""
+        return required(self.prior, "the window has no prior").shifted(self.rotations, self.translations, self.extra)
 
 
 @dataclass(frozen=True, eq=False)

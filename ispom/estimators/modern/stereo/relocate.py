@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
@@ -76,8 +77,7 @@ def _compared(
     setup: Setup, state: ModernStereoState, place: Keyframe, new: NewPair, now: Features
 ) -> Recognised | None:
     """Finds the pose by resection from matches with a keyframe, and its inliers; None with too few of them."""
-    assert place.features is not None
-    points, then, xyz = _intersected(setup, state, place, place.features)
+    points, then, xyz = _intersected(setup, state, place, required(place.features, "the keyframe is not described"))
     left = state.map.left(setup.camera)
     # A pose from points that are close together is inaccurate for others, so the first search radius is larger.
     around_px = tuple(around * setup.max_error_px for around in AROUND)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ispom.estimators.modern.motions import Follow
+from ispom.estimators.modern.second_motion import Follow
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.features.front_ends import KLT
 from ispom.features.interfaces import FrontEnd

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
@@ -49,7 +50,7 @@ def track_and_locate(
     if last.left is None:
         return state, sighting, ()
     if setup.shutter.rolls and last.motion_s <= 0 and sighting.located is not None:
-        state, sighting = _begun(setup, state, sighting, new)
+        state, sighting = _begun(setup, state, sighting, sighting.located.camera_from_world, new)
         last, world = state.last, state.map
     if setup.shutter.rolls or not as_predicted:
         sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
@@ -91,14 +92,14 @@ def located_by(
 
 
 def _begun(
-    setup: Setup, state: ModernStereoState, sighting: TrackingResult, new: NewPair
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult, pose: Pose, new: NewPair
 ) -> tuple[ModernStereoState, TrackingResult]:
     """Corrects the first frame for its motion during the exposure, known since the second frame.
 
-    Returns the state with points at the time of the first frame's middle row, and the second frame localised by them.
+    `pose` is that of the second frame. Returns the state with points at the time of the first frame's middle row, and
+    the second frame localised by them.
     """
-    assert sighting.located is not None
-    pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
+    last, (key, *others) = state.last, state.map.keys
     seconds = (new.time_ns - last.time_ns) * 1e-9
     motion = steady(twist_of(pose @ last.left_from_world.inverse()) / seconds)
     near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), motion - key.motion)
@@ -217,12 +218,11 @@ def _tracked(
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Tracks into the left image: positions (N, 2) [px] and TrackStatus (N,), starting from the projections of `near`
     (N, 3) in the camera, or from the last positions."""
-    assert last.left is not None
-    uv = last.points.uv
+    before, uv = required(last.left, "no frame was localised yet"), last.points.uv
     if near is None:
         # Tracking from predictions may have failed because the exposure changed.
-        return UNGUIDED.track(last.left, as_bright(left, last.left), uv)
+        return UNGUIDED.track(before, as_bright(left, before), uv)
     expected = world.left(setup.camera).project(near).astype(np.float32)
     behind = ~np.isfinite(expected).all(1)
     expected[behind] = uv[behind]
-    return GUIDED.track(last.left, left, uv, expected)
+    return GUIDED.track(before, left, uv, expected)

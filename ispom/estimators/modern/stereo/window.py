@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.stereo.packing import pack
@@ -132,8 +133,8 @@ def with_key(
             hessian, newest = np.linalg.inv(covariance), covariance[:POSE, :POSE]
             prior = replace(prior, extra=state.extra, hessian=hessian, sandwich=Sandwich(hessian, hessian))
     else:
-        assert prior is not None
-        prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
+        kept = float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s))
+        prior = required(prior, "the window has no prior").aged(kept, extra_sigma)
         if len(keys) == 1:
             # The first keyframe has no predecessor, so it gets the motion of the second one.
             keys = (replace(keys[0], motion=key.motion),)
@@ -199,8 +200,7 @@ def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
     """Marginalises the oldest keyframe and its points into a prior on the others."""
-    (past, keys), known = parted(state), state.covariance
-    assert known is not None
+    (past, keys), known = parted(state), required(state.covariance, "the window was not optimised")
     window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     lasting = np.concatenate([k.ids for k in keys])
 
