@@ -14,6 +14,7 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingRes
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import row_times
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
 from ispom.estimators.modern.verification import Candidate, Verification, View
@@ -128,7 +129,8 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
         nothing = PairPoints()
         known = np.zeros((6, 6)) if place.covariance is None else place.covariance
         seen, motion = nothing.seen_by(setup.camera), np.zeros(12) if place.motion is None else place.motion
-        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, nothing.slants, setup.shutter)
+        late_s = row_times(setup.camera, seen[:, 1])
+        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, nothing.slants, late_s)
         world = with_key(emptied(world), key, setup.extra_sigma, setup.settling_s, known)
     world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
     last = replace(state.last, points=PairPoints.joined(state.last.points, points))
