@@ -30,9 +30,9 @@ class Child:
         env = {**os.environ, **(environment or {})}
         # In a process group of its own: a terminal sends Ctrl-C to the whole group of the one that started it.
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env, process_group=0)
-        assert self._process.stdin is not None and self._process.stdout is not None
         self.requests: BinaryIO = self._process.stdin  # type: ignore[assignment]
         self.answers: BinaryIO = self._process.stdout  # type: ignore[assignment]
+        self._errors: BinaryIO = self._process.stderr  # type: ignore[assignment]
         self._kept = b""
         self._listener = threading.Thread(target=self._listen, name="child-stderr", daemon=True)
         self._listener.start()
@@ -85,8 +85,7 @@ class Child:
         return f" ({lines[-1].strip()})" if lines else ""
 
     def _listen(self) -> None:
-        assert self._process.stderr is not None
-        with self._process.stderr as errors:
+        with self._errors as errors:
             while some := os.read(errors.fileno(), KEPT_BYTES):
                 self._kept = (self._kept + some)[-KEPT_BYTES:]
 

@@ -1,7 +1,13 @@
-"""The exceptions that a user's input may cause: what, where, and what to do, in one sentence."""
+"""The exceptions that a user's input may cause: what, where, and what to do, in one sentence; and `required`, for
+what only a wrong call leaves out."""
+
+from __future__ import annotations
+
+from typing import TypeVar
 
 LONGEST = 1_000
 """Characters of a sentence; of a longer one the middle is not shown."""
+T = TypeVar("T")
 
 
 class InputError(Exception):
@@ -41,3 +47,10 @@ def is_text(name: object) -> bool:
 def counted(count: int, one: str, many: str = "") -> str:
     """So many of something, in words of a sentence: "1 frame", "2 frames"; `many` where that is not `one` and an s."""
     return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+def required(value: T | None, missing: str) -> T:
+    """Returns a value that callers must provide. Raises ValueError with the sentence `missing` if it is None."""
+    if value is None:
+        raise ValueError(missing)
+    return value

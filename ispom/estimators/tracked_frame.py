@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
@@ -27,6 +28,11 @@ class TrackedFrame:
     x: Array
     """(N, 2) normalised coordinates."""
     world_from_camera: Pose | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Returns world_from_camera. Raises ValueError for a frame that was not localised."""
+        return required(self.world_from_camera, "the frame was not localised")
 
     def at(self, ids: NDArray[np.int64]) -> Array:
         """Normalised coordinates (M, 2) of points (M,) that this frame has."""

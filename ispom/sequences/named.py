@@ -109,7 +109,7 @@ def _counted(names: list[str], unread: list[str]) -> Named:
     left_out = np.array(sorted(count_of[number] for number in others), np.int64) if others else None
     numbered = np.array([count for count, _ in pairs], np.int64)
     one = Named(tuple(name for _, name in pairs), None, numbered, left_out, (note,) if note else ())
-    return one if others or note else _of_whole_numbers(one)
+    return one if others or note else _of_whole_numbers(one, numbered)
 
 
 def _padded(names: list[str]) -> int:
@@ -166,24 +166,23 @@ def _is_counter(parts: list[tuple[int, int]]) -> bool:
     return counted and (len(after) > 1 or min(after) > 0) and not full
 
 
-def _of_whole_numbers(one: Named) -> Named:
+def _of_whole_numbers(one: Named, numbers: NDArray[np.int64]) -> Named:
     """With times, where its numbers advance by a step that is no whole number, as rounded times do (0, 33, 67, 100), or
     one that is too large for a counter."""
-    assert one.numbers is not None
-    apart = np.diff(one.numbers)
+    apart = np.diff(numbers)
     if len(apart) < 3 or 0 < one.step < MOST_STEP:
         return one
     ticks = np.rint(apart / np.median(apart))
     if not ticks.all() or (ticks == 1).mean() < IN_STEP:
         return one
     interval = apart.sum() / ticks.sum()
-    late = one.numbers - one.numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
+    late = numbers - numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
     if interval < 1 / ROUNDED or np.abs(late).max() > max(1.0, ROUNDED * interval):
         return one
     for unit, unit_ns in UNITS.items():
         if SHORTEST_NS < interval * unit_ns <= 1_000_000_000:
             note = f"the numbers in the names of the images are taken as times in {unit} (rate_hz says otherwise)"
-            return replace(one, stamps_ns=one.numbers * unit_ns, numbers=None, notes=(note,))
+            return replace(one, stamps_ns=numbers * unit_ns, numbers=None, notes=(note,))
     return one
 
 

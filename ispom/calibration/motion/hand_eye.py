@@ -67,8 +67,8 @@ def hand_eye(left: Course, video: Course, joined: NDArray[np.bool_], start: Star
     scales: Array | None = None
     keep = joined.copy()
     noise = (_Noise(1e-3, 0.0), _Noise(1e-2, 0.0))
+    problem = _problem(left, video, keep, pose, offset_s, scales)
     for round_number in range(ROUNDS):
-        problem = None
         for _ in range(ITERATIONS):
             problem = _problem(left, video, keep, pose, offset_s, scales)
             if len(problem.index) < LEAST_MOTIONS:
@@ -85,7 +85,6 @@ def hand_eye(left: Course, video: Course, joined: NDArray[np.bool_], start: Star
         if round_number > 1 and (fits == keep).all():
             break
         keep = fits
-    assert problem is not None
     return problem.result(pose, offset_s, noise, left)
 
 

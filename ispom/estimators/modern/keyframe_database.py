@@ -44,7 +44,7 @@ class Keyframe:
     covariance: Array | None = None
     """(6, 6) covariance of the left twist of camera_from_world."""
     motion: Array | None = None
-    """(12,) motion of camera_from_world, see rolling.mean_rates; only for a pair."""
+    """(12,) motion of camera_from_world, see rolling.steady; only for a pair."""
     moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
     """For one camera with a rolling shutter: positions (M, 2) [px] and velocities (M, 2) [px/s] of the tracks."""
     features: Features | None = None

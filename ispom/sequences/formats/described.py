@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.errors import InputError
+from ispom.errors import InputError, required
 from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
@@ -114,8 +114,7 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     if video is not None:
         opened = _sequence(name, rig, video, stereo, truth)
     else:
-        assert stereo is not None
-        opened = _recording(name, stereo, truth)
+        opened = _recording(name, required(stereo, f"{path} names no camera"), truth)
     opened = replace(opened, notes=notes + opened.notes)
     if truth is None:
         return opened

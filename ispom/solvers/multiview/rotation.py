@@ -9,6 +9,9 @@ from ispom.numerics.reductions import lengths, median, squares
 from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.rigid import horn
 
+TURN_LOSS = 3.0
+"""Width of the loss for a pure rotation, relative to that for a pose: parallax is an error there, too."""
+
 
 def rotate(rotation: Array, x: Array) -> Array:
     """Returns normalised coordinates (N, 2) after a pure rotation (3, 3) second_from_first."""

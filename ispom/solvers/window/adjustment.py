@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
@@ -22,6 +23,9 @@ from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_step
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
+FIXED = 1e30
+"""Information of a correction that is fixed: a standard deviation of 1e-15, below the rounding of all other numbers. So
+it takes no step, and its rows and columns stay in covariances and priors, whose unknowns are numbered alike in all."""
 FARTHEST = 10.0
 """Largest factor by which one step may increase the depth of a point."""
 
@@ -85,9 +89,8 @@ class Window:
 
     @cached_property
     def shift(self) -> Array:
-        """Returns the change (6 P + E,) since the linearisation of the prior, which must exist."""
-        assert self.prior is not None
-        return self.prior.shifted(self.rotations, self.translations, self.extra)
+        """Returns the change (6 P + E,) since the linearisation of the prior. Raises ValueError without a prior."""
+        return required(self.prior, "the window has no prior").shifted(self.rotations, self.translations, self.extra)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +222,7 @@ def _add_priors(window: Window, matrix: Array, right: Array) -> None:
         right[first:] -= gradient[p:]
     for i, sigma in enumerate(window.extra_sigma, first):
         if sigma <= 0:
-            matrix[i, i] += 1e30
+            matrix[i, i] += FIXED
         elif prior is None:
             matrix[i, i] += sigma**-2
             right[i] -= window.extra[i - first] / sigma**2
@@ -244,12 +247,12 @@ def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Arra
         window,
         rotations=rotations,
         translations=translations,
-        points=window.points + _as_inverse_depths(window, point_step),
+        points=window.points + as_inverse_depths(window, point_step),
         extra=window.extra + extra_step,
     )
 
 
-def _as_inverse_depths(window: Window, step: Array) -> Array:
+def as_inverse_depths(window: Window, step: Array) -> Array:
     """Returns steps (M, 3) that change the points' inverse depths as `step` (M, 3) does to first order.
 
     Inverse depths are those in the first camera of each point. Observations are nearly linear in them, but not in the

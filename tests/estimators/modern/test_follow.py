@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
-from ispom.estimators.modern.motions import Follow, Moving, preferred
+from ispom.estimators.modern.second_motion import Follow, Moving, preferred
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Frame, Image, Rig, Step

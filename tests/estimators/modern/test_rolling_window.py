@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.rolling import steady
+from ispom.estimators.modern.rolling import late_s, steady
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.rolling_window import adjusted, with_pair, without_oldest
-from ispom.estimators.modern.stereo.row_motions import with_motions
+from ispom.estimators.modern.stereo.rolling_window import adjusted, with_motions, with_pair, without_oldest
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_key
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
@@ -21,8 +19,12 @@ from ispom.types import Camera, Rig
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
 BASELINE_M, INTERVAL_S, NOISE = 0.4, 0.3, 0.17 / 460
-SHUTTER = Shutter.of(CAMERA)
 KEYS, WINDOW, POINTS = 8, 5, 90
+
+
+def exposed_s(seen: Array) -> Array:
+    """(N,) [s] at which rows saw observations (N, 3)."""
+    return late_s(CAMERA, CAMERA.fy * seen[:, 1] + CAMERA.cy)
 
 
 class Shaken:
@@ -45,11 +47,11 @@ class Shaken:
 
     def seen(self, xyz: Array, t: float) -> Array:
         """(N, 3) by a pair, of points (N, 3)."""
-        late_s = np.zeros(len(xyz))
+        late = np.zeros(len(xyz))
         for _ in range(4):
-            near = np.stack([self.at(t + s).apply(p[None])[0] for s, p in zip(late_s, xyz, strict=True)])
+            near = np.stack([self.at(t + s).apply(p[None])[0] for s, p in zip(late, xyz, strict=True)])
             uvr = np.column_stack([near[:, :2], near[:, 0] - BASELINE_M]) / near[:, 2:]
-            late_s = SHUTTER.late_s(uvr[:, 1])
+            late = exposed_s(uvr)
         return uvr
 
 
@@ -78,7 +80,7 @@ def found(seed: int, pair_at: float | None = None) -> tuple[Pose, Array | None]:
         ids = np.flatnonzero((begun <= k) & (k < ends))
         seen = way.seen(xyz[ids], t) + NOISE * rng.standard_normal((len(ids), 3))
         mean = steady(np.array([0, 0, -1.5, 0, 0, 0]))
-        key = KeyFrame(round(t * 1e9), way.at(t), ids, seen, mean, np.zeros((len(ids), 2)), SHUTTER)
+        key = KeyFrame(round(t * 1e9), way.at(t), ids, seen, mean, np.zeros((len(ids), 2)), exposed_s(seen))
         if k == KEYS:
             located = with_motions(made, replace(world, keys=(*world.keys, key.only(world.places(ids) >= 0)))).keys[-1]
             return located.left_from_world, newest_covariance(with_pair(made, world, located))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.modern.monocular.second_motion import second_motion
+from ispom.estimators.modern.second_motion import second_motion
 from ispom.geometry import Pose
 
 SIGMA = 0.001

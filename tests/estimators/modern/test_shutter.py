@@ -8,12 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.rolling import steady
+from ispom.estimators.modern.rolling import late_s, steady
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.motion_priors import motion_priors
-from ispom.estimators.modern.stereo.row_motions import with_motions
+from ispom.estimators.modern.stereo.rolling_window import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shutter import MotionPrior, Rows, Shutter
+from ispom.estimators.modern.stereo.shutter import (
+    MotionPrior,
+    pair_at_middle,
+    points_at_middle,
+    points_at_rows,
+    refined_motion,
+    row_times,
+)
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
@@ -28,7 +35,6 @@ RATE = np.array([0.4, -0.3, -2.0, 0.5, -0.4, 0.3])
 MOTION = np.concatenate([RATE, [4.0, -3.0, 2.0, -4.0, 5.0, 3.0]])
 """And how that changes: 5 m/s^2, 400 degrees/s^2."""
 POSE = Pose.from_rotvec(np.array([0.1, -0.2, 0.05]), np.array([0.5, 0.2, -1.0]))
-SHUTTER = Shutter.of(CAMERA)
 
 
 def scene() -> Array:
@@ -43,12 +49,20 @@ def seen(near: Array) -> Array:
     return np.column_stack([near[:, :2], near[:, 0] - BASELINE_M]) / near[:, 2:]
 
 
+def times(observations: Array) -> Array:
+    """(N,) [s] at which rows saw observations (N, 3)."""
+    return late_s(CAMERA, CAMERA.fy * observations[:, 1] + CAMERA.cy)
+
+
+def at_middle(observations: Array, motion: Array) -> Array:
+    return pair_at_middle(observations, times(observations), motion, BASELINE_M)
+
+
 def rolled(xyz: Array, pose: Pose = POSE, motion: Array = MOTION) -> Array:
     """(N, 3) as rows that are exposed when they are saw points (N, 3) in the world."""
     found = seen(pose.apply(xyz))
     for _ in range(5):
-        late_s = SHUTTER.late_s(found[:, 1])
-        ways = [Pose.exp(t * motion[:6] + 0.5 * t**2 * motion[6:]) for t in late_s]
+        ways = [Pose.exp(t * motion[:6] + 0.5 * t**2 * motion[6:]) for t in times(found)]
         near = [way.apply(pose.apply(p[None]))[0] for way, p in zip(ways, xyz, strict=True)]
         found = seen(np.stack(near))
     return found
@@ -58,44 +72,44 @@ def test_a_known_motion_is_undone() -> None:
     xyz = scene()
     late, middle = rolled(xyz), seen(POSE.apply(xyz))
     assert np.abs(late - middle).max() * CAMERA.fx > 10
-    assert np.abs(SHUTTER.at_middle(late, MOTION, BASELINE_M) - middle).max() * CAMERA.fx < 0.01
-    assert np.abs(SHUTTER.at_middle(late, steady(RATE), BASELINE_M) - middle).max() * CAMERA.fx > 0.5
+    assert np.abs(at_middle(late, MOTION) - middle).max() * CAMERA.fx < 0.01
+    assert np.abs(at_middle(late, steady(RATE)) - middle).max() * CAMERA.fx > 0.5
 
 
 def test_points_go_there_and_back() -> None:
     near = POSE.apply(scene())
-    there = SHUTTER.as_seen(near, MOTION)
+    there = points_at_rows(CAMERA, near, MOTION)
     np.testing.assert_allclose(seen(there), rolled(scene()), atol=0.5 / CAMERA.fx)
-    np.testing.assert_allclose(SHUTTER.points_at_middle(there, MOTION), near, atol=1e-3 * near[:, 2].max())
+    np.testing.assert_allclose(points_at_middle(CAMERA, there, MOTION), near, atol=1e-3 * near[:, 2].max())
 
 
 def test_without_a_disparity_turns_are_undone() -> None:
     alone = rolled(scene()) * (1, 1, np.nan)
-    turning = SHUTTER.at_middle(alone, MOTION * np.tile([0, 0, 0, 1, 1, 1], 2), BASELINE_M)
-    both = SHUTTER.at_middle(alone, MOTION, BASELINE_M)
+    turning = at_middle(alone, MOTION * np.tile([0, 0, 0, 1, 1, 1], 2))
+    both = at_middle(alone, MOTION)
     np.testing.assert_array_equal(both[:, :2], turning[:, :2])
     assert np.isnan(both[:, 2]).all()
 
 
 def test_a_global_shutter_changes_nothing() -> None:
-    still = Shutter.of(replace(CAMERA, line_delay_s=0.0))
-    observations = rolled(scene())
-    assert still.at_middle(observations, MOTION, BASELINE_M) is observations and not still.rolls
+    still, observations, near = replace(CAMERA, line_delay_s=0.0), rolled(scene()), POSE.apply(scene())
+    assert row_times(still, observations[:, 1]) is None
+    assert pair_at_middle(observations, None, MOTION, BASELINE_M) is observations
+    assert points_at_middle(still, near, MOTION) is near and points_at_rows(still, near, MOTION) is near
 
 
 @pytest.mark.parametrize("noise_px", [0.0, 0.17])
 def test_pose_and_motion_are_found_together(noise_px: float) -> None:
     xyz, rng = scene(), np.random.default_rng(1)
     late = rolled(xyz) + rng.normal(0, noise_px / CAMERA.fx, (len(xyz), 3))
-    rows = Rows(SHUTTER, xyz, late[:, 1], BASELINE_M, SIGMA)
     believed = MotionPrior(np.zeros(12), np.repeat([10.0, 3.0, 200.0, 60.0], 3))
     motion, pose = believed.motion, Pose()
     for _ in range(4):
-        middle = SHUTTER.at_middle(late, motion, BASELINE_M)
+        middle = at_middle(late, motion)
         fit = fit_pose(xyz, middle, pose, SIGMA, 20 / CAMERA.fx, BASELINE_M)
         assert fit is not None
         pose, given = fit.camera_from_world, fit.information
-        motion, fit = rows.refined(believed, motion, middle, fit)
+        motion, fit = refined_motion(xyz, middle, times(late), BASELINE_M, SIGMA, believed, motion, fit)
     off = np.abs((pose @ POSE.inverse()).log())
     sigma = np.sqrt(np.linalg.inv(fit.information).diagonal())
     if noise_px:
@@ -119,17 +133,10 @@ def found_of(setup: Setup, extra: Array) -> tuple[StereoMap, StereoMap, list[Arr
     `extra`; and the true motions and points."""
     xyz, ids, (poses, motions) = scene(), np.arange(200), shaken()
     mean = steady(np.array([0.0, 0, -1.5, 0, 0, 0]))
+    observed = [miscalibrated(rolled(xyz, pose, motion), extra) for pose, motion in zip(poses, motions, strict=True)]
     keys = tuple(
-        KeyFrame(
-            c * 333_000_000,
-            pose,
-            ids,
-            miscalibrated(rolled(xyz, pose, motion), extra),
-            mean,
-            np.zeros((200, 2)),
-            SHUTTER,
-        )
-        for c, (pose, motion) in enumerate(zip(poses, motions, strict=True))
+        KeyFrame(c * 333_000_000, pose, ids, seen, mean, np.zeros((200, 2)), times(seen))
+        for c, (pose, seen) in enumerate(zip(poses, observed, strict=True))
     )
     bent = keys[0].at_middle(BASELINE_M)
     near = np.column_stack([bent[:, :2], np.ones(len(bent))]) * (BASELINE_M / (bent[:, 0] - bent[:, 2]))[:, None]
@@ -177,7 +184,7 @@ def test_a_key_frame_that_sees_nothing_of_the_others_moves_as_foretold() -> None
     setup = setup_of()
     _, world, _, _ = found_of(setup, np.zeros(PAIR))
     first, second, *rest = world.keys
-    blind = replace(second, ids=second.ids[:0], seen=second.seen[:0])
+    blind = second.only(np.zeros(200, bool))
     found = with_motions(setup, replace(world, keys=(first, blind, *rest)))
     np.testing.assert_allclose(found.keys[1].left_from_world.matrix, second.left_from_world.matrix, atol=1e-9)
     assert np.isfinite(found.xyz).all() and np.isfinite(found.keys[1].motion).all()

@@ -56,8 +56,9 @@ def told(
     )
     key = KeyFrame(0, Pose(), all_points, np.zeros((count, 3)), np.zeros(12), np.zeros((count, 2)))
     last = LastPair(points=replace(points, uv=before.astype(np.float32)))
-    found, tests = other_motion(setup, ModernStereoState(last, StereoMap((key,) * keys, all_points, xyz)), sighting)
-    return tests, set() if found is None else set(found.of.tolist())
+    state = ModernStereoState(last, StereoMap((key,) * keys, all_points, xyz))
+    explained, _, tests = other_motion(setup, state, sighting, located)
+    return tests, set(explained.tolist())
 
 
 @pytest.mark.parametrize("noise_px", [0.0, 0.15])

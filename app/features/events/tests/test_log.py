@@ -16,7 +16,7 @@ from ispom_app.engine.verdict import Severity
 
 from ispom.estimators.modern.loops.checks import LOOP_VIEWS
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.motions import SECOND_MOTION
+from ispom.estimators.modern.second_motion import SECOND_MOTION
 from ispom.geometry import Pose
 from ispom.types import Decision, Status, Step
 

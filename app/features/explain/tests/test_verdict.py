@@ -8,7 +8,7 @@ import pytest
 from ispom_app.engine.verdict import Severity, verdict, worst
 
 from ispom.estimators.modern.monocular import checks as monocular
-from ispom.estimators.modern.motions import SECOND_MOTION
+from ispom.estimators.modern.second_motion import SECOND_MOTION
 from ispom.estimators.modern.stereo import checks as stereo
 from ispom.estimators.paper import checks as paper
 from ispom.methods import BUILT_IN

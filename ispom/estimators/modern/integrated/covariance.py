@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispom.errors import required
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.rows import by_rate
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
@@ -63,12 +64,11 @@ def by_lens(seen: Array) -> Array:
 def _resected_covariance(noise: RigNoise, state: ModernIntegratedState, view: View) -> Array | None:
     """Returns the covariance (6, 6) of a resected pose relative to the window's reference; None if its points are
     new."""
-    window = state.window
-    assert window.reference is not None
-    _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
+    window, reference = state.window, required(state.window.reference, "the window has no reference")
+    _, mine, its = np.intersect1d(view.ids, reference.ids, assume_unique=True, return_indices=True)
     if len(mine) < MIN_POINTS:
         return None
-    seen, uncertainty = window.seen(view)[mine], window.reference.uncertainty.select(its)
+    seen, uncertainty = window.seen(view)[mine], reference.uncertainty.select(its)
     moved, shared = (by_lens(seen), window.lens_covariance) if view.video else (None, None)
     if moved is not None and view.late_s is not None:
         moved = np.concatenate([moved, by_rate(window, view)[mine]], axis=2)

@@ -96,7 +96,7 @@ class JointWindow:
         return last.world_from_rig @ Pose.exp(share * way[0].log())
 
     def motion(self, video: bool) -> Array:
-        """Returns the motion (12,) of rig_from_world, see rolling.mean_rates: the mean between a camera's last two
+        """Returns the motion (12,) of rig_from_world, see rolling.steady: the mean between a camera's last two
         views; 0 for fewer."""
         way = self._way(video)
         return np.zeros(12) if way is None else steady(-way[0].log() / (way[1] * 1e-9))

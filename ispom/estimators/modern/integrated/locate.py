@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.rows import at_middle
+from ispom.estimators.modern.integrated.rows import view_at_middle
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
@@ -71,7 +71,7 @@ def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> boo
 def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[View, PoseFit | None]:
     """Corrects the rolling shutter of a view by the predicted motion and, for the video, by the motion up to it;
     returns the view and its resection."""
-    view = at_middle(window, view, window.motion(view.video))
+    view = view_at_middle(window, view, window.motion(view.video))
     found, recent = _resected(noise, window, view), window.recent(view.time_ns)
     if view.late_s is None or not view.video or len(recent) + 1 < LEAST:
         return view, found
@@ -80,8 +80,8 @@ def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[Vi
             break
         pose = found.camera_from_world.inverse() @ window.rig.rig_from_video.inverse()
         poses = [*recent, (view.time_ns, pose)]
-        (first, second), (fewer, _) = (motion_at(some, view.time_ns) for some in (poses, poses[1:]))
-        view = at_middle(window, replace(view, unforeseen=first - fewer), np.concatenate([first, 2 * second]))
+        motion, fewer = motion_at(poses, view.time_ns), motion_at(poses[1:], view.time_ns)
+        view = view_at_middle(window, replace(view, unforeseen=(motion - fewer)[:6]), motion)
         found = _resected(noise, window, view)
     return view, found
 

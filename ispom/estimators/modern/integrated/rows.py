@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import View
-from ispom.estimators.modern.rolling import mean_rates, moved
+from ispom.estimators.modern.rolling import at_middle
 from ispom.geometry import Array
+from ispom.numerics.reprojection import reprojected
 from ispom.solvers.spline.problem import RowBands
 
 BAND_S = 0.002
 """Height of a band [s]: its rows share a time of the spline; within it, points are moved as in `at_middle`."""
 
 
-def at_middle(window: JointWindow, view: View, motion: Array) -> View:
+def view_at_middle(window: JointWindow, view: View, motion: Array) -> View:
     """Returns the view with the positions at the time of the middle row; the rig has the motion (12,), see
     `JointWindow.motion`."""
     if view.late_s is None:
@@ -25,21 +27,18 @@ def at_middle(window: JointWindow, view: View, motion: Array) -> View:
     rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
     of_camera = (motion.reshape(2, 6) @ rig_from_camera.inverse().adjoint.T).ravel()
     ray = np.column_stack([view.seen, np.ones(len(view.seen))])
-    middle = moved(ray, -view.late_s, mean_rates(of_camera, view.late_s), _inverse_depths(window, view))
+    middle = at_middle(ray, view.late_s, of_camera, _inverse_depths(window, view))
     return replace(view, middle=middle[:, :2] / middle[:, 2:])
 
 
 def by_rate(window: JointWindow, view: View) -> Array:
     """Returns the Jacobian (N, 2, 6) of the positions at the time of the middle row with respect to the rate of
     rig_from_world (rho [m/s], phi [rad/s])."""
-    assert view.late_s is not None
+    late_s = required(view.late_s, "the view has a global shutter")
     rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
-    ray, far = np.column_stack([view.seen, np.ones(len(view.seen))]), _inverse_depths(window, view)
-    columns = list[Array]()
-    for rate in rig_from_camera.inverse().adjoint.T:
-        way = -view.late_s[:, None] * (rate[:3] * far[:, None] + np.cross(rate[3:], ray))
-        columns.append(way[:, :2] - view.seen * way[:, 2:])
-    return np.stack(columns, axis=2)
+    _, _, by_twist = reprojected(np.column_stack([view.seen, np.ones(len(view.seen))]))
+    by_twist[:, :, :3] *= _inverse_depths(window, view)[:, None, None]
+    return -late_s[:, None, None] * by_twist @ rig_from_camera.inverse().adjoint
 
 
 def _inverse_depths(window: JointWindow, view: View) -> Array:

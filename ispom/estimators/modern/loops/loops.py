@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.errors import required
 from ispom.estimators.modern.loops.checks import LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
 from ispom.estimators.modern.loops.depths import surroundings, with_depths
 from ispom.estimators.modern.loops.find import (
@@ -225,8 +226,8 @@ def _closed(
 
 def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scale_variance: float) -> Array:
     """Returns the covariance (7, 7) of the right perturbation of a corrected pose, once a loop was closed."""
-    assert loops.known is not None
-    node, at_node = loops.known.node, loops.known.covariance
+    known = required(loops.known, "no loop was closed")
+    node, at_node = known.node, known.covariance
     now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)
     between, grown = step_between(node, now)
     way = adjoint_sim3(between)

@@ -10,18 +10,18 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.first_map import first_map, poses_outside_first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
-from ispom.estimators.modern.monocular.second_motion import second_motion
-from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.shutter import begun_by_motions
 from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.modern.rolling import Sight
+from ispom.estimators.modern.second_motion import second_motion
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.area import area_weights, weighted_median
 from ispom.numerics.robust import Noise
-from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation, median_displacement
 from ispom.solvers.multiview.zoom import turn_and_zoom
 from ispom.solvers.window.adjustment import adjust
 from ispom.types import Decision, Status, TrackStatus

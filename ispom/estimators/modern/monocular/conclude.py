@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
+from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
+from ispom.estimators.modern.monocular.tracks import LiveTracks, as_tracks, moving, next_live_tracks, speed_where
 from ispom.estimators.modern.rolling import late_px
 from ispom.types import (
     Corrections,
@@ -133,8 +134,9 @@ def as_step(
     followed, adjusted = outcome.followed, outcome.uncertainty
     unknown = np.full(len(followed.status), np.nan, np.float32)
     residual = unknown if outcome.residual_px is None else outcome.residual_px
-    revised = Trajectory.empty("video")
+    revised, landmarks = Trajectory.empty("video"), Landmarks.empty()
     if adjusted is not None and after.map is not None:
+        landmarks = _landmarks(exposure, after.live, after.map)
         revised = Trajectory.of([*outcome.settled, *after.map.trajectory()], "video")
     return Step(
         exposure.time_ns,
@@ -144,7 +146,7 @@ def as_step(
         outcome.covariance,
         outcome.key_frame,
         {"video": as_tracks(before.live, followed, residual, fresh)},
-        Landmarks.empty() if adjusted is None else _landmarks(exposure, after),
+        landmarks,
         residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
         revised,
         outcome.scale,
@@ -172,9 +174,8 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> Corrections:
     return Corrections(lens=lens, noise=after.map.noise.as_image_noise(setup.noise.sigma))
 
 
-def _landmarks(exposure: Frame, after: ModernMonocularState) -> Landmarks:
+def _landmarks(exposure: Frame, live: LiveTracks, world: Map) -> Landmarks:
     """Returns the landmarks that are still tracked."""
-    assert after.map is not None
-    xyz = after.map.known(after.live.ids)
+    xyz = world.known(live.ids)
     known = np.isfinite(xyz[:, 0])
-    return Landmarks(after.live.ids[known], xyz[known], colours_at(exposure.image, after.live.uv[known]))
+    return Landmarks(live.ids[known], xyz[known], colours_at(exposure.image, live.uv[known]))

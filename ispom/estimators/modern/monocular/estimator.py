@@ -21,8 +21,8 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, updated_coordinates
 from ispom.estimators.modern.monocular.wide_start import with_matched_features
-from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array

@@ -12,10 +12,10 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
-from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import LOSS, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, NEWEST, Start, poses_held
 from ispom.estimators.modern.noise import TrackNoise
+from ispom.estimators.modern.second_motion import second_motion
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise, normalised_mad
@@ -264,26 +264,25 @@ def _filled(state: Map, start: Start, width: float) -> Map:
     for frame in start.frames:
         if frame.time_ns in keys:
             current = keys[frame.time_ns]
-            guess = current.world_from_camera or guess
+            guess = current.pose
             continue
         pose = _resected(state, frame, guess, MISTRACKED * width)
-        if pose is not None and current.world_from_camera is not None:
+        if pose is not None:
             guess = pose
-            others.append(RelativeFrame(frame.time_ns, current.time_ns, current.world_from_camera.inverse() @ pose))
+            others.append(RelativeFrame(frame.time_ns, current.time_ns, current.pose.inverse() @ pose))
     return replace(state, relative_frames=(*_before(state, start, width), *others))
 
 
 def _before(state: Map, start: Start, width: float) -> tuple[RelativeFrame, ...]:
     """Returns the frames before the reference, back to the first one that observes too few points for a resection."""
     first, guess, found = state.keys[0], start.base, list[RelativeFrame]()
-    assert first.world_from_camera is not None
     for frame in reversed(start.earlier):
         turned = guess if frame.world_from_camera is None else frame.world_from_camera
         pose = _resected(state, frame, Pose(turned.rotation, guess.translation), MISTRACKED * width, MIN_LOCATED)
         if pose is None:
             break
         guess = pose
-        found.append(RelativeFrame(frame.time_ns, first.time_ns, first.world_from_camera.inverse() @ pose))
+        found.append(RelativeFrame(frame.time_ns, first.time_ns, first.pose.inverse() @ pose))
     return tuple(reversed(found))
 
 

@@ -34,12 +34,11 @@ def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Deci
     """Returns the checks each of which, if passed, makes `frame` the next keyframe of the map; the frame must have a
     pose."""
     key = world.keys[-1]
-    assert key.world_from_camera is not None and frame.world_from_camera is not None
     parallax = parallax_deg(key, frame, setup.noise.width)
     placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
     # Untriangulated tracks may be on a moving object, and outlast the scene.
     share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
-    turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
+    turn = key.pose.rotation.T @ frame.pose.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
     late = interval >= setup.max_interval_s and parallax >= setup.min_parallax_deg / 4
     why = "too little parallax for a keyframe" if interval >= setup.max_interval_s and not late else ""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.realign import realigned
@@ -22,12 +23,12 @@ from ispom.estimators.modern.monocular.tracks import (
 )
 from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks, with_untriangulated
 from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.second_motion import off_epipolar_lines
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.reductions import lengths
 from ispom.solvers.localisation import Policy, PoseFit, fit_pose, locate
-from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
 MIN_LOCATED = 15
@@ -74,9 +75,9 @@ class Localisation:
 
     def error_of(self, camera_from_world: Pose) -> float:
         """Returns the root mean square residual, normalised, of the inliers at another pose."""
-        assert self.motion is not None
-        near = camera_from_world.apply(self.xyz[self.motion.inliers])
-        off = near[:, :2] / near[:, 2:] - self.seen[self.motion.inliers]
+        inliers = required(self.motion, "the frame was not localised").inliers
+        near = camera_from_world.apply(self.xyz[inliers])
+        off = near[:, :2] / near[:, 2:] - self.seen[inliers]
         return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
@@ -91,11 +92,10 @@ def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Local
 
 def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed) -> Localisation:
     """Estimates the pose, aligns tracks with their patches of origin, and estimates it again."""
-    assert new.predicted is not None
-    places = world.known(live.ids)
+    predicted, places = required(new.predicted, "the image has no predicted pose"), world.known(live.ids)
     _, xyz, x = _seen(setup, live, world, followed, places)
     limit, compared = INLIER * setup.noise.width, np.zeros(len(followed.status), bool)
-    motion = locate(xyz, x, new.predicted.inverse(), Policy(WIDTH * setup.noise.width, limit, limit))
+    motion = locate(xyz, x, predicted.inverse(), Policy(WIDTH * setup.noise.width, limit, limit))
     if motion is not None:
         pose = motion.camera_from_world.inverse()
         followed, compared = set_right(setup, live, world, new, followed, pose, places)
@@ -167,17 +167,7 @@ def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation
 
 
 def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
-    """Returns those of the tracks `ids` (M,), ascending, observed in both frames, that do not observe a static point.
-
-    They are farther than `limit` (normalised) from their epipolar line, which starts at the projection of a point at
-    infinity.
-    """
-    assert key.world_from_camera is not None and frame.world_from_camera is not None
+    """Returns those of the tracks `ids` (M,), ascending, observed in both frames, that do not observe a static point:
+    they are farther than `limit` (normalised) from their epipolar lines."""
     ids = ids[common(ids, key.ids)[0]]
-    motion = frame.world_from_camera.inverse() @ key.world_from_camera
-    far = rotate(motion.rotation, key.at(ids))
-    line = motion.translation[:2] - far * motion.translation[2]
-    line /= np.maximum(lengths(line), 1e-12)[:, None]
-    moved = frame.at(ids) - far
-    along = np.maximum(moved[:, 0] * line[:, 0] + moved[:, 1] * line[:, 1], 0.0)[:, None]
-    return ids[lengths(moved - along * line) > limit]
+    return ids[off_epipolar_lines(frame.pose.inverse() @ key.pose, key.at(ids), frame.at(ids), limit)]

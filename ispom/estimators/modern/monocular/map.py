@@ -58,7 +58,7 @@ class Map:
     @property
     def poses(self) -> tuple[Pose, ...]:
         """world_from_camera of the keyframes."""
-        return tuple(k.world_from_camera for k in self.keys if k.world_from_camera is not None)
+        return tuple(k.pose for k in self.keys)
 
     def trajectory(self) -> list[tuple[int, Pose]]:
         """Returns times and poses of all frames of the window."""

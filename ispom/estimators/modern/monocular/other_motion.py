@@ -1,4 +1,4 @@
-"""Checks after localisation whether one other rigid motion explains the outlier tracks."""
+"""Checks after localisation whether one other rigid motion explains the outlier tracks, see `second_motion`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.monocular.localise import moving_tracks
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recover import new_start
-from ispom.estimators.modern.monocular.second_motion import rigid
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
-from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, second_motion_decision
 from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.second_motion import (
+    LEAST,
+    Moving,
+    enough_outliers,
+    explained_by_motion,
+    preferred,
+    second_motion_decision,
+)
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.types import Decision, Status, TrackStatus
+from ispom.geometry import Pose
+from ispom.types import Decision, Status, Tracks, TrackStatus
 
 PAUSE = 5
 """Number of images without a search after one that found no motion: tracks that slide along contours would be tested at
@@ -26,34 +33,47 @@ NONE = np.zeros(0, np.int64)
 
 
 def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
-    """Tracks the outliers of the pose further, and adds the check of a second motion to the outcome."""
+    """Tracks the outliers of the pose further, and adds the check of a second motion to the outcome.
+
+    Starts a new map if the other motion is to be followed.
+    """
     live, world, pose = state.live, outcome.map, outcome.pose
     if world is None or pose is None or live.grey is None or outcome.residual_px is None:
         return outcome
-    followed = state.outlier_tracks.followed(live.grey, new.grey, new.followed.others)
-    x = setup.camera.normalise(followed.uv - late_px(setup.camera, followed.uv, followed.speed(live, new.time_ns)))
-    frame = TrackedFrame(new.time_ns, followed.ids[followed.lasting], x[followed.lasting], pose)
+    tracks = state.outlier_tracks.followed(live.grey, new.grey, new.followed.others)
+    x = setup.camera.normalise(tracks.uv - late_px(setup.camera, tracks.uv, tracks.speed(live, new.time_ns)))
+    frame = TrackedFrame(new.time_ns, tracks.ids[tracks.lasting], x[tracks.lasting], pose)
     agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
     test, moving = None, NONE
-    if not followed.rest:
+    if not tracks.rest:
         test, moving = other_motion(world, frame, int(agreeing.sum()), setup.noise.width)
     if test is not None and test.passed:
-        followed = replace(followed, rest=PAUSE)
+        tracks = replace(tracks, rest=PAUSE)
+    other = tracks.tracks(moving)
     outcome = replace(
         outcome,
         decisions=outcome.decisions if test is None else (*outcome.decisions, test),
-        outlier_tracks=followed.explained(moving).joined(live, outcome.followed, setup.max_tracks),
-        other_motion=followed.tracks(moving),
+        outlier_tracks=tracks.explained(moving).joined(live, outcome.followed, setup.max_tracks),
+        other_motion=other,
     )
-    return _larger(setup, state, outcome, new) if len(moving) and setup.follow == "largest" else outcome
+    if len(moving) and setup.follow == "largest":
+        return _larger(setup, state, outcome, new, world, pose, other, agreeing)
+    return outcome
 
 
-def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
-    """Starts a new map if the other motion covers more of the image than the map does."""
-    assert outcome.map is not None and outcome.pose is not None
-    assert outcome.other_motion is not None and outcome.residual_px is not None
-    world, other, live, followed = outcome.map, outcome.other_motion, state.live, outcome.followed
-    agreeing = (followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
+def _larger(
+    setup: Setup,
+    state: ModernMonocularState,
+    outcome: Outcome,
+    new: NewImage,
+    world: Map,
+    pose: Pose,
+    other: Tracks,
+    agreeing: NDArray[np.bool_],
+) -> Outcome:
+    """Starts a new map if the other motion covers more of the image than the inliers of the pose do, which are the
+    live tracks of the mask `agreeing` (N,)."""
+    live, followed = state.live, outcome.followed
     test = preferred(
         setup.follow,
         Moving(other.ids, other.uv, world.known(other.ids)),
@@ -64,10 +84,10 @@ def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: Ne
     if not test.passed:
         return replace(outcome, decisions=decisions)
     frame = tracked_frame(setup.camera, live, followed, new.time_ns)
-    begun = new_start(setup, state, frame, followed, outcome.pose, None, decisions)
-    assert begun.start is not None
+    begun = new_start(setup, state, frame, followed, pose, None, decisions)
     # Keyframes were static in another world than the one followed now.
-    return replace(begun, start=replace(begun.start, lost=None), status=Status.INITIALISING, other_motion=other)
+    start = None if begun.start is None else replace(begun.start, lost=None)
+    return replace(begun, start=start, status=Status.INITIALISING, other_motion=other)
 
 
 def other_motion(
@@ -84,8 +104,8 @@ def other_motion(
     key = max(reversed(world.keys), key=frame.common)
     ids = moving_tracks(key, frame, frame.ids, MOVING * width)
     count = agreeing + len(ids)
-    if len(ids) < max(LEAST, MARKED * count):
+    if not enough_outliers(len(ids), count):
         return None, NONE
-    explained = rigid(key.at(ids), frame.at(ids), width)
+    explained = explained_by_motion(key.at(ids), frame.at(ids), width)
     test = second_motion_decision(explained, count)
     return test, NONE if test.passed else ids[explained]

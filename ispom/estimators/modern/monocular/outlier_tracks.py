@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
-from ispom.estimators.modern.motions import LEAST
+from ispom.estimators.modern.second_motion import LEAST
 from ispom.features.patches import align
 from ispom.numerics.places import places
 from ispom.numerics.reductions import lengths

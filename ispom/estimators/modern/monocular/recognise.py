@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.map import Map
@@ -93,8 +94,7 @@ def recognised(
 def _compared(setup: Setup, extra: Array, keyframes: list[Keyframe], new: NewImage, now: Features) -> Recognised | None:
     """Estimates the pose by resection from the last of the keyframes; None for too few points."""
     place, lens, sigma = keyframes[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.noise.sigma
-    then = place.features
-    assert then is not None
+    then = required(place.features, "the keyframe is not described")
     if len(keyframes) < 2:
         return None
 
@@ -160,8 +160,7 @@ def _seen(
 ) -> Array:
     """Returns the positions (N, 2) [px], in another keyframe, of a keyframe's features, matched along their epipolar
     lines; NaN without a match."""
-    assert place.features is not None and other.features is not None
-    here, there = place.features, other.features
+    here, there = (required(k.features, "the keyframe is not described") for k in (place, other))
     if other is place:
         return here.uv[index].astype(float)
     motion = other.camera_from_world @ place.camera_from_world.inverse()

@@ -7,16 +7,17 @@ from functools import partial
 
 import numpy as np
 
+from ispom.errors import required
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.motion_model import coasted, coasted_covariance, speed_of
-from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame, unrolled
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
 from ispom.geometry import Pose
-from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation, median_displacement
 from ispom.types import Decision, Status
 
 PATIENCE = 5
@@ -75,8 +76,7 @@ def new_start(
     because: tuple[Decision, ...],
 ) -> Outcome:
     """Starts a new map at `base`, in the old world and if possible in its scale; `held` is the pose reported now."""
-    world, frame = state.map, replace(frame, world_from_camera=base)
-    assert world is not None
+    world, frame = required(state.map, "there is no map to leave"), replace(frame, world_from_camera=base)
     coasting = None if held is not None else partial(coasted, state.recent)
     covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
     joined = held is not None and world.points.count(frame.ids) >= MIN_SHARED

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ispom.estimators.modern.motions import Follow
+from ispom.estimators.modern.second_motion import Follow
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise
@@ -22,8 +22,6 @@ MISTRACKED = 6.0
 MOVING = 8.0
 """Residual, in loss widths, beyond which a track does not observe a static point (from its epipolar line, or from its
 point): 4.1 px. It is wider than for map points, as the errors of the pose and of a young point are added."""
-TURN_LOSS = 3.0
-"""Width of the loss for a pure rotation, relative to that for a pose: parallax is an error there, too."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from ispom.estimators.modern.monocular.localise import Localisation, located_by
 from ispom.estimators.modern.monocular.map import Map, adjusted
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
-from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, late_px, late_s, motion_at, moved
+from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, at_middle, late_px, late_s, motion_at
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
 
@@ -33,14 +33,13 @@ def speeds_by(
     lens: Lens, uv: NDArray[np.float32], scene: Array, camera_from_world: Pose, motion: Array
 ) -> NDArray[np.float32]:
     """Returns the velocities (N, 2) [px/s] with which `late_px` moves points `uv` (N, 2) of the scene (N, 3) to the
-    time of the middle row; `motion` as of `motion_at`."""
+    time of the middle row; `motion` (12,) as of `motion_at`."""
     late = late_s(lens.camera, uv[:, 1].astype(float))
     late = np.where(np.abs(late) < LEAST_LATE_S, LEAST_LATE_S, late)
     depth = camera_from_world.apply(scene)[:, 2]
     far = np.where(depth > 1e-6, 1 / np.maximum(depth, 1e-6), 0.0)
     ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
-    rates = motion[0] + late[:, None] * motion[1]
-    way = uv - lens.project(moved(ray, -late, rates, far))
+    way = uv - lens.project(at_middle(ray, late, motion, far))
     return np.where(np.isfinite(way), way / late[:, None], 0.0).astype(np.float32)
 
 

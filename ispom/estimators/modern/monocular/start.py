@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.setup import TURN_LOSS
 from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.solvers.multiview.rotation import dominant_rotation
+from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation
 from ispom.solvers.window.prior import LENS
 
 NEWEST, BUFFER = 40, 120

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
 from ispom.estimators.modern.monocular.localise import (
@@ -72,13 +73,13 @@ def track_map(
     outcome = replace(outcome, decisions=(*decisions, *tests))
     if again is not None and again.segment != state.segment:
         outcome = replace(outcome, restarted=True, segment=again.segment)
-    assert state.uncertainty is not None and frame.world_from_camera is not None
     watch.lap("locate")
     # The points of a relocalised frame are new to the map: only its optimisation gives the covariance of the pose.
     if again is None and not any(test.passed for test in tests):
         seen = found.ids, found.xyz, found.seen, found.motion
-        covariance = state.uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
-        world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
+        uncertainty = required(state.uncertainty, "the map has no covariance")
+        covariance = uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
+        world, settled = limited(world.with_relative_frame(new.time_ns, frame.pose))
         watch.lap("locate")
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
@@ -145,14 +146,13 @@ def _without_outliers(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Localisation
 ) -> tuple[TrackedFrame, NDArray[np.float32]]:
     """Returns the frame with its pose and inlier tracks, and residuals (N,) [px]; the status of outliers is updated."""
-    assert found.motion is not None
-    status, live = found.followed.status, state.live
+    status, live, motion = found.followed.status, state.live, required(found.motion, "the frame was not localised")
     place = np.searchsorted(live.ids, found.ids)
     residual = np.full(len(status), np.nan, np.float32)
-    residual[place] = np.minimum(found.motion.distances * setup.camera.fx, MOST_SHOWN_PX)
-    status[place[found.motion.distances > MISTRACKED * setup.noise.width]] = TrackStatus.REPROJECTION
+    residual[place] = np.minimum(motion.distances * setup.camera.fx, MOST_SHOWN_PX)
+    status[place[motion.distances > MISTRACKED * setup.noise.width]] = TrackStatus.REPROJECTION
     frame = tracked_frame(setup.camera, live, found.followed, new.time_ns)
-    frame = replace(frame, world_from_camera=found.motion.camera_from_world.inverse())
+    frame = replace(frame, world_from_camera=motion.camera_from_world.inverse())
     untriangulated = frame.ids[world.points.places(frame.ids) < 0]
     moving = moving_tracks(world.keys[-1], frame, untriangulated, MOVING * setup.noise.width)
     status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR

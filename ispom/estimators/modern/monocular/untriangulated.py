@@ -103,8 +103,7 @@ def _untriangulated(
     keys, before = [k for k in world.keys if k.time_ns < live.time_ns], world.pose_at(live.time_ns)
     if not keys or before is None:
         return None
-    key, world_from_key = keys[-1], keys[-1].world_from_camera
-    assert world_from_key is not None
+    key, world_from_key = keys[-1], keys[-1].pose
     mine, its = common(live.ids[alone], key.ids)
     depths = world_from_key.inverse().apply(points)[:, 2]
     depths = depths[depths > 0]

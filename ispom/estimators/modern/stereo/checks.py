@@ -5,8 +5,8 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
-from ispom.estimators.modern.motions import LARGER, SECOND_MOTION, WIDER
 from ispom.estimators.modern.noise import NOISE
+from ispom.estimators.modern.second_motion import LARGER, SECOND_MOTION, WIDER
 from ispom.types import Check, by_key
 
 LOCATED, CALIBRATED = "Pair localised?", "Is the calibration right?"

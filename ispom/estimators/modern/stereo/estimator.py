@@ -9,14 +9,14 @@ from typing import Annotated
 import numpy as np
 
 from ispom.estimator import STEREO, require_frame
-from ispom.estimators.modern.motions import Follow
+from ispom.estimators.modern.second_motion import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
 from ispom.estimators.modern.stereo.exchanged import exchanged, exchanged_since
 from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
-from ispom.estimators.modern.stereo.other_motion import motions
+from ispom.estimators.modern.stereo.other_motion import with_other_motion
 from ispom.estimators.modern.stereo.pair import NewPair, TrackingResult
 from ispom.estimators.modern.stereo.relocate import recover
 from ispom.estimators.modern.stereo.setup import Setup
@@ -154,7 +154,7 @@ class ModernStereo:
             decisions += restart
             if not restart:
                 return Outcome(before, Status.LOST, sighting, decisions)
-        sighting, tests, moved = motions(setup, before, new, sighting)
+        sighting, tests, moved = with_other_motion(setup, before, new, sighting)
         watch.lap("other motion")
         outcome = self._located(state, before, new, sighting, (*decisions, *tests), watch)
         return replace(outcome, other_motion=moved)

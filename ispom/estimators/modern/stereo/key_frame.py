@@ -13,9 +13,9 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.corrections import corrections
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
-from ispom.estimators.modern.stereo.rolling_window import adjusted, without_oldest
-from ispom.estimators.modern.stereo.row_motions import with_motions
+from ispom.estimators.modern.stereo.rolling_window import adjusted, with_motions, without_oldest
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import row_times
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, with_key
 from ispom.features.row_search import PointSearch
@@ -57,7 +57,7 @@ class Current:
     points: PairPoints
     """The points alive."""
     motion: Array
-    """(12,) rate of left_from_world and its change, see rolling.mean_rates: since the last frame, 0 after a gap; or
+    """(12,) rate of left_from_world and its change, see rolling.steady: since the last frame, 0 after a gap; or
     during the exposure of a rolling shutter."""
 
     @staticmethod
@@ -76,7 +76,8 @@ class Current:
     def as_key(self, setup: Setup, points: PairPoints) -> KeyFrame:
         """Returns the frame as a keyframe that observed these points."""
         seen = points.seen_by(setup.camera)
-        return KeyFrame(self.new.time_ns, self.pose, points.ids, seen, self.motion, points.slants, setup.shutter)
+        late_s = row_times(setup.camera, seen[:, 1])
+        return KeyFrame(self.new.time_ns, self.pose, points.ids, seen, self.motion, points.slants, late_s)
 
 
 def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.stereo.last_pair import LastPair, motion_sigma
 from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shutter import Rows
+from ispom.estimators.modern.stereo.shutter import pair_at_middle, refined_motion, row_times
 from ispom.estimators.modern.stereo.window import StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
@@ -41,23 +41,24 @@ def located(
     """Finds left_from_world by reprojection in both images, and by three-point RANSAC if the prediction is poor.
 
     `place` (N,) are indices of the points in the map, `seen` (N, 3) is as KeyFrame.seen. For a rolling shutter it also
-    returns the motion (12,) during the exposure, see rolling.mean_rates.
+    returns the motion (12,) during the exposure, see rolling.steady.
     """
-    if not setup.shutter.rolls:
+    late_s = row_times(setup.camera, seen[:, 1])
+    if late_s is None:
         seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
         return _located(setup, last, world, place, seen, predicted), None
     believed = last.believed_motion(time_ns, setup.baseline_m)
     believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.noise)))
-    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.noise.width)
     motion, found = believed.motion if motion is None else motion, None
     for _ in range(ROUNDS):
         guess = predicted if found is None else found.camera_from_world
-        middle = setup.shutter.at_middle(seen, motion, setup.baseline_m)
+        middle = pair_at_middle(seen, late_s, motion, setup.baseline_m)
         middle = _ideal(setup, last, world, place, middle, guess, time_ns)
         found = _located(setup, last, world, place, middle, guess)
         if found is None:
             return None, None
-        motion, found = rows.refined(believed, motion, middle, found)
+        rows = world.xyz[place], middle, late_s, setup.baseline_m, setup.noise.width
+        motion, found = refined_motion(*rows, believed, motion, found)
     return found, motion
 
 

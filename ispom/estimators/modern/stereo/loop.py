@@ -16,6 +16,7 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import pair_at_middle, row_times
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome, StereoLoops
 from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
 from ispom.features.descriptors import SEARCH_SIDE_PX
@@ -88,7 +89,7 @@ def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.f
     """Normalised (N, 2) where the middle row of a rolling shutter would have seen features (N, 2) [px]; what has no
     disparity (N,) is far."""
     seen = PairPoints(np.arange(len(uv)), uv, disparity_px).seen_by(setup.camera)
-    return setup.shutter.at_middle(seen, motion, setup.baseline_m)[:, :2]
+    return pair_at_middle(seen, row_times(setup.camera, seen[:, 1]), motion, setup.baseline_m)[:, :2]
 
 
 def loop_camera(setup: Setup) -> LoopCamera:

@@ -95,7 +95,7 @@ class TrackingResult:
     lower: NDArray[np.float32]
     """(K,) vertical disparities, normalised, positive if lower on the right; NaN where not found."""
     motion: Array | None = None
-    """(12,) motion of left_from_world during the exposure of a rolling shutter, see rolling.mean_rates."""
+    """(12,) motion of left_from_world during the exposure of a rolling shutter, see rolling.steady."""
     relocated: bool = False
     """Whether descriptors localised the frame; the motion since the last frame is then unknown."""
 

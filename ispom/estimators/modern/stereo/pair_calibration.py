@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import points_at_middle
 from ispom.estimators.modern.stereo.window import StereoMap, known_of_pair
 from ispom.geometry import Array
 from ispom.solvers.right_camera import LAG, LEAST_DISPARITY, by_row, drift, row_evidence, without_errors
@@ -22,14 +23,14 @@ def ideal(world: StereoMap, baseline_m: float, near: Array, seen: Array, rate: A
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Array) -> Array:
     """Triangulates points (N, 3) in the left camera from corrected disparities, at 2000 baselines at most.
 
-    `motion` (12,) is as in rolling.mean_rates. For a rolling shutter the points are in the camera of the middle row.
+    `motion` (12,) is as in rolling.steady. For a rolling shutter the points are in the camera of the middle row.
     """
     seen = without_errors(points.seen_by(setup.camera), world.extra)
     (x, y, right), lag, rate = seen.T, world.extra[LAG], motion[:6]
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
     depth = (setup.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, LEAST_DISPARITY)
     near = np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
-    return setup.shutter.points_at_middle(near, motion)
+    return points_at_middle(setup.camera, near, motion)
 
 
 def with_rows(

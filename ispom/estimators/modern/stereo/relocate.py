@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import row_times
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
 from ispom.estimators.modern.verification import Candidate, Verification, View
@@ -76,8 +78,7 @@ def _compared(
     setup: Setup, state: ModernStereoState, place: Keyframe, new: NewPair, now: Features
 ) -> Recognised | None:
     """Finds the pose by resection from matches with a keyframe, and its inliers; None with too few of them."""
-    assert place.features is not None
-    points, then, xyz = _intersected(setup, state, place, place.features)
+    points, then, xyz = _intersected(setup, state, place, required(place.features, "the keyframe is not described"))
     left = state.map.left(setup.camera)
     # A pose from points that are close together is inaccurate for others, so the first search radius is larger.
     around_px = tuple(around * setup.max_error_px for around in AROUND)
@@ -128,7 +129,8 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
         nothing = PairPoints()
         known = np.zeros((6, 6)) if place.covariance is None else place.covariance
         seen, motion = nothing.seen_by(setup.camera), np.zeros(12) if place.motion is None else place.motion
-        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, nothing.slants, setup.shutter)
+        late_s = row_times(setup.camera, seen[:, 1])
+        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, nothing.slants, late_s)
         world = with_key(emptied(world), key, setup.extra_sigma, setup.settling_s, known)
     world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
     last = replace(state.last, points=PairPoints.joined(state.last.points, points))

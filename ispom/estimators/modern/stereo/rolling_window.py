@@ -1,32 +1,63 @@
-"""The window of a rolling shutter, with the uncertainty of the keyframes' motions during the exposure.
+"""The window of a rolling shutter: its keyframes' motions during the exposure are unknowns, too.
 
-The optimisation of the poses fixes these motions, once estimated (`row_motions`). Covariances and marginalisation have
-them as unknowns: with fixed motions, standard deviations of poses were six to twenty times too small, and the prior
-outweighed the observations in the window.
+A fixed map does not determine them: points triangulated with a wrong motion are reproduced by it. Observations of the
+same points in other rows do, and so do the neighbouring keyframes. Calibration errors distort images much as a motion
+does, so `with_motions` runs bundle adjustment over poses, motions, points and corrections of the pair. The optimisation
+that follows fixes the motions; covariances and marginalisation do not: with fixed motions, standard deviations of poses
+were six to twenty times too small, and the prior outweighed the observations in the window.
+
+The window's kernels have one pose per keyframe; here each observation has the pose at the time of its row. (With a pose
+per band of 2 ms, which the kernels could have, motions did not converge: they were off by 0.2 m/s instead of 0.01.)
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.stereo import window
 from ispom.estimators.modern.stereo.motion_priors import motion_priors
-from ispom.estimators.modern.stereo.row_motions import Joint
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, parted, variance_factor
-from ispom.geometry import Array
-from ispom.solvers.right_camera import PAIR
-from ispom.solvers.window.adjustment import Adjusted
+from ispom.estimators.modern.stereo.shutter import MotionPrior, pair_reprojected
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, packed, parted, variance_factor
+from ispom.geometry import Array, Pose
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, PAIR
+from ispom.solvers.window.adjustment import Adjusted, Window, as_inverse_depths
+from ispom.solvers.window.observation import MIN_DEPTH
 from ispom.solvers.window.prior import POSE, Prior
+
+ITERATIONS, TOLERANCE = 8, 1e-3
+"""Largest number of steps, and the relative decrease of the cost that ends them: bundle adjustment follows."""
+MOVES = 18
+"""Number of unknowns of a keyframe: the left twist of its pose (6), and its motion (12)."""
+LEAST = 1e-9
+"""Information added to each unknown: far points do not determine depth, and a keyframe may have lost all points."""
+
+
+def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
+    """Estimates the keyframes' motions. A map with a global shutter, or one keyframe, is returned unchanged."""
+    if len(world.keys) < 2 or not setup.rolls:
+        return world
+    expected = motion_priors(world.keys, setup.baseline_m)
+    return minimise(
+        world,
+        lambda values: _cost(setup, values, expected),
+        lambda values, damping: _stepped(setup, values, expected, damping),
+        ITERATIONS,
+        TOLERANCE,
+    ).values
 
 
 def adjusted(setup: Setup, world: StereoMap) -> tuple[StereoMap, Adjusted | None]:
     """See `window.adjusted`."""
     args = setup.baseline_m, setup.extra_sigma, setup.noise.width, setup.limit, setup.iterations
     world, result = window.adjusted(world, *args)
-    if result is not None and setup.shutter.rolls:
+    if result is not None and setup.rolls:
         known = _covariance(setup, world)
         world = replace(world, covariance=known, newest=_newest(setup, world, known))
     return world, result
@@ -34,7 +65,7 @@ def adjusted(setup: Setup, world: StereoMap) -> tuple[StereoMap, Adjusted | None
 
 def with_pair(setup: Setup, world: StereoMap, pair: KeyFrame) -> StereoMap:
     """See `window.with_pair`."""
-    if not setup.shutter.rolls:
+    if not setup.rolls:
         return window.with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.noise.width)
     both = replace(world, keys=(*world.keys, pair.only(world.places(pair.ids) >= 0)))
     return replace(world, keys=both.keys, newest=_newest(setup, world, _covariance(setup, both)))
@@ -46,11 +77,11 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
     Each marginalisation treats the remaining keyframes' motions as new unknowns with their own prior. They are the same
     ones, but the window's prior does not contain motions.
     """
-    if not setup.shutter.rolls:
+    if not setup.rolls:
         return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.noise.width)
     past, rest = parted(world)
-    believed = motion_priors(world.keys, setup.baseline_m)
-    hessian, right = Joint.of(setup, replace(world, keys=past), believed).without_motions(first_poses=1)
+    expected = motion_priors(world.keys, setup.baseline_m)
+    hessian, right = _Joint.of(setup, replace(world, keys=past), expected).without_motions(first_poses=1)
     poses = [k.left_from_world for k in past[1:]]
     rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     return replace(world, keys=rest, prior=Prior(rotations, translations, world.extra, hessian, -right))
@@ -58,7 +89,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
 
 def _covariance(setup: Setup, world: StereoMap) -> Array:
     """Returns the covariance, see `StereoMap.covariance`."""
-    hessian, _ = Joint.of(setup, world, motion_priors(world.keys, setup.baseline_m)).without_motions()
+    hessian, _ = _Joint.of(setup, world, motion_priors(world.keys, setup.baseline_m)).without_motions()
     free = np.append(np.ones(len(hessian) - PAIR, bool), setup.extra_sigma > 0)
     inside, found = np.ix_(free, free), np.zeros_like(hessian)
     scale = 1 / np.sqrt(hessian.diagonal()[free])
@@ -70,3 +101,124 @@ def _newest(setup: Setup, world: StereoMap, known: Array) -> Array:
     """Returns the covariance (6, 6) of the newest pose from that of the window."""
     last = slice(len(known) - PAIR - POSE, len(known) - PAIR)
     return variance_factor(world, setup.noise) * known[last, last]
+
+
+def _cost(setup: Setup, world: StereoMap, expected: list[MotionPrior]) -> float:
+    """Returns the cost whose normal equations are `_Joint`; the cost of observations beyond the limit is constant."""
+    variance = variance_factor(world, setup.noise)  # residuals are in units of the loss width
+    moves = [(prior.motion - key.motion) / prior.sigma for key, prior in zip(world.keys, expected, strict=True)]
+    made, _, _ = packed(world, setup.baseline_m, setup.extra_sigma)
+    cost = cauchy_cost(np.minimum(made.squared_errors, setup.limit**2), setup.noise.width)
+    cost += 0.5 * variance * float((np.array(moves) ** 2).sum())
+    return cost if made.prior is None else cost + made.prior.cost(made.shift)
+
+
+def _stepped(setup: Setup, world: StereoMap, expected: list[MotionPrior], damping: float) -> StereoMap:
+    """Takes one damped step; fixed corrections of the pair are not unknowns."""
+    joint = _Joint.of(setup, world, expected, damping)
+    free = np.append(np.ones(len(joint.right) - PAIR, bool), setup.extra_sigma > 0)
+    step, matrix = np.zeros(len(free)), joint.hessian[np.ix_(free, free)]
+    step[free] = np.linalg.solve(matrix + damping * np.diag(matrix.diagonal()), joint.right[free])
+    moves, extra = np.split(step, [len(step) - PAIR])
+    keys = tuple(
+        replace(k, left_from_world=Pose.exp(s[:POSE]) @ k.left_from_world, motion=k.motion + s[POSE:])
+        for k, s in zip(world.keys, moves.reshape(-1, MOVES), strict=True)
+    )
+    xyz = world.xyz.copy()
+    points = (joint.inverse @ (joint.side - joint.rows @ step)[:, :, None])[:, :, 0]
+    xyz[joint.used] += as_inverse_depths(joint.window, points)
+    return replace(world, keys=keys, xyz=xyz, extra=world.extra + extra)
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """Normal equations of the keyframes (MOVES each) and the pair, without the points (Schur complement).
+
+    Residuals are in units of the loss width. The other fields give the steps of the points.
+    """
+
+    hessian: Array
+    """(D, D) reduced matrix."""
+    right: Array
+    """(D,) reduced right side."""
+    window: Window
+    """The poses, points and observations."""
+    used: NDArray[np.int64]
+    """(M,) indices of the points in the map."""
+    inverse: Array
+    """(M, 3, 3) inverses of the points' own blocks."""
+    side: Array
+    """(M, 3) right side of the points."""
+    rows: Array
+    """(M, 3, D) blocks between the points and the other unknowns."""
+
+    @staticmethod
+    def of(setup: Setup, world: StereoMap, expected: list[MotionPrior], damping: float = 0.0) -> _Joint:
+        """Builds the equations with the prior `expected` of each keyframe's motion, from points that at least two
+        keyframes observe. `damping` raises the points' diagonal entries by this share."""
+        made, used, origin = packed(world, setup.baseline_m, setup.extra_sigma)
+        first, points = MOVES * len(world.keys), len(used)
+        pair, size = np.arange(first, first + PAIR), first + PAIR
+        hessian, right = LEAST * np.eye(size), np.zeros(size)
+        own, side, rows = np.zeros((points, 3, 3)), np.zeros((points, 3)), np.zeros((points, 3, size))
+        for c, key in enumerate(world.keys):
+            of = np.flatnonzero(made.cameras == c)
+            near = key.left_from_world.apply(made.points[made.owners[of]])
+            late_s = required(key.late_s, "the keyframe has a global shutter")[origin[of]]
+            front = near[:, 2] > MIN_DEPTH
+            of, near, late_s = of[front], near[front], late_s[front, None, None]
+            by_twist, by_point, error = pair_reprojected(near, made.observed.seen[of], setup.baseline_m)
+            by_unknown = [by_twist, late_s * by_twist, 0.5 * late_s**2 * by_twist, _by_pair(made, of)]
+            squares = (error**2).sum(axis=1)
+            root = np.sqrt(cauchy_weights(squares, setup.noise.width) * (squares < setup.limit**2))[:, None, None]
+            root /= setup.noise.width
+            jacobian, error = root * np.concatenate(by_unknown, axis=2), root[:, 0] * error
+            here, point = np.concatenate([MOVES * c + np.arange(MOVES), pair]), made.owners[of]
+            flat, turned = (
+                jacobian.reshape(-1, len(here)),
+                np.swapaxes(root * by_point @ key.left_from_world.rotation, 1, 2),
+            )
+            hessian[np.ix_(here, here)] += flat.T @ flat
+            right[here] += flat.T @ error.ravel()
+            own[point] += turned @ np.swapaxes(turned, 1, 2)
+            side[point] += (turned @ error[:, :, None])[:, :, 0]
+            rows[point[:, None, None], np.arange(3)[:, None], here] += turned @ jacobian
+        variance = variance_factor(world, setup.noise)
+        for c, (key, prior) in enumerate(zip(world.keys, expected, strict=True)):
+            here, information = MOVES * c + np.arange(POSE, MOVES), variance * prior.sigma**-2
+            hessian[here, here] += information
+            right[here] += information * (prior.motion - key.motion)
+        if made.prior is not None:
+            of_poses = MOVES * np.arange(len(made.prior.rotations))[:, None] + np.arange(POSE)
+            here = np.concatenate([of_poses.ravel(), pair])
+            hessian[np.ix_(here, here)] += made.prior.hessian
+            right[here] -= made.prior.gradient + made.prior.hessian @ made.shift
+        inverse = np.linalg.inv(own * (1 + damping * np.eye(3)) + LEAST * np.eye(3))
+        carried, flat = (inverse @ rows).reshape(-1, size), rows.reshape(-1, size)
+        reduced = hessian - flat.T @ carried
+        right -= carried.T @ side.ravel()
+        return _Joint((reduced + reduced.T) / 2, right, made, used, inverse, side, rows)
+
+    def without_motions(self, first_poses: int = 0) -> tuple[Array, Array]:
+        """Returns the equations (6 C + E, 6 C + E) and (6 C + E,) after elimination of the motions, and of the first
+        `first_poses` poses."""
+        pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
+        pose[: first_poses * MOVES] = False
+        h, g = self.hessian, self.right
+        # Motions and poses have different units; scaling to a unit diagonal avoids rounding errors.
+        scale = 1 / np.sqrt(h.diagonal())
+        scaled = scale[:, None] * h * scale
+        gain = np.linalg.solve(scaled[np.ix_(~pose, ~pose)], scaled[np.ix_(~pose, pose)]).T
+        rest = scaled[np.ix_(pose, pose)] - gain @ scaled[np.ix_(~pose, pose)]
+        back = 1 / scale[pose]
+        return back[:, None] * (rest + rest.T) / 2 * back, g[pose] - back * (gain @ (scale * g)[~pose])
+
+
+def _by_pair(made: Window, of: NDArray[np.int64]) -> Array:
+    """Returns the Jacobian (N, 3, PAIR) of x, y and right x of observations (N,) by the corrections of the pair; 0 if
+    the right x is unknown."""
+    x = made.observed.seen[of, :2]
+    out, square = np.zeros((len(of), 3, PAIR)), (x**2).sum(axis=1)[:, None]
+    out[:, :2, BOTH_K1], out[:, :2, BOTH_K2] = square * x, square**2 * x
+    out[:, 2, :COLUMNS] = made.factors[of]
+    return out

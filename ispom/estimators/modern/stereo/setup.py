@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ispom.estimators.modern.motions import Follow
-from ispom.estimators.modern.stereo.shutter import Shutter
+from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
@@ -45,10 +44,10 @@ class Setup:
     def left_from_rig(self) -> Pose:
         return self.rig_from_left.inverse()
 
-    @cached_property
-    def shutter(self) -> Shutter:
-        """Returns the shutter of both cameras."""
-        return Shutter.of(self.camera)
+    @property
+    def rolls(self) -> bool:
+        """Returns whether both cameras have a rolling shutter."""
+        return self.camera.line_delay_s != 0.0
 
     @cached_property
     def noise(self) -> Noise:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
@@ -15,6 +16,7 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingRes
 from ispom.estimators.modern.stereo.patch_search import realigned, track_from_prediction
 from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognised
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import points_at_middle, points_at_rows
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.features.images import as_bright, has_contrast
@@ -48,10 +50,10 @@ def track_and_locate(
     sighting, as_predicted = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
     if last.left is None:
         return state, sighting, ()
-    if setup.shutter.rolls and last.motion_s <= 0 and sighting.located is not None:
-        state, sighting = _begun(setup, state, sighting, new)
+    if setup.rolls and last.motion_s <= 0 and sighting.located is not None:
+        state, sighting = _begun(setup, state, sighting, sighting.located.camera_from_world, new)
         last, world = state.last, state.map
-    if setup.shutter.rolls or not as_predicted:
+    if setup.rolls or not as_predicted:
         sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
     wanted = max(setup.min_inliers, int(np.ceil(ENOUGH_SHARE * len(last.points))))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
@@ -91,17 +93,17 @@ def located_by(
 
 
 def _begun(
-    setup: Setup, state: ModernStereoState, sighting: TrackingResult, new: NewPair
+    setup: Setup, state: ModernStereoState, sighting: TrackingResult, pose: Pose, new: NewPair
 ) -> tuple[ModernStereoState, TrackingResult]:
     """Corrects the first frame for its motion during the exposure, known since the second frame.
 
-    Returns the state with points at the time of the first frame's middle row, and the second frame localised by them.
+    `pose` is that of the second frame. Returns the state with points at the time of the first frame's middle row, and
+    the second frame localised by them.
     """
-    assert sighting.located is not None
-    pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
+    last, (key, *others) = state.last, state.map.keys
     seconds = (new.time_ns - last.time_ns) * 1e-9
     motion = steady(twist_of(pose @ last.left_from_world.inverse()) / seconds)
-    near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), motion - key.motion)
+    near = points_at_middle(setup.camera, key.left_from_world.apply(state.map.xyz), motion - key.motion)
     xyz = key.left_from_world.inverse().apply(near)
     world = replace(state.map, xyz=xyz, keys=(replace(key, motion=motion), *others))
     last = replace(last, motion=pose @ last.left_from_world.inverse(), motion_s=seconds)
@@ -150,7 +152,7 @@ def _where_located(
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
     motion = steady(last.rate) if first.motion is None else first.motion
-    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), motion)
+    near = points_at_rows(setup.camera, pose.apply(world.xyz[place]), motion)
     uv, status = _projected(setup, world, near)
     uv, status = realigned(setup, last, world, new.left, uv, status, near, pose)
     return _sighted(setup, last, world, new, pose, uv, status, motion=motion)
@@ -174,7 +176,7 @@ def _follow(
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
         return TrackingResult.nothing(), False
-    near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), steady(last.rate))
+    near = points_at_rows(setup.camera, predicted.apply(world.xyz[place]), steady(last.rate))
     found = track_from_prediction(setup, last, world, new, near, predicted) if guided else None
     as_predicted = found is not None
     if found is None:
@@ -217,12 +219,11 @@ def _tracked(
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Tracks into the left image: positions (N, 2) [px] and TrackStatus (N,), starting from the projections of `near`
     (N, 3) in the camera, or from the last positions."""
-    assert last.left is not None
-    uv = last.points.uv
+    before, uv = required(last.left, "no frame was localised yet"), last.points.uv
     if near is None:
         # Tracking from predictions may have failed because the exposure changed.
-        return UNGUIDED.track(last.left, as_bright(left, last.left), uv)
+        return UNGUIDED.track(before, as_bright(left, before), uv)
     expected = world.left(setup.camera).project(near).astype(np.float32)
     behind = ~np.isfinite(expected).all(1)
     expected[behind] = uv[behind]
-    return GUIDED.track(last.left, left, uv, expected)
+    return GUIDED.track(before, left, uv, expected)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.stereo.packing import pack
-from ispom.estimators.modern.stereo.shutter import Shutter
+from ispom.estimators.modern.stereo.shutter import pair_at_middle
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
@@ -37,10 +38,12 @@ class KeyFrame:
     seen: Array
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
     motion: Array
-    """(12,) motion of left_from_world, see rolling.mean_rates; its change is known for a rolling shutter only."""
+    """(12,) motion of left_from_world, see rolling.steady; its change is known for a rolling shutter only."""
     slants: Array
     """(N, 2) slants of the points' surfaces, see features.slanted; 0 where unknown."""
-    shutter: Shutter = Shutter()
+    late_s: Array | None = None
+    """(N,) exposure time of each observation's row, relative to the middle row, at which the pose is; None for a global
+    shutter."""
 
     @property
     def rate(self) -> Array:
@@ -49,11 +52,12 @@ class KeyFrame:
 
     def only(self, keep: NDArray[np.bool_]) -> KeyFrame:
         """Returns the keyframe with the points of the mask `keep` (N,) only."""
-        return replace(self, ids=self.ids[keep], seen=self.seen[keep], slants=self.slants[keep])
+        late_s = None if self.late_s is None else self.late_s[keep]
+        return replace(self, ids=self.ids[keep], seen=self.seen[keep], slants=self.slants[keep], late_s=late_s)
 
     def at_middle(self, baseline_m: float) -> Array:
         """Returns the observations (N, 3) at the time of the middle row."""
-        return self.shutter.at_middle(self.seen, self.motion, baseline_m)
+        return pair_at_middle(self.seen, self.late_s, self.motion, baseline_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +136,8 @@ def with_key(
             hessian, newest = np.linalg.inv(covariance), covariance[:POSE, :POSE]
             prior = replace(prior, extra=state.extra, hessian=hessian, sandwich=Sandwich(hessian, hessian))
     else:
-        assert prior is not None
-        prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
+        kept = float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s))
+        prior = required(prior, "the window has no prior").aged(kept, extra_sigma)
         if len(keys) == 1:
             # The first keyframe has no predecessor, so it gets the motion of the second one.
             keys = (replace(keys[0], motion=key.motion),)
@@ -158,7 +162,7 @@ def adjusted(
 
     Covariances are computed for a global shutter only (else see rolling_window.py).
     """
-    window, used, origin = _packed(state, baseline, extra_sigma)
+    window, used, origin = packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
         return state, None
     result = adjust(window, scale, iterations)
@@ -176,7 +180,7 @@ def adjusted(
     xyz[used] = window.points
     noise = state.noise.after(result, scale)
     made = replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, noise=noise)
-    if state.keys[-1].shutter.rolls:
+    if state.keys[-1].late_s is not None:
         return made, result
     groups = Groups.of(window, state.ids[used], scale)
     return replace(made, covariance=groups.covariance, newest=groups.newest()), result
@@ -199,9 +203,8 @@ def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
     """Marginalises the oldest keyframe and its points into a prior on the others."""
-    (past, keys), known = parted(state), state.covariance
-    assert known is not None
-    window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
+    (past, keys), known = parted(state), required(state.covariance, "the window was not optimised")
+    window, used, _ = packed(replace(state, keys=past), baseline, extra_sigma)
     lasting = np.concatenate([k.ids for k in keys])
 
     def of_part(part: Window) -> Sandwich:
@@ -211,7 +214,7 @@ def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale:
     return replace(state, keys=keys, prior=prior)
 
 
-def _packed(
+def packed(
     state: StereoMap, baseline: float, extra_sigma: Array
 ) -> tuple[Window, NDArray[np.int64], NDArray[np.int64]]:
     """Returns the window's arrays, the indices of its points in the map, and of each observation in its keyframe."""
@@ -259,7 +262,7 @@ def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Ar
     """
     known = state.places(pair.ids) >= 0
     state = replace(state, keys=(*state.keys, pair.only(known)))
-    window, used, _ = _packed(state, baseline, extra_sigma)
+    window, used, _ = packed(state, baseline, extra_sigma)
     return replace(state, newest=Groups.of(window, state.ids[used], scale).newest())
 
 

@@ -1,7 +1,14 @@
-"""Detects a second rigid motion besides that of the static scene, and chooses which of them to follow.
+"""Finds a second rigid motion besides the one that is followed, and decides which of the two is followed from then on.
+
+This is sequential RANSAC (Torr, Geometric motion segmentation and model selection, 1998): a second rigid motion is
+fitted to the points that a frame's pose does not explain. If it explains most of them, and enough of all, something
+moves by itself (`second_motion_decision`).
 
 Images do not show which of two bodies is static, but their history does: a moving object is mostly small relative to
-the background, and the motion that was there first is taken as the scene.
+the background, and the motion that was there first is taken as the scene (`preferred`).
+
+`monocular` fits the other motion to two views (`explained_by_motion`), as its outliers have no depth; `stereo` fits it
+by resection from the map's points, as its outliers have.
 """
 
 from __future__ import annotations
@@ -12,7 +19,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
+from ispom.numerics.reductions import lengths
+from ispom.solvers.multiview.essential import relative_pose
+from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation, rotate
 from ispom.types import Check, Decision
 
 Follow = Literal["static", "largest"]
@@ -40,6 +50,20 @@ SECOND_MOTION = Check(
 )
 
 
+INLIER = 4.0
+"""Inlier limit of the second motion, in loss widths: 2.0 px in the video and 0.7 px in a stereo pair at the defaults.
+In a pair the limit of the pose is 2.5 px: points just beyond it, which move alike in a part of the image, are no moving
+object."""
+SAMPLES = 200
+"""Largest number of samples of five points: if half of the points move together, one of 200 samples contains only these
+in 998 of 1,000 cases. If none do, a search among 150 takes 5 ms, and ten times as many samples take 27."""
+
+
+def enough_outliers(outliers: int, count: int) -> bool:
+    """Checks whether this number of outliers, of `count` points in all, could be reported as a second motion."""
+    return outliers >= max(LEAST, MARKED * count)
+
+
 def second_motion_decision(explained: NDArray[np.bool_], count: int) -> Decision:
     """Returns the check of a second motion; `explained` (N,) marks which outliers it explains, of `count` points in
     all."""
@@ -47,6 +71,41 @@ def second_motion_decision(explained: NDArray[np.bool_], count: int) -> Decision
     share = also / count if also >= max(LEAST, MOST_OF * len(explained)) else 0.0
     tracks = f"{also} of {count} tracks move with it" if share else ""
     return SECOND_MOTION.of(share, MARKED, tracks)
+
+
+def second_motion(x1: Array, x2: Array, outliers: NDArray[np.bool_], width: float) -> Decision:
+    """Returns the check for the outliers (a mask (N,)) among points at normalised coordinates (N, 2) in two views.
+
+    `width` of the robust loss, normalised.
+    """
+    return second_motion_decision(explained_by_motion(x1[outliers], x2[outliers], width), len(x1))
+
+
+def explained_by_motion(x1: Array, x2: Array, width: float) -> NDArray[np.bool_]:
+    """Returns which of the points (N, 2) in two views the best rigid motion explains; none of fewer than LEAST.
+
+    A pure rotation is tried first; it includes no motion at all, of a static object before a static camera.
+    """
+    if len(x1) < LEAST:
+        return np.zeros(len(x1), bool)
+    rotation = dominant_rotation(x1, x2, TURN_LOSS * width)
+    rotated = np.linalg.norm(rotate(rotation, x1) - x2, axis=1) < INLIER * width
+    found = relative_pose(x1, x2, width, SAMPLES)
+    return rotated if found is None or found.inliers.sum() <= rotated.sum() else found.inliers
+
+
+def off_epipolar_lines(second_from_first: Pose, x1: Array, x2: Array, limit: float) -> NDArray[np.bool_]:
+    """Returns which points (N, 2) in two views are farther than `limit` (normalised) from their epipolar lines.
+
+    A static point in front of the cameras lies on its line in the second view, at any depth. The line starts at the
+    projection of a point at infinity (Hartley and Zisserman, section 9.5).
+    """
+    far = rotate(second_from_first.rotation, x1)
+    line = second_from_first.translation[:2] - far * second_from_first.translation[2]
+    line /= np.maximum(lengths(line), 1e-12)[:, None]
+    moved = x2 - far
+    along = np.maximum(moved[:, 0] * line[:, 0] + moved[:, 1] * line[:, 1], 0.0)[:, None]
+    return lengths(moved - along * line) > limit
 
 
 CLEARLY = 1.5
