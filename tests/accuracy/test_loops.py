@@ -41,7 +41,7 @@ def test_what_is_off_is_what_drifted() -> None:
     assert loops._off(Trajectory.of(late, "rig"), truth, False)[-1] == pytest.approx(0.7)
 
 
-def test_houses_are_alike_and_the_road_is_not() -> None:
+def test_houses_look_alike_and_the_road_does_not() -> None:
     camera = Camera(80, 60, 60.0, 60.0, 39.5, 29.5)
     renderer = Renderer(build_terraces(1))
     aside = Pose.from_rotvec(np.array([0.0, np.pi / 2, 0.0]), np.array([0.0, -5.0, 56.0]))

@@ -31,7 +31,7 @@ from ispom_app.session.session import Session
 from ispom.ensemble import build
 from ispom.io.maps import map_bytes
 from ispom.io.trajectories import tum_text
-from ispom.methods import default_methods, in_order, with_asked
+from ispom.methods import default_methods, in_order, with_dependencies
 from tests.app.helpers import wait_for
 
 TIMES = ("seconds", "stages")
@@ -139,7 +139,7 @@ def main(arguments: list[str]) -> int:
     """Prints, for each fork, what of its files differs from the parent's."""
     options = tyro.cli(Run, args=arguments)
     methods = in_order(options.methods) or default_methods(options.open(options.source).rig)
-    asked, apart = with_asked(methods), 0
+    asked, apart = with_dependencies(methods), 0
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         parent = place / "parent"

@@ -78,7 +78,7 @@ def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pyte
         path.write_bytes(content)
 
 
-def test_a_pipe_in_place_of_the_first_image_where_nothing_tells_the_camera(
+def test_a_pipe_in_place_of_the_first_image_where_nothing_describes_the_camera(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its EXIF was waited for, for ever."""
@@ -132,7 +132,7 @@ def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert told.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
 
 
-def test_unknown_layout_beside_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_layout_next_to_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It was the link that was complained about, whatever it had to do with what was asked for."""
     (tmp_path / "drive").mkdir()
     (tmp_path / "drive" / "sequence.yaml").symlink_to("/nowhere")
@@ -235,7 +235,7 @@ def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.parametrize("method", ["stereo", "integrated"])
-def test_right_camera_missing_where_stereo_is_asked(
+def test_right_camera_missing_where_stereo_is_required(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = make_drive(tmp_path / "kitti", right=False)

@@ -161,7 +161,7 @@ def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.Capture
     assert all("stereo" in str(path) for path in (tmp_path / "one").rglob("[!.]*.*"))
 
 
-def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_incomplete_run_is_exported_with_a_notice(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (run / MARKER).write_text("Stopped by a signal.\n")
     exported(run, "tum")
     assert "not complete" in capsys.readouterr().out

@@ -11,7 +11,7 @@ import pytest
 from ispom_app.cli.main import main
 
 from ispom.methods import method as registered
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 from ispom.types import Frame, Measurement, Trajectory, is_video
 from tests.alone import ALL
 from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
@@ -47,7 +47,7 @@ def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
     """The arguments of a method's run, and its folder."""
 
     def run(method: str) -> tuple[list[str], Path]:
-        asked, out = with_asked((method,)), tmp_path_factory.mktemp(method) / "run"
+        asked, out = with_dependencies((method,)), tmp_path_factory.mktemp(method) / "run"
         few = [f"--{name}.max-tracks=80" for name in asked if hasattr(registered(name).config(), "max_tracks")]
         arguments = [str(flight), "--methods", *asked, *few]
         assert main(["run", *arguments, "--out", str(out), "--no-recording"]) == 0
@@ -60,7 +60,7 @@ def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
 def test_with_nothing_changed_all_files_are_the_parents(
     method: str, parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path
 ) -> None:
-    (arguments, run), asked = parent(method), with_asked((method,))
+    (arguments, run), asked = parent(method), with_dependencies((method,))
     expected, places = files_in(run, asked), worth_forking(run, method)
     assert len(places) >= 5 and any(row["status"] == "lost" for row in rows(run) if row["method"] == method)
     with played(arguments, asked, tmp_path / "session") as session:

@@ -90,7 +90,7 @@ def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
     assert methods["stereo"]["ms_per_exposure"] == {"median": pytest.approx(5), "p95": pytest.approx(5)}
 
 
-def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
+def test_without_truth_only_what_can_be_computed(tmp_path: Path) -> None:
     drive = make_drive(tmp_path / "kitti", poses=False)
     assert run(str(drive), tmp_path / "out", "--no-recording") == 0
     assert names(tmp_path / "out") == FILES - {"truth.tum"}
@@ -98,7 +98,7 @@ def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
     assert set(entry) == {"poses", "frames", "located", "lost", "ms_per_exposure"}
 
 
-def test_the_asked_methods_only(drive: str, tmp_path: Path) -> None:
+def test_the_requested_methods_only(drive: str, tmp_path: Path) -> None:
     assert run(drive, tmp_path / "out", "--no-recording", "--methods", "integrated") == 0
     assert names(tmp_path / "out") == FILES - {"monocular.tum", "stereo.tum"}
     methods = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]
@@ -201,7 +201,7 @@ def test_help_needs_no_viewer_nor_ray_caster() -> None:
     assert found.returncode == 0, found.stderr
 
 
-def test_runs_tell_whether_they_saw_the_same_images(drive: str, tmp_path: Path) -> None:
+def test_runs_record_whether_they_saw_the_same_images(drive: str, tmp_path: Path) -> None:
     def seen(name: str, *options: str) -> str:
         assert run(drive, tmp_path / name, "--no-recording", *options) == 0
         return yaml.safe_load((tmp_path / name / "run.yaml").read_text())["images_sha256"]
@@ -242,7 +242,9 @@ def test_a_run_that_stops_before_it_moved_is_complete(drive: str, tmp_path: Path
     assert names(tmp_path / "a") == FILES and len(read_tum(tmp_path / "a" / "stereo.tum")) == 1
 
 
-def test_a_condition_that_never_holds_is_said(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_condition_that_never_holds_is_reported(
+    drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     options = ("--until", "stereo.status == 'lost'", "--max-exposures", "8", "--no-recording")
     assert run(drive, tmp_path / "a", *options) == 0
     assert "--until never held: stereo.status == 'lost'\n" in capsys.readouterr().out

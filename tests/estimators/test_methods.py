@@ -12,7 +12,16 @@ from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.paper.stereo import StereoConfig
-from ispom.methods import REGISTRY, Config, default_methods, in_order, method, names, possible_methods, with_asked
+from ispom.methods import (
+    REGISTRY,
+    Config,
+    default_methods,
+    in_order,
+    method,
+    names,
+    possible_methods,
+    with_dependencies,
+)
 from ispom.types import Measurement, Sequence
 from tests.alone import ALL, METHODS, PAPER
 
@@ -43,7 +52,7 @@ def second_stereo() -> Method:
 def test_the_built_in_methods_in_their_order() -> None:
     assert names() == ALL
     assert in_order(("stereo.paper", "monocular", "stereo.paper")) == ("monocular", "stereo.paper")
-    assert with_asked(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
+    assert with_dependencies(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
     with pytest.raises(InputError, match=r"'slam' is no method: choose from monocular.* by --external"):
         method("slam")
 
@@ -77,7 +86,7 @@ def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
     assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
 
 
-def test_what_two_ask_is_computed_once_and_what_runs_beside_changes_nothing(
+def test_a_shared_dependency_is_computed_once_and_other_methods_change_nothing(
     flight: Sequence, exposures: list[Measurement]
 ) -> None:
     beside = build(Config(), ("monocular", "integrated.paper"), flight.rig)

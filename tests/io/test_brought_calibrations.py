@@ -143,7 +143,7 @@ def test_pairs_that_opencv_writes_are_read(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["camera.yaml", "camera.yml", "film.yaml", "other.yml"])
-def test_opencvs_file_is_read_beside_images_and_films_and_as_camera(name: str, tmp_path: Path) -> None:
+def test_opencvs_file_is_read_next_to_images_and_films_and_as_camera(name: str, tmp_path: Path) -> None:
     """One reader for all ways in (row 1)."""
     small = Camera(WIDTH, HEIGHT, 80.0, 81.0, 47.5, 31.5, (-0.05, 0.01, 0.0, 0.0))
     path = written(tmp_path / "shot" / name, opencv_text([Placed("video", small, Pose())]))

@@ -42,7 +42,7 @@ def test_an_orientation_that_is_common_is_that_of_opencv(orientation: int, suffi
 
 
 @pytest.mark.parametrize(("first", "other"), [(1, 3), (3, 1), (None, 3), (1, 6), (None, 8)])
-def test_images_of_a_folder_are_all_turned_alike(first: int | None, other: int, tmp_path: Path) -> None:
+def test_images_of_a_folder_are_all_turned_the_same_way(first: int | None, other: int, tmp_path: Path) -> None:
     """The phone looked down and changed its mind, for two of six."""
     for i, pixels in enumerate(images(6, 8)):
         photo(tmp_path / f"{i:03d}.jpg", pixels, other if i in (2, 4) else first)

@@ -45,7 +45,8 @@ def _collect(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> N
 
 
 def _pass_on(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> None:
-    assert program.stdin is not None
+    if program.stdin is None:
+        raise ValueError("the program has no pipe for its input: start it with stdin=PIPE")
     with contextlib.suppress(OSError):  # it takes no more
         while True:
             some = memoryview(waiting.get())

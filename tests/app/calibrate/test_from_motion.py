@@ -38,7 +38,7 @@ def part(change: float, sigma: float) -> Part:
     return Part(change * scale, np.diag((sigma * scale) ** -2), np.diag([1.0] * 7))
 
 
-def test_place_and_clock_are_written_and_told(
+def test_place_and_clock_are_written_and_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     watched(monkeypatch, simulated.flight(1), [part(0.5, 0.3), part(-0.5, 0.3), part(0.1, 0.3)])
@@ -161,7 +161,7 @@ def test_a_camera_is_written_without_a_target(
 @pytest.mark.parametrize(
     ("sigma", "said"), [(None, "too little motion"), (0.28, "does not tell the focal length"), (0.1, "uncertain by 10")]
 )
-def test_a_motion_that_does_not_tell_the_lens_is_to_be_filmed_again(
+def test_a_motion_that_does_not_determine_the_lens_is_to_be_filmed_again(
     sigma: float | None, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tracked(monkeypatch, sigma)

@@ -33,7 +33,7 @@ def reader(images: list[Image | None]) -> Callable[[], Image | None]:
     return lambda: next(left)
 
 
-def test_a_board_that_is_held_still_is_kept_once() -> None:
+def test_views_of_a_still_board_are_stored_once() -> None:
     said: list[str] = []
     source = filmed(TARGET, "camera:0", reader([*frames("views=4&seed=2", repeat=3)]), said.append, 100)
     shown = [image for image in frames("views=4&seed=2") if not detect(TARGET, image).reason]
@@ -42,7 +42,7 @@ def test_a_board_that_is_held_still_is_kept_once() -> None:
     assert source.read(0).shape == (480, 640)
 
 
-def test_what_is_missing_is_said_while_filming_and_an_empty_image_says_why() -> None:
+def test_what_is_missing_is_reported_while_filming_and_an_empty_image_gives_its_reason() -> None:
     said: list[str] = []
     wall = np.full((480, 640), 90, np.uint8)
     filmed(
@@ -53,7 +53,7 @@ def test_what_is_missing_is_said_while_filming_and_an_empty_image_says_why() -> 
     assert "views kept" in said[-1] and "next: " in said[-1]
 
 
-def test_views_that_are_alike_lack_tilt_and_corners() -> None:
+def test_similar_views_lack_tilt_and_corners() -> None:
     seen = [detect(TARGET, image) for image in frames("views=4&alike&seed=5")]
     now = covered(TARGET, seen, (640, 480))
     assert now is not None and now.covered < 0.6
@@ -74,7 +74,7 @@ def test_ctrl_c_ends_filming_with_what_was_kept() -> None:
     assert len(filmed(TARGET, "camera:0", read, lambda _: None, 100)) == count
 
 
-def test_a_target_that_is_never_seen_is_told() -> None:
+def test_a_target_that_is_never_seen_is_reported() -> None:
     with pytest.raises(InputError, match="never seen"):
         filmed(TARGET, "camera:0", reader([np.zeros((480, 640), np.uint8)]), lambda _: None, 100)
 

@@ -73,7 +73,7 @@ def compared(capsys: pytest.CaptureFixture[str], code: int, *arguments: object) 
     return told.err if code == 2 else told.out
 
 
-def test_equal_runs_are_alike(run: Runner, first: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_equal_runs_have_no_differences(run: Runner, first: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert compared(capsys, 0, first, run()) == "alike: monocular.paper\n"
     told = json.loads(compared(capsys, 0, first, run(), "--json"))
     assert told["alike"] and not told["first"] and not told["settings"]
@@ -192,7 +192,9 @@ def test_a_final_trajectory_that_differs_is_named(
     assert difference["name"] == "monocular.paper.final_position" and difference["by"] == pytest.approx(0.25)
 
 
-def test_an_incomplete_run_is_said_to_be_one(first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_incomplete_run_is_reported_as_incomplete(
+    first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = tmp_path / "other"
     shutil.copytree(first, other)
     (other / MARKER).write_text("Stopped.\n")

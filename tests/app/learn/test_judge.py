@@ -50,7 +50,7 @@ def test_a_curve_is_right_where_it_is_near_on_average_within_the_chart():
     assert is_right(DRAW, found, tuple(shown + 0.04)) and not is_right(DRAW, found, tuple(shown + 0.06))
 
 
-def test_tracks_are_asked_for_depth_motion_and_why_they_ended():
+def test_tracks_are_inspected_for_depth_motion_and_why_they_ended():
     rig: Rig = doubles.rig()  # focal length 120 px, baseline 0.4 m
     tracks = Tracks.of(
         np.arange(3),

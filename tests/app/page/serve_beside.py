@@ -27,7 +27,7 @@ if __name__ == "__main__":
                 live=live,
                 builder=helpers.build,
                 methods=METHODS,
-                beside=(read(path),),
+                trajectory_options=(read(path),),
             ),
             Serving(port=port, base="/ispom/", open_browser=False),
         )

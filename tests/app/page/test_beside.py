@@ -53,7 +53,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
     curves = page.tab.locator('.plot[data-name="error"] .now span')
     page.until("document.querySelectorAll('[data-name=error] .now span').length >= 3", "the curves")
-    assert colours.css(colours.beside(0)) in curves.last.get_attribute("style")
+    assert colours.css(colours.colour_of_external(0)) in curves.last.get_attribute("style")
 
 
 def test_the_integration_is_clicked_through_step_by_step(page: Page):

@@ -172,7 +172,7 @@ async def heard(ws) -> tuple[int, int, bool]:
     return HEAD.unpack_from(message)
 
 
-def test_a_page_gets_the_frame_that_it_asks_for(tmp_path: Path):
+def test_a_page_gets_the_frame_that_it_requests(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:

@@ -68,7 +68,7 @@ def report(out: Path, *runs: Path) -> str:
     return out.read_text(encoding="utf-8")
 
 
-def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) -> None:
+def test_one_file_contains_everything_and_loads_nothing(run: Path, tmp_path: Path) -> None:
     page = report(tmp_path / "report.html", run)
     parsed = Parsed(page)
     assert not parsed.open and "default-src 'none'" in html.unescape(page)
@@ -86,7 +86,7 @@ def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) 
     assert colours == {"truth": "#8a8a8a", "monocular": "#d55e00", "stereo": "#0072b2", "integrated": "#009e73"}
 
 
-def test_a_folder_whose_name_is_no_text_is_told_by_its_escapes(run: Path, tmp_path: Path) -> None:
+def test_a_folder_whose_name_is_no_text_is_reported_by_its_escapes(run: Path, tmp_path: Path) -> None:
     other = run.rename(tmp_path / os.fsdecode(b"caf\xe9"))
     assert "caf\\udce9" in Parsed(report(tmp_path / "report.html", other)).words
 
@@ -131,7 +131,7 @@ def test_what_files_say_is_never_markup(run: Path, tmp_path: Path) -> None:
     assert "<img" not in json.dumps([trace["name"] for f in json.loads(parsed.figures) for trace in f["traces"]])
 
 
-def test_a_folder_of_an_older_version_is_told_as_far_as_it_goes(run: Path, tmp_path: Path) -> None:
+def test_a_folder_of_an_older_version_is_reported_as_far_as_it_goes(run: Path, tmp_path: Path) -> None:
     for name in ("steps.csv", "decisions.csv", "run.rrd", "truth.tum"):
         (run / name).unlink()
     words = Parsed(report(tmp_path / "report.html", run)).words
@@ -182,7 +182,7 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
         (lambda run: (run / "steps.csv").write_bytes(b"\xff\xfe\x00"), "not a text file"),
     ],
 )
-def test_a_bad_folder_is_told_in_one_sentence(
+def test_a_bad_folder_is_reported_in_one_sentence(
     run: Path, tmp_path: Path, harm: Callable[[Path], None], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     harm(run)
@@ -207,7 +207,7 @@ def test_a_page_of_somebody_else_stays(run: Path, tmp_path: Path, capsys: pytest
     assert report(tmp_path / "report.html", run) == report(tmp_path / "report.html", run)
 
 
-def test_a_run_of_the_papers_integration_beside_the_modern_one(tmp_path: Path) -> None:
+def test_a_run_of_the_papers_integration_together_with_the_modern_one(tmp_path: Path) -> None:
     methods = ["integrated", "integrated.paper"]
     arguments = ["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--methods", *methods]
     assert main([*arguments, "--out", str(tmp_path / "run")], helpers.build) == 0

@@ -65,12 +65,12 @@ def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, rec
     assert (alone.playback.sequence.times_ns == times).all()
 
 
-def test_another_programs_trajectory_is_beside_a_recording_at_the_times_of_its_source(
+def test_another_programs_trajectory_is_drawn_with_a_recording_at_the_times_of_its_source(
     recording: Path, run: Path, tmp_path: Path
 ) -> None:
     source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
-    session = started(tmp_path / "recordings", str(recording), beside=(orb,))
+    session = started(tmp_path / "recordings", str(recording), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
     (beside,) = session.state[ExternalPaths].all
     assert beside.of_truth is not None and "(14 poses)" in beside.of_truth.alignment
@@ -84,7 +84,7 @@ def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
 ) -> None:
     source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
-    options = {"beside": (orb,), "opener": lambda source, options: options.open(source)}
+    options = {"trajectory_options": (orb,), "opener": lambda source, options: options.open(source)}
     session = started(tmp_path / "recordings", str(recording if alone else run), **options)
     wait_for(lambda: session.state.index >= 0, "the recording")
     session.post(do.Seek(9))
@@ -106,7 +106,7 @@ def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Pat
     assert main(["run", str(drive), "--out", str(tmp_path / "run")], build) == 0
     alone = (tmp_path / "run" / "run.rrd").rename(tmp_path / "alone.rrd")
     orb = read(written(tmp_path / "orb.tum", elsewhere(doubles.sequence(14))))
-    session = started(tmp_path / "recordings", str(alone), beside=(orb,))
+    session = started(tmp_path / "recordings", str(alone), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
     screen = Screen(session)
     screen.paint()

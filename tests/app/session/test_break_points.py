@@ -81,7 +81,7 @@ def test_next_and_previous_match(session: Session) -> None:
     assert "holds at no computed frame after" in asked(session, FindMatch(LOST))
 
 
-def test_a_condition_that_never_holds_is_said_at_the_end(session: Session) -> None:
+def test_a_condition_that_never_holds_is_reported_at_the_end(session: Session) -> None:
     assert "held at no frame up to the end" in asked(session, RunUntil("stereo.error_m > 1e6"))
     assert session.state.ended
     assert "holds at no frame after" in asked(session, RunUntil("stereo.error_m > 1e6"))
@@ -116,7 +116,7 @@ def test_it_runs_on_to_the_next_event_and_says_in_words_what_happened(session: S
     assert session.state.index == first and session.state.computed == second + 1
 
 
-def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session) -> None:
+def test_the_end_of_the_events_is_reported_with_their_number(session: Session) -> None:
     session.post(do.Seek(43))
     wait_for(lambda: session.state.computed == 44, "the end")
     said = asked(session, StepToEvent())

@@ -12,7 +12,7 @@ import viser
 from ispom_app.engine.model.run_model import Tally
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.accuracy import measured
-from ispom_app.features.branches.branches import Beside, Branch
+from ispom_app.features.branches.branches import Branch, BranchInView
 from ispom_app.features.branches.commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import DELETE, SHOW, BranchesPanel, _entry
 from ispom_app.features.branches.stage import trajectories
@@ -64,15 +64,17 @@ def press(button: Any) -> None:
         callback(SimpleNamespace(target=button, client=None, client_id=None))
 
 
-def test_it_says_how_much_of_a_run_is_held_and_what_is_thinned(server: viser.ViserServer, run: CurrentRun) -> None:
-    held = run.held
-    panel, _ = made(server, with_branches(run, Branch(0, "first run", held=held)))
+def test_it_shows_how_much_of_a_run_is_in_memory_and_what_is_thinned(
+    server: viser.ViserServer, run: CurrentRun
+) -> None:
+    held = run.history_usage
+    panel, _ = made(server, with_branches(run, Branch(0, "first run", history_usage=held)))
     assert held.in_memory == 22 and held.points_from == 0 and held.interval == 8
     assert (
         "Held: all frames on disk, the newest 22 in memory (0 MB); tracks of all frames; 3 states to fork from"
         in panel._text.content
     )
-    panel.show(with_branches(run, Branch(0, "first run", held=replace(held, points_from=5))))
+    panel.show(with_branches(run, Branch(0, "first run", history_usage=replace(held, points_from=5))))
     assert "tracks from frame 5 on" in panel._text.content
 
 
@@ -117,7 +119,7 @@ def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run
     assert places == sorted(places)
 
 
-def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.ViserServer, two: State) -> None:
+def test_the_newest_branch_is_chosen_and_its_controls_act_on_it(server: viser.ViserServer, two: State) -> None:
     panel, asked = made(server, two)
     assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
     panel._buttons.value = SHOW
@@ -148,7 +150,7 @@ def test_each_method_of_a_branch_is_a_line_where_its_poses_are(run: CurrentRun) 
     last = run.history.last
     assert last is not None
     model = run.known_at(21)
-    beside = {1: Beside(model, last.placements, (1, 2, 3))}
+    beside = {1: BranchInView(model, last.placements, (1, 2, 3))}
     drawn = {entry.path: entry.value for entry in trajectories(beside, frozenset({"stereo"}))}
     assert set(drawn) == {f"world/branches/1/{m}" for m in METHODS if m != "stereo"}
     (line, *others) = drawn["world/branches/1/monocular"].strips.as_arrow_array().to_pylist()

@@ -72,7 +72,7 @@ def test_names_that_fit_are_listed_with_their_values(server: viser.ViserServer, 
     assert "<img" not in panel._text.content and "column " in panel._text.content
 
 
-def test_its_buttons_ask_for_the_condition(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
+def test_its_buttons_send_the_condition(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
     panel, asked = made(server, run, at_ten)
     panel._condition.value = LOST
     for button in (UNTIL, NEXT, PREVIOUS):

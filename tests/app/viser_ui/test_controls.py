@@ -71,7 +71,7 @@ def test_labels_carry_units(name: str, label: str):
     assert label_of(name) == label
 
 
-def test_the_methods_panel_offers_every_method_beside_each_other(server: viser.ViserServer):
+def test_the_methods_panel_offers_all_methods_together(server: viser.ViserServer):
     asked: list[do.Command] = []
     opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
     state = State("double:20", methods=PAPER, run=1)

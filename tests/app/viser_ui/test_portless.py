@@ -62,7 +62,7 @@ def test_a_page_gets_the_panels(found: PortlessViser):
     with_a_page(found, check)
 
 
-def test_no_tunnel_to_the_world_can_be_asked_for(found: PortlessViser, monkeypatch: pytest.MonkeyPatch):
+def test_no_tunnel_to_the_world_can_be_requested(found: PortlessViser, monkeypatch: pytest.MonkeyPatch):
     """The button is hidden, but any page could send what it sends."""
     asked: list[object] = []
     monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_, **__: asked.append("tunnel"))

@@ -46,7 +46,7 @@ def press(button: Any) -> None:
         callback(SimpleNamespace())
 
 
-def test_it_asks_for_what_is_chosen_and_proposes_values(server: viser.ViserServer) -> None:
+def test_it_requests_what_is_chosen_and_proposes_values(server: viser.ViserServer) -> None:
     panel, _, asked = made(server)
     assert panel._method.value == "Stereo" and panel._values.value == "100, 200, 400, 800"
     panel._setting.value = "relocalise"

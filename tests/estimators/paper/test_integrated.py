@@ -62,7 +62,7 @@ def test_where_pairs_stop_the_newest_frames_stay_and_live_poses_go_on() -> None:
     assert np.linalg.norm(last.world_from_frame.translation - pose_at(last.time_ns).translation) < 0.05
 
 
-def test_a_step_tells_how_each_of_its_segments_was_fitted() -> None:
+def test_a_step_reports_how_each_of_its_segments_was_fitted() -> None:
     every_ns = SECOND_NS // 10
     _, steps = walked([50_000_000 + i * every_ns for i in range(60)], [i * SECOND_NS for i in range(1, 6)])
     closing = [step for step in steps if len(step.revised)]

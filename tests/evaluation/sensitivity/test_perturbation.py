@@ -73,7 +73,7 @@ def path(duration_s: float, bend: float) -> Trajectory:
     return Trajectory.of(items)
 
 
-def test_an_integration_meets_the_poses_of_the_pairs_whatever_the_video_is_told() -> None:
+def test_an_integration_meets_the_poses_of_the_pairs_whatever_calibration_the_video_gets() -> None:
     run, rig = path(3.0, 0.2), simulated_rig()
     pairs = run.select(np.arange(0, 301, 30))
     wrong = Perturbation(turn_y_deg=0.5, shift_x_m=0.02)

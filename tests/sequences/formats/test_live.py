@@ -59,7 +59,7 @@ def test_all_that_is_sent_comes_in_order_and_stays(calibration: Path) -> None:
         assert abs(image.astype(int) - sent(made[i])).mean() < 2  # decoders round differently
 
 
-def test_it_ends_after_the_images_asked_for(calibration: Path) -> None:
+def test_it_ends_after_the_requested_images(calibration: Path) -> None:
     with streaming(images(N, 0), holds=True) as stream:
         sequence = grown(open_sequence(stream.url, camera=calibration, max_exposures=5))
     assert len(sequence) == 5 and len(sequence.notes) == 1
@@ -79,7 +79,7 @@ def test_a_person_ends_it(calibration: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(sequence) == N and len(sequence.notes) == 1
 
 
-def test_a_stream_that_stalls_is_told_once_after_all_it_gave(
+def test_a_stream_that_stalls_is_reported_once_after_all_it_gave(
     calibration: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "PATIENCE_S", 0.3)
@@ -132,7 +132,7 @@ def test_a_device_that_is_not_there(calibration: Path) -> None:
         open_sequence("camera:977", camera=calibration)
 
 
-def test_a_device_is_asked_for_the_size_of_its_calibration(
+def test_a_device_is_set_to_the_size_of_its_calibration(
     calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[tuple[object, ...]] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.engine.external_trajectories.placed import Beside, Given, beside_run, given
+from ispom_app.engine.external_trajectories.placed import ExternalTrajectory, Given, external_trajectory, given
 from ispom_app.engine.playback import truth_from_start
 
 from ispom.geometry import Pose
@@ -32,5 +32,5 @@ def read(path: Path, flag: str = "orb", *alignments: str) -> Given:
     return given([f"{flag}={path}"], alignments)[0]
 
 
-def beside(sequence: Sequence, path: Path, flag: str = "orb", *alignments: str) -> Beside:
-    return beside_run(0, read(path, flag, *alignments), sequence, truth_from_start(sequence))
+def beside(sequence: Sequence, path: Path, flag: str = "orb", *alignments: str) -> ExternalTrajectory:
+    return external_trajectory(0, read(path, flag, *alignments), sequence, truth_from_start(sequence))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.engine.external_trajectories.placed import Beside
+from ispom_app.engine.external_trajectories.placed import ExternalTrajectory
 from ispom_app.engine.playback import truth_from_start
 from numpy.testing import assert_allclose
 
@@ -25,7 +25,7 @@ def truth() -> Trajectory:
     return found
 
 
-def ate_m(found: Beside, until_ns: int = 2**62) -> float:
+def ate_m(found: ExternalTrajectory, until_ns: int = 2**62) -> float:
     error = found.error(truth(), SEQUENCE.rig, until_ns)
     assert error is not None
     return error.ate_m

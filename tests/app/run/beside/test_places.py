@@ -22,7 +22,7 @@ SEQUENCE = replace(doubles.sequence(60), truth=None)
 def followed(path: Path, methods: tuple[str, ...], *alignments: str) -> list[Placed | None]:
     """Where it is after each frame."""
     found = (beside(SEQUENCE, path, "orb", *alignments),)
-    playback = Playback(SEQUENCE, methods, builder=helpers.build, beside=found)
+    playback = Playback(SEQUENCE, methods, builder=helpers.build, external_trajectories=found)
     places, model, seen = Places(playback.opened), RunModel.start(methods), list[Placed | None]()
     while not playback.done:
         event = playback.step()

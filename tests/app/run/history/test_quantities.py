@@ -71,7 +71,7 @@ def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bo
     return row_after(row, index, exposure.time_ns, (made,), {})
 
 
-def test_a_step_is_told_beside_the_usual_one() -> None:
+def test_a_step_is_compared_with_the_usual_one() -> None:
     row, told = NO_ROW, []
     for i, x in enumerate([0.0, 1.0, 2.0, 4.0, 4.0, 5.0]):
         row = at(row, i, x, turn_deg=10.0 * x)
@@ -115,7 +115,7 @@ def test_what_a_step_says_is_finite_or_missing_and_of_its_kind() -> None:
             assert not quantity.choices or value in quantity.choices
 
 
-def test_a_method_that_did_not_step_keeps_what_it_said() -> None:
+def test_a_method_that_did_not_step_keeps_its_last_values() -> None:
     _, exposure, step = stepped(3)[1]
     first = row_after(NO_ROW, 0, exposure.time_ns, (step,), {})
     second = row_after(first, 1, 500_000_000, (replace(step, method="stereo"),), {})

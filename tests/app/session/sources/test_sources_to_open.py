@@ -65,7 +65,7 @@ def test_folders_are_listed_below_the_root_only(tmp_path: Path):
     assert folders.entries(tmp_path) == []
 
 
-def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
+def test_what_is_recognised_is_distinguished_from_folders_to_look_into(tmp_path: Path):
     (tmp_path / "film.mp4").write_bytes(b"")
     (tmp_path / "notes.txt").write_text("")
     for name in ("walk", "films", "more"):
@@ -162,7 +162,7 @@ def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: P
     session.close(1.0)
 
 
-def test_finding_a_camera_that_has_no_calibration_is_told():
+def test_finding_a_camera_that_has_no_calibration_is_reported():
     def unknown(source: str, options: SourceOptions | None = None):
         return replace(opener(source), guess=Guess(224.0, 0.3, "a guess"))
 
