@@ -11,7 +11,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..engine.events import Opened
-from ..engine.external_trajectories.placed import Given
+from ..engine.external_trajectories.placed import TrajectoryOption
 from ..engine.history.history import MEMORY_BYTES, History
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel
@@ -51,7 +51,7 @@ class Session:
         source_options: SourceOptions | None = None,
         folders: Folders | None = None,
         recent: RecentSources | None = None,
-        trajectory_options: tuple[Given, ...] = (),
+        trajectory_options: tuple[TrajectoryOption, ...] = (),
         extras: tuple[object, ...] = (),
     ) -> None:
         """`opener(source)` opens with the options of the command line, `opener(source, options)` with the page's.

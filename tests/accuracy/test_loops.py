@@ -80,10 +80,10 @@ def test_the_study_covers_both_methods(
 
     monkeypatch.setattr(studies, "found", measured_elsewhere)
     assert main(["loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "seed 1 of 2: it broke" in told
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "seed 1 of 2: it broke" in printed
     for method in ("monocular", "stereo"):
-        assert f"{method}: found, and within 0.1% of the way at the return, in 1 of 1, worst 0.055 %" in told
-        assert f"{method}: loops where houses are alike and nothing returns: 1" in told
+        assert f"{method}: found, and within 0.1% of the way at the return, in 1 of 1, worst 0.055 %" in printed
+        assert f"{method}: loops where houses are alike and nothing returns: 1" in printed
     rows = json.loads((tmp_path / "l.json").read_text())
     assert [r["spread"] for r in rows] == [None] * 4, "JSON has no word for a number that is not finite"

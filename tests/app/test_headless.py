@@ -61,12 +61,14 @@ def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.C
     out = tmp_path / "out"
     assert run(drive, out, "--stereo-every", "2", "--monocular.max-tracks", "400") == 0
     assert names(out) == FILES | {"run.rrd"}
-    told = yaml.safe_load((out / "run.yaml").read_text())
-    assert told["source"] == drive and told["config"]["monocular"]["max_tracks"] == 400
-    assert (told["exposures"], told["duration_s"]) == ({"video": 6, "stereo": 3}, 0.5) and "numpy" in told["versions"]
+    run_file = yaml.safe_load((out / "run.yaml").read_text())
+    assert run_file["source"] == drive and run_file["config"]["monocular"]["max_tracks"] == 400
+    assert (run_file["exposures"], run_file["duration_s"]) == ({"video": 6, "stereo": 3}, 0.5) and "numpy" in run_file[
+        "versions"
+    ]
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
     assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
-    assert "emulation" in capsys.readouterr().out and "emulation" in told["notes"][0]
+    assert "emulation" in capsys.readouterr().out and "emulation" in run_file["notes"][0]
 
 
 def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
@@ -224,10 +226,10 @@ def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsy
     """Its folder is complete: that of a run over the frames up to there, with the recording."""
     condition = "monocular.key_frame and exposure > 3"
     assert run(drive, tmp_path / "a", "--until", condition) == 0
-    told = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
-    last, time_s = told["stopped"]["exposure"], told["stopped"]["time_ns"] / 1e9
-    assert told["options"]["until"] == condition and sum(told["exposures"].values()) == last + 1
-    assert told["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
+    run_file = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
+    last, time_s = run_file["stopped"]["exposure"], run_file["stopped"]["time_ns"] / 1e9
+    assert run_file["options"]["until"] == condition and sum(run_file["exposures"].values()) == last + 1
+    assert run_file["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
     sentence = f"stopped at frame {last} ({time_s:.3f} s) by --until {condition}: "
     assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
     assert names(tmp_path / "a") == FILES | {"run.rrd"}

@@ -17,9 +17,9 @@ from tests.sequences.own_folders import make_images
 
 def test_cameras_rates_truth_and_notes_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(make_euroc(tmp_path))]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == "EuRoC V9"
-    text = " ".join(" ".join(told).split())
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "EuRoC V9"
+    text = " ".join(" ".join(printed).split())
     assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
     assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 frames, path 0.250 m" in text
     assert (

@@ -92,13 +92,13 @@ def test_an_adjustment_reports_cost_iterations_outliers_and_what_left_the_window
 @pytest.mark.parametrize(("method", "camera"), [("monocular.paper", "video"), ("stereo.paper", "left")])
 def test_the_papers_methods_report_how_many_points_disagree(method: str, camera: str, steps: list[Step]) -> None:
     dropped = (TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.RIGID)
-    told = 0
+    reports = 0
     for step in steps:
         found = next((d for d in step.decisions if step.method == method and d.key == "outliers"), None)
         if found is not None:
             assert found.value == np.isin(step.tracks[camera].status, dropped).sum() <= found.threshold
-            told += 1
-    assert told >= 5
+            reports += 1
+    assert reports >= 5
 
 
 def test_the_first_map_reports_its_model_and_the_integrations_their_alignment(steps: list[Step]) -> None:

@@ -89,17 +89,17 @@ def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
 def test_a_shared_dependency_is_computed_once_and_other_methods_change_nothing(
     flight: Sequence, exposures: list[Measurement]
 ) -> None:
-    beside = build(Config(), ("monocular", "integrated.paper"), flight.rig)
-    assert list(beside.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]
-    alone = [build(Config(), (name,), flight.rig) for name in beside.methods]
-    states = [ensemble.start() for ensemble in (beside, *alone)]
+    together = build(Config(), ("monocular", "integrated.paper"), flight.rig)
+    assert list(together.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]
+    alone = [build(Config(), (name,), flight.rig) for name in together.methods]
+    states = [ensemble.start() for ensemble in (together, *alone)]
     for exposure in exposures[:45]:
-        states[0], steps = beside.step(states[0], exposure)
+        states[0], steps = together.step(states[0], exposure)
         states[1:] = [ensemble.step(state, exposure)[0] for ensemble, state in zip(alone, states[1:], strict=True)]
-        assert {step.method for step in steps} <= set(beside.methods)
+        assert {step.method for step in steps} <= set(together.methods)
         for step in steps:
             assert {part.method for part in step.parts} <= set(method(step.method).asks.values())
-    found = beside.finish(states[0])
+    found = together.finish(states[0])
     for ensemble, state in zip(alone, states[1:], strict=True):
         (name,) = ensemble.methods
         np.testing.assert_array_equal(found[name].translations, ensemble.finish(state)[name].translations)

@@ -75,5 +75,5 @@ def test_it_stops_on_its_check_and_is_distinguished(installed: Path, recording: 
     assert python(installed, *words, other, "--frames.max-tracks", "150").returncode == 0
     alike = python(installed, "-m", "ispom_app", "diff", run, run)
     assert alike.returncode == 0 and "alike: frames" in alike.stdout, alike.stderr
-    apart = python(installed, "-m", "ispom_app", "diff", run, other)
-    assert apart.returncode == 1 and "frames.max_tracks: 400 | 150" in apart.stdout, apart.stderr
+    comparison = python(installed, "-m", "ispom_app", "diff", run, other)
+    assert comparison.returncode == 1 and "frames.max_tracks: 400 | 150" in comparison.stdout, comparison.stderr

@@ -282,12 +282,12 @@ def test_a_baseline_that_is_not_in_metres_is_named_with_its_unit(
     for name, text in rig_files(rig, form).items():  # type: ignore[arg-type]
         written(tmp_path / "in" / name, text)
     assert main(["calibrate", "convert", str(tmp_path / "in"), "--out", str(tmp_path / "rig.yaml")]) == 0
-    said = capsys.readouterr().err
-    assert (unit is None) == (not said)
+    message = capsys.readouterr().err
+    assert (unit is None) == (not message)
     if unit is not None:
         assert pytest.approx(baseline) == one_rig((tmp_path / "rig.yaml",))[0].baseline_m
-        assert said.count("baseline is") == 1
-        assert re.search(unit, said)
+        assert message.count("baseline is") == 1
+        assert re.search(unit, message)
 
 
 def test_intrinsics_and_extrinsics_of_opencv_are_given_together(tmp_path: Path) -> None:

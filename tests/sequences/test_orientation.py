@@ -78,6 +78,6 @@ def test_images_of_a_list_too(tmp_path: Path) -> None:
 def test_the_photos_of_a_board_that_were_reported(capsys: pytest.CaptureFixture[str]) -> None:
     photos = REPORTS / "09_exif_orientation_flips" / "chess_exif3_half"
     assert main(["calibrate", "video", str(photos), "--target", "chessboard:9x6:0.03", "--model", "pinhole"]) == 0
-    said = capsys.readouterr()
-    assert "are to be turned differently: 8 " in said.err and "two halves" not in said.out
-    assert "fx 520.0" in said.out and "cx 344.7" in said.out
+    printed = capsys.readouterr()
+    assert "are to be turned differently: 8 " in printed.err and "two halves" not in printed.out
+    assert "fx 520.0" in printed.out and "cx 344.7" in printed.out

@@ -49,13 +49,13 @@ def test_a_fisheye_lens_sees_more_and_its_pixels_have_rays() -> None:
 
 
 def test_the_stated_rig_knows_the_shutter_unless_it_is_wrong(tmp_path: Path) -> None:
-    told = opened("rolling_shutter_ms=20", tmp_path).rig
+    stated_rig = opened("rolling_shutter_ms=20", tmp_path).rig
     for name in NAMES:
-        assert told.camera(name).line_delay_s * (told.camera(name).height - 1) == pytest.approx(0.02)
+        assert stated_rig.camera(name).line_delay_s * (stated_rig.camera(name).height - 1) == pytest.approx(0.02)
     silent = opened("rolling_shutter_ms=20&fault=wrong-shutter", tmp_path).rig
     slower = opened("rolling_shutter_ms=20&fault=wrong-shutter:percent=10", tmp_path).rig
     assert [silent.camera(n).line_delay_s for n in NAMES] == [0, 0, 0]
-    assert slower.camera("left").line_delay_s == pytest.approx(1.1 * told.camera("left").line_delay_s)
+    assert slower.camera("left").line_delay_s == pytest.approx(1.1 * stated_rig.camera("left").line_delay_s)
 
 
 def test_a_late_right_camera_is_no_exact_pair(tmp_path: Path) -> None:

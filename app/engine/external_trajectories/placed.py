@@ -41,7 +41,7 @@ RESERVED = frozenset({"truth"})
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class TrajectoryOption:
     """A trajectory file of another program, in its own world and perhaps its own unit."""
 
     name: str
@@ -51,27 +51,27 @@ class Given:
     alignment: Alignment = "se3"
 
 
-def given(values: Iterable[str], alignments: Iterable[str]) -> tuple[Given, ...]:
+def read_options(values: Iterable[str], alignments: Iterable[str]) -> tuple[TrajectoryOption, ...]:
     """Reads the files that the flags name. Raises InputError for a mistake in a flag or a file."""
-    found: dict[str, Given] = {}
+    options: dict[str, TrajectoryOption] = {}
     taken = {name.lower() for name in (*names(), *RESERVED)}
     for value in values:
         name, frame, path = _named(value)
         if name.lower() in taken:
-            used = any(other.lower() == name.lower() for other in found)
+            used = any(other.lower() == name.lower() for other in options)
             what = "another trajectory" if used else "a method" if name.lower() not in RESERVED else "the ground truth"
             raise InputError(f"{FLAG} names a trajectory {name!r}, as {what} is called: choose another name")
         taken.add(name.lower())
-        found[name] = Given(name, read_trajectory(expanded(path)), frame)
+        options[name] = TrajectoryOption(name, read_trajectory(expanded(path)), frame)
     for value in alignments:
         name, _, kind = value.partition("=")
         if kind not in get_args(Alignment):
             kinds = ", ".join(get_args(Alignment))
             raise InputError(f"{ALIGNMENT_FLAG} is {value[:60]!r}: give NAME=ALIGNMENT with one of {kinds}")
-        if name not in found:
+        if name not in options:
             raise InputError(f"{ALIGNMENT_FLAG} is for {name[:40]!r}, which no {FLAG} names: give the name of one")
-        found[name] = replace(found[name], alignment=kind)  # type: ignore[arg-type]
-    return tuple(found.values())
+        options[name] = replace(options[name], alignment=kind)  # type: ignore[arg-type]
+    return tuple(options.values())
 
 
 def _named(value: str) -> tuple[str, FrameOfFile, Path]:
@@ -124,7 +124,7 @@ class Placed:
 class ExternalTrajectory:
     """A trajectory of another program over the sequence of a run."""
 
-    option: Given
+    option: TrajectoryOption
     number: int
     """Its index among the options."""
     times_ns: NDArray[np.int64]
@@ -169,7 +169,9 @@ class ExternalTrajectory:
         return Placed(poses, words, positions, rotations, _errors_m(positions, self.times_ns, reference))
 
 
-def external_trajectory(number: int, option: Given, sequence: Sequence, truth: Trajectory | None) -> ExternalTrajectory:
+def external_trajectory(
+    number: int, option: TrajectoryOption, sequence: Sequence, truth: Trajectory | None
+) -> ExternalTrajectory:
     """Returns the trajectory at the frames of a sequence. `truth` is shared_world_from_rig.
 
     Raises InputError without common times."""
@@ -199,7 +201,7 @@ def external_trajectory(number: int, option: Given, sequence: Sequence, truth: T
     return replace(external, of_truth=against)
 
 
-def _timed(option: Given, sequence: Sequence) -> Trajectory:
+def _timed(option: TrajectoryOption, sequence: Sequence) -> Trajectory:
     """With the times of the images, where the file (a KITTI one) has none: row i is image i."""
     trajectory = option.file.trajectory
     if option.file.timed:

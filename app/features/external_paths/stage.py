@@ -10,7 +10,7 @@ from ...engine.model.drawn_size import drawn_truth, true_size
 from ...session.current_run import CurrentRun
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
-from ...views.rerun.beside import ExternalTrajectoryLog
+from ...views.rerun.external_trajectories import ExternalTrajectoryLog
 
 
 def shows_recording(run: CurrentRun) -> bool:

@@ -60,7 +60,7 @@ def read_steps(folder: Path) -> tuple[dict[str, Steps], tuple[DecisionRow, ...]]
                 raise InputError(f"{folder / STEPS} names a method {step.method[:40]!r} that is not installed")
             found[step.method].append(step)
             decisions += (DecisionRow(step.exposure, step.time_ns, step.method, d) for d in step.decisions)
-    return {name: _columns(said) for name, said in found.items() if said}, tuple(decisions)
+    return {name: _columns(rows) for name, rows in found.items() if rows}, tuple(decisions)
 
 
 def _columns(steps: list[StoredStep]) -> Steps:

@@ -14,7 +14,7 @@ from ispom.io.trajectories import TrajectoryFile
 from ispom.settings import check
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.placed import ExternalTrajectory, Given, external_trajectory
+from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.playback import Playback, truth_from_start
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
@@ -144,5 +144,5 @@ def _as_external_trajectory(
     path = path.moved(right=rig.rig_from(path.frame).inverse(), frame="rig")
     path = at_own_stamps(each.method, path, replace(wrong, clock_ms=-wrong.clock_ms))
     name = f"{PREDICTED}{each.method}"
-    given = Given(name, TrajectoryFile(Path(name), "TUM", path), alignment="none")
-    return external_trajectory(number, given, sequence, truth_from_start(sequence))
+    option = TrajectoryOption(name, TrajectoryFile(Path(name), "TUM", path), alignment="none")
+    return external_trajectory(number, option, sequence, truth_from_start(sequence))

@@ -13,7 +13,7 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.placed import ExternalTrajectory, Given, external_trajectory
+from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder, Playback, truth_from_start
 from ...engine.run_folder.run_folder import RECORDING, RUN
@@ -33,7 +33,7 @@ class SourceOpener:
     builder: Builder
     variant: Variant
     """Of the methods that run where nobody chose any."""
-    trajectory_options: tuple[Given, ...] = ()
+    trajectory_options: tuple[TrajectoryOption, ...] = ()
     """Trajectories of other programs, shown where they fit the source."""
     folders: Folders = Folders()
     """Where somebody at the page may look for runs and recordings."""
@@ -111,7 +111,7 @@ def stored_at(
 
 
 def with_external_trajectories(
-    trajectory_options: tuple[Given, ...], sequence: Sequence
+    trajectory_options: tuple[TrajectoryOption, ...], sequence: Sequence
 ) -> tuple[Sequence, tuple[ExternalTrajectory, ...]]:
     """Returns the sequence, with a note for each trajectory that does not fit, and the trajectories that do."""
     externals, notes = list[ExternalTrajectory](), list[str]()

@@ -21,7 +21,7 @@ from ...engine.model.true_path import TruePath
 from ...presentation import colours, uncertainty
 from . import entities
 from .batch import Columns, Entry
-from .beside import ExternalTrajectoryLog
+from .external_trajectories import ExternalTrajectoryLog
 
 MAP_EVERY = 10
 """Frames between two drawings of a method's keyframes and points: they are most of what a viewer has to hold."""

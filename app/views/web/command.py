@@ -13,7 +13,7 @@ from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
 from ...engine import warmup
-from ...engine.external_trajectories.placed import Given, external_trajectory, given
+from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
 from ...engine.playback import Builder, truth_from_start
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
@@ -37,7 +37,7 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
-    opener, trajectories = command.opener(source), given(command.beside, command.beside_alignment)
+    opener, trajectories = command.opener(source), read_options(command.beside, command.beside_alignment)
     if trajectories and not source:
         raise InputError("--beside needs a source to be compared with: give one")
     if trajectories:
@@ -91,7 +91,9 @@ def _lessons(command: Serve) -> tuple[Library, Lesson | None]:
     return library, own or library.lesson(command.lesson)
 
 
-def _check_external(options: tuple[Given, ...], source: str, opener: Callable[..., Sequence], builder: Builder) -> None:
+def _check_external(
+    options: tuple[TrajectoryOption, ...], source: str, opener: Callable[..., Sequence], builder: Builder
+) -> None:
     """InputError for a trajectory that does not fit the source: before anything is shown."""
     if is_device(source) or is_address(source):
         raise InputError("--beside needs a recording, and this source is live: record it first, and open that")

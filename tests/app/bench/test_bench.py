@@ -46,10 +46,10 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     sources = ["kitti-06", "kitti-00", "euroc"]
     arguments = ["--data", str(drive(tmp_path)), "--sources", *sources, "--runs", "2", "--no-blocks"]
     assert main(["bench", *arguments, "--json", str(written)]) == 0
-    told, report = capsys.readouterr().out, json.loads(written.read_text())
+    printed, report = capsys.readouterr().out, json.loads(written.read_text())
     for peer in PEERS["kitti-06", "stereo"]:
-        assert peer.name in told and peer.t_err_percent in told
-    assert told.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
+        assert peer.name in printed and peer.t_err_percent in printed
+    assert printed.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
     assert [r["method"] for r in report["rows"]] == ["monocular", "monocular.paper", "stereo", "stereo.paper"]
     for row in report["rows"]:
         found = row["found"]

@@ -22,8 +22,8 @@ def test_a_line_delay_that_is_left_out_is_reported(
         (tmp_path / f"{name}.yaml").write_text(rig_text(rig))
     convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
     assert main(convert) == 0
-    told = capsys.readouterr().err
-    assert told.startswith(
+    message = capsys.readouterr().err
+    assert message.startswith(
         f"--format {form} has no place for a rolling shutter: line_delay_s of left and right is left"
     )
     assert main([str(tmp_path / "still.yaml") if word.endswith("rolling.yaml") else word for word in convert]) == 0

@@ -71,18 +71,18 @@ def test_a_job_shows_images_points_and_the_result_and_keeps_it(tmp_path: Path) -
     with pytest.raises(InputError, match="at work"):
         job.start(CalibrationRequest("video", ("sim:calibration",), SPEC))
     job.wait(120)
-    said = shown(job.progress)
-    assert said["doing"] == "" and said["fault"] == "" and said["verdict"]["level"] in ("good", "usable")
-    (camera,) = said["cameras"]
+    message = shown(job.progress)
+    assert message["doing"] == "" and message["fault"] == "" and message["verdict"]["level"] in ("good", "usable")
+    (camera,) = message["cameras"]
     assert camera["name"] == "video" and len(camera["views"]) == 8 and len(camera["drawings"]) == 7
-    assert any("fx" in line for line in said["truth"])
+    assert any("fx" in line for line in message["truth"])
     seen = seen_in(job.progress, "video", 0)
     assert len(seen["used"]) > 20 and len(seen["used"][0]) == 4
     assert image_of(job.progress, "video", 0).shape == (VIDEO.height, VIDEO.width)
     with pytest.raises(InputError, match="no image 8"):
         image_of(job.progress, "video", 8)
     (kept,) = kept_in(tmp_path)
-    assert (kept.name, kept.level, kept.files) == (said["kept"], said["verdict"]["level"], (RIG, NUMBERS, REPORT))
+    assert (kept.name, kept.level, kept.files) == (message["kept"], message["verdict"]["level"], (RIG, NUMBERS, REPORT))
     assert SPEC in kept.what and set(files_of(tmp_path)) == {f"{kept.name}/{name}" for name in kept.files}
     assert read_rig(tmp_path / kept.name / RIG).video == job.progress.found.cameras[0].camera
     assert SPEC in (tmp_path / kept.name / NUMBERS).read_text()

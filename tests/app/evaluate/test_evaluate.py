@@ -159,8 +159,8 @@ def test_a_mistake_is_one_sentence(
 ) -> None:
     placed = [str(tmp_path / a) if "." in a else a for a in arguments]
     assert main(["evaluate", *placed]) == 2
-    told = capsys.readouterr().err
-    assert message in told and told.startswith("ispom: ") and told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed and printed.startswith("ispom: ") and printed.count("\n") == 1
 
 
 def test_files_of_different_times_have_nothing_to_compare(

@@ -24,7 +24,7 @@ def shown(lesson: Lesson, seed: int) -> list[tuple[Step, Revealed]]:
 
 
 def runs_of(step: Step, seed: int) -> dict[str, Ran]:
-    return {name: _ran(asked, step.to, seed) for name, asked in {OWN: step.own, **step.runs}.items()}
+    return {name: _ran(request, step.to, seed) for name, request in {OWN: step.own, **step.runs}.items()}
 
 
 def _ran(asked: RunRequest, to: int | None, seed: int) -> Ran:

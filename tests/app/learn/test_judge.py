@@ -59,6 +59,6 @@ def test_tracks_are_inspected_for_depth_motion_and_why_they_ended():
         status=np.array([TrackStatus.ALIVE, TrackStatus.RIGID, TrackStatus.OUT_OF_IMAGE]),
         disparity_px=np.array([2.0, 4.0, np.nan]),
     )
-    asked = {"depth_m > 20": [1, 0, 0], "moved_px > 3.5": [0, 0, 1], "disagrees": [0, 1, 0], "dropped": [0, 1, 1]}
-    for text, right in asked.items():
+    expected_of = {"depth_m > 20": [1, 0, 0], "moved_px > 3.5": [0, 0, 1], "disagrees": [0, 1, 0], "dropped": [0, 1, 1]}
+    for text, right in expected_of.items():
         assert right_tracks(tracks, rig, parse(f"track.{text}", TRACK)).tolist() == [bool(r) for r in right]

@@ -175,8 +175,8 @@ def image(value: int) -> pa.RecordBatch:
 
 
 def test_an_image_that_left_the_disk_is_missed_and_requested_and_all_else_stays(tmp_path):
-    asked: list[int] = []
-    found = tape.Tape(tmp_path, image_bytes=20_000, kinds=lambda: ("video",) * 100, request=asked.append)
+    requested: list[int] = []
+    found = tape.Tape(tmp_path, image_bytes=20_000, kinds=lambda: ("video",) * 100, request=requested.append)
     for i in range(100):
         found.put(i, "video/image", image(i))
         found.put(i, "video/tracks", columns_of("video/tracks", rr.Points2D([[i, i]])))
@@ -185,7 +185,7 @@ def test_an_image_that_left_the_disk_is_missed_and_requested_and_all_else_stays(
     assert scenes[0].missing and not scenes[-1].missing and 5 < sum(not s.missing for s in scenes) < 20
     assert scenes[0].versions.keys() == {("video/tracks", "Points2D")}, "no other frame's image"
     found.request(0)
-    assert asked == [0]
+    assert requested == [0]
     found.put(0, "video/image", image(0))
     assert not found.scene(0).missing
     found.close()

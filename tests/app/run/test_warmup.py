@@ -86,13 +86,13 @@ def test_what_is_not_needed_is_not_compiled() -> None:
 def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.wait(wait_s))
-    asked: list[tuple[str, ...]] = []
-    session = helpers.started(tmp_path, compiling=lambda methods, config: asked.append(methods))
+    started_methods: list[tuple[str, ...]] = []
+    session = helpers.started(tmp_path, compiling=lambda methods, config: started_methods.append(methods))
     try:
         helpers.wait_for(
             lambda: session.state.activity and warmup.MESSAGE in session.state.activity.text, "the message"
         )
-        assert len(asked) == 1 and not session.history
+        assert len(started_methods) == 1 and not session.history
         session.post(do.Play(False))
         helpers.wait_for(lambda: not session.state.playing, "a pause meanwhile")
         over.set()

@@ -54,7 +54,7 @@ def test_the_rerun_is_a_branch_that_is_drawn_with_its_prediction(session: Sessio
     opened = session.opened
     assert opened is not None
     assert opened.sequence.rig.baseline_m == pytest.approx(1.02 * 0.4)
-    assert [beside.name for beside in opened.external_trajectories] == ["predicted-stereo"]
+    assert [external.name for external in opened.external_trajectories] == ["predicted-stereo"]
     session.post(do.Seek(session.state.total - 1))
     wait_for(
         lambda: (
@@ -66,8 +66,8 @@ def test_the_rerun_is_a_branch_that_is_drawn_with_its_prediction(session: Sessio
     assert session.state[CalibrationEffect].effect is not None
     (outcome,) = session.state[CalibrationEffect].effect.outcomes
     assert outcome.agrees and outcome.ratio == pytest.approx(1, abs=0.3)
-    beside = opened.external_trajectories[0].of_truth
-    assert beside is not None and np.isfinite(beside.errors_m).any()
+    external = opened.external_trajectories[0].of_truth
+    assert external is not None and np.isfinite(external.errors_m).any()
 
 
 def test_while_the_rerun_is_shown_predictions_are_of_the_run_before_it(session: Session) -> None:

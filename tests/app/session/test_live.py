@@ -45,9 +45,9 @@ def test_a_run_of_a_stream_that_ends_is_complete(calibration: Path, tmp_path: Pa
         url = stream.url.replace("//", "//me:secret@")
         assert run(url, calibration, tmp_path / "out") == 0
     out = tmp_path / "out"
-    told = yaml.safe_load((out / "run.yaml").read_text())
-    assert told["exposures"] == {"video": N, "stereo": 0} and "ended by itself" in told["notes"][-1]
-    assert told["source"] == stream.url and not any(b"secret" in p.read_bytes() for p in out.glob("*.[yjct]*"))
+    run_file = yaml.safe_load((out / "run.yaml").read_text())
+    assert run_file["exposures"] == {"video": N, "stereo": 0} and "ended by itself" in run_file["notes"][-1]
+    assert run_file["source"] == stream.url and not any(b"secret" in p.read_bytes() for p in out.glob("*.[yjct]*"))
     assert len((out / "monocular.tum").read_text().splitlines()) == N and not (out / MARKER).exists()
 
 

@@ -36,8 +36,8 @@ def test_the_share_and_the_time_left_follow_the_exposures() -> None:
     one = half.after(row(0), 70.0)
     assert one.share == 0.25 and one.left_s == pytest.approx(60.0) and not one.under_way
     assert one.outcomes[0].value == 100 and one.outcomes[0].values == {"ate_m": 0.1}
-    beside = one.after({"at": [2, 1, 2]}, 80.0).after({"at": [1, 1, 2]}, 80.0)
-    assert beside.share == 0.5, "runs at the same time"
+    parallel = one.after({"at": [2, 1, 2]}, 80.0).after({"at": [1, 1, 2]}, 80.0)
+    assert parallel.share == 0.5, "runs at the same time"
 
 
 def test_too_soon_no_remaining_time_is_reported() -> None:

@@ -37,8 +37,8 @@ def walked(video_ns: list[int], pairs_ns: list[int]) -> tuple[IntegratedState, l
     estimator = IntegratedConfig().build(rig())
     given = sorted([*map(video, video_ns), *map(pair, pairs_ns)], key=lambda g: (g[0].time_ns, "video" in g[1]))
     state, steps = estimator.start(), []
-    for exposure, asked in given:
-        state, step = estimator.step(state, exposure, asked)
+    for exposure, inputs in given:
+        state, step = estimator.step(state, exposure, inputs)
         steps.append(step)
     return state, steps
 

@@ -135,34 +135,34 @@ def test_a_device_that_is_not_there(calibration: Path) -> None:
 def test_a_device_is_set_to_the_size_of_its_calibration(
     calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[object, ...]] = []
+    settings_of_device: list[tuple[object, ...]] = []
 
     class Device:
         """Stands in for cv2.VideoCapture of a device."""
 
         def __init__(self, *arguments: object) -> None:
             self.made = iter(images(4, 0))
-            asked.append(arguments)
+            settings_of_device.append(arguments)
 
         def isOpened(self) -> bool:
             return True
 
         def set(self, *values: object) -> None:
-            asked.append(values)
+            settings_of_device.append(values)
 
         def read(self) -> tuple[bool, Image | None]:
             image = next(self.made, None)
             return image is not None, image
 
         def release(self) -> None:
-            asked.append(("release",))
+            settings_of_device.append(("release",))
 
     device = tmp_path / "video0"
     device.touch()
     monkeypatch.setattr(cv2, "VideoCapture", Device)
     sequence = grown(open_sequence(f"camera:{device}", camera=calibration))
     size = [(cv2.CAP_PROP_FRAME_WIDTH, 96), (cv2.CAP_PROP_FRAME_HEIGHT, 64)]
-    assert asked == [(str(device), cv2.CAP_V4L2), *size, ("release",)] and len(sequence) == 4
+    assert settings_of_device == [(str(device), cv2.CAP_V4L2), *size, ("release",)] and len(sequence) == 4
 
 
 def test_another_kind_of_source_takes_no_calibration(calibration: Path) -> None:

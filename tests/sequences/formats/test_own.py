@@ -114,9 +114,11 @@ def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
 
 def test_times_that_are_hardly_seconds_are_reported(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
-    for apart, told in ((33.3, True), (0.0333, False)):
-        (folder / "times.txt").write_text("".join(f"{apart * i:.4f}\n" for i in range(6)))
-        assert any("33.3 s apart: are these times in seconds?" in n for n in open_sequence(str(folder)).notes) == told
+    for interval, reported in ((33.3, True), (0.0333, False)):
+        (folder / "times.txt").write_text("".join(f"{interval * i:.4f}\n" for i in range(6)))
+        assert (
+            any("33.3 s apart: are these times in seconds?" in n for n in open_sequence(str(folder)).notes) == reported
+        )
 
 
 def test_without_times_a_rate_is_assumed_and_reported(tmp_path: Path) -> None:
@@ -188,11 +190,11 @@ def test_pairs_of_folders_without_times_are_those_of_one_number(tmp_path: Path) 
     sequence = open_sequence(str(folder))
     pairs = [e for i in range(len(sequence)) if is_stereo(e := sequence[i])]
     complete = open_sequence(str(pair_folder(tmp_path / "complete", frames=8)))
-    told = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
+    pairs_by_time = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
     assert len(pairs) == 6 and any("1 of 7 left and 1 of 7 right" in note for note in sequence.notes)
     for pair in pairs:
-        np.testing.assert_array_equal(pair.left, told[pair.time_ns].left)
-        np.testing.assert_array_equal(pair.right, told[pair.time_ns].right)
+        np.testing.assert_array_equal(pair.left, pairs_by_time[pair.time_ns].left)
+        np.testing.assert_array_equal(pair.right, pairs_by_time[pair.time_ns].right)
 
 
 def test_pairs_of_folders_without_times_or_numbers_are_as_many_of_each(tmp_path: Path) -> None:

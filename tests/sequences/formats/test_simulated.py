@@ -33,8 +33,8 @@ def test_the_city_is_as_the_paper_requires(tmp_path: Path) -> None:
     assert (np.diff(times) > 0).all()
     assert (kinds == "video").sum() == 601
     assert (kinds == "stereo").sum() == 60
-    apart = times[kinds == "stereo"][:, None] - times[kinds == "video"][None]
-    assert np.abs(apart).min() > 5_000_000
+    offsets_ns = times[kinds == "stereo"][:, None] - times[kinds == "video"][None]
+    assert np.abs(offsets_ns).min() > 5_000_000
     assert np.array_equal(sequence.truth.times_ns, times)
     assert sequence.truth.frame == "rig"
 

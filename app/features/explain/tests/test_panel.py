@@ -47,8 +47,8 @@ def server() -> Iterator[viser.ViserServer]:
 
 @pytest.fixture
 def panel(server: viser.ViserServer, run: CurrentRun) -> ExplainPanel:
-    asked: list[do.Command] = []
-    session: Any = SimpleNamespace(run=run, post=asked.append, asked=asked)
+    commands: list[do.Command] = []
+    session: Any = SimpleNamespace(run=run, post=commands.append, asked=commands)
     return ExplainPanel(server.gui, session)
 
 

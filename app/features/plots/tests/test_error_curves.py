@@ -19,7 +19,7 @@ from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.app.helpers import with_values
-from tests.app.run.beside.made import beside, elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, external, written
 
 SEQUENCE = doubles.sequence(20)
 OWN = ["Monocular (Sim(3))", "Integrated (SE(3))"]
@@ -30,7 +30,7 @@ OWN = ["Monocular (Sim(3))", "Integrated (SE(3))"]
 def run(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
     path = written(tmp_path_factory.mktemp("beside") / "a.tum", elsewhere(SEQUENCE, unit_m=0.9))
     found = CurrentRun(
-        Playback(SEQUENCE, METHODS, builder=helpers.build, external_trajectories=(beside(SEQUENCE, path),)), 10**8
+        Playback(SEQUENCE, METHODS, builder=helpers.build, external_trajectories=(external(SEQUENCE, path),)), 10**8
     )
     while not found.playback.done:
         found.step()

@@ -72,16 +72,16 @@ def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bo
 
 
 def test_a_step_is_compared_with_the_usual_one() -> None:
-    row, told = NO_ROW, []
+    row, changes = NO_ROW, []
     for i, x in enumerate([0.0, 1.0, 2.0, 4.0, 4.0, 5.0]):
         row = at(row, i, x, turn_deg=10.0 * x)
-        told.append([row["monocular"][key] for key in MOTION])
-    assert told[0] == [None, None, None]
-    assert told[1] == [1.0, pytest.approx(10.0), None]
-    assert told[2] == [1.0, pytest.approx(10.0), 1.0]
-    assert told[3] == [2.0, pytest.approx(20.0), 1.0]
-    assert told[5][2] == told[4][2], "a step that does not move changes nothing"
-    assert told[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
+        changes.append([row["monocular"][key] for key in MOTION])
+    assert changes[0] == [None, None, None]
+    assert changes[1] == [1.0, pytest.approx(10.0), None]
+    assert changes[2] == [1.0, pytest.approx(10.0), 1.0]
+    assert changes[3] == [2.0, pytest.approx(20.0), 1.0]
+    assert changes[5][2] == changes[4][2], "a step that does not move changes nothing"
+    assert changes[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
 
 
 def test_no_step_goes_over_a_gap_or_into_a_new_world() -> None:

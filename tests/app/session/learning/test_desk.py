@@ -121,11 +121,11 @@ def test_a_text_that_says_otherwise_than_the_run_is_noticed(session: Session):
 
 def test_the_right_tracks_are_those_of_the_picture_for_which_the_condition_holds(session: Session):
     session.post(Learn("stand-ins", 2))
-    asked = at(session, 2, "asking")
-    assert asked.pictured is not None and asked.pictured[0] == 8
+    learning = at(session, 2, "asking")
+    assert learning.pictured is not None and learning.pictured[0] == 8
     session.post(Reveal())
     found = at(session, 2, "revealed").revealed
-    tracks = asked.pictured[1]
+    tracks = learning.pictured[1]
     assert found is not None and found.right == set(tracks.ids[tracks.status >= 2].tolist())
 
 

@@ -13,7 +13,7 @@ from ispom_app.views.rerun.recorder import Recorder
 from ispom.types import Trajectory
 from tests import doubles
 from tests.app import helpers
-from tests.app.run.beside.made import beside, elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, external, written
 
 SEQUENCE = doubles.sequence(60)
 TRUTH = truth_from_start(SEQUENCE) or Trajectory.empty()
@@ -25,7 +25,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory):
     rr.set_strict_mode(True)
     half = elsewhere(SEQUENCE).select(np.arange(40))
     path: Path = written(tmp_path_factory.mktemp("beside") / "a.tum", half)
-    playback = Playback(SEQUENCE, ("stereo",), builder=helpers.build, external_trajectories=(beside(SEQUENCE, path),))
+    playback = Playback(SEQUENCE, ("stereo",), builder=helpers.build, external_trajectories=(external(SEQUENCE, path),))
     recorder = Recorder(playback.opened)
     found: dict[str, list[tuple[int, object]]] = {}
     batches = [recorder.opening()]

@@ -20,7 +20,7 @@ PAPER = "integrated.paper"
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     folder = tmp_path_factory.mktemp("beside")
-    found = launched([sys.executable, "-m", "tests.app.page.serve_beside", str(folder), "0"], folder)
+    found = launched([sys.executable, "-m", "tests.app.page.serve_external_trajectories", str(folder), "0"], folder)
     yield found
     found.process.kill()
     found.process.wait()
