@@ -115,7 +115,7 @@ class Ended:
     def __init__(self, rows: int) -> None:
         self.rows = rows
 
-    def told(self) -> list[dict]:
+    def take_messages(self) -> list[dict]:
         return [{"row": i, "folder": str(i), "failure": None, "values": None, "ms": None} for i in range(self.rows)]
 
     def cancel(self) -> None: ...
