@@ -120,9 +120,9 @@ def __getattr__(name: str) -> Any:
     """A public name, whose module is imported when it is first used: `import ispom` alone takes no time."""
     if name not in _HOME_OF:
         raise AttributeError(f"module 'ispom' has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[name]), name)
-    globals()[name] = found
-    return found
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -13,7 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import BinaryIO
+from typing import IO, BinaryIO
 
 PYTHON = (sys.executable, "-P")
 """How each child is started. Without -P, `-m` and `-c` import from the working directory first: a stranger's folder."""
@@ -30,11 +30,13 @@ class Child:
         env = {**os.environ, **(environment or {})}
         # In a process group of its own: a terminal sends Ctrl-C to the whole group of the one that started it.
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env, process_group=0)
-        self.requests: BinaryIO = self._process.stdin  # type: ignore[assignment]
-        self.answers: BinaryIO = self._process.stdout  # type: ignore[assignment]
-        self._errors: BinaryIO = self._process.stderr  # type: ignore[assignment]
-        self._kept = b""
-        self._listener = threading.Thread(target=self._listen, name="child-stderr", daemon=True)
+        stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
+        if stdin is None or stdout is None or stderr is None:
+            raise OSError(f"{command[0]} was started without pipes")
+        self.requests: BinaryIO = stdin  # type: ignore[assignment]
+        self.answers: BinaryIO = stdout  # type: ignore[assignment]
+        self._error_tail = b""
+        self._listener = threading.Thread(target=self._listen, args=(stderr,), name="child-stderr", daemon=True)
         self._listener.start()
 
     @property
@@ -70,7 +72,7 @@ class Child:
         """The end of what it wrote on standard error, at most KEPT_BYTES."""
         if not self.running:
             self._listener.join(1.0)  # a grandchild may hold the pipe open
-        return self._kept.decode(errors="replace").strip()
+        return self._error_tail.decode(errors="replace").strip()
 
     def ending(self) -> str:
         """How it ended, and its last line: the rest of a sentence that begins with what it was for. Waits for that."""
@@ -84,10 +86,10 @@ class Child:
         lines = self.last_words().splitlines()
         return f" ({lines[-1].strip()})" if lines else ""
 
-    def _listen(self) -> None:
-        with self._errors as errors:
+    def _listen(self, stderr: IO[bytes]) -> None:
+        with stderr as errors:
             while some := os.read(errors.fileno(), KEPT_BYTES):
-                self._kept = (self._kept + some)[-KEPT_BYTES:]
+                self._error_tail = (self._error_tail + some)[-KEPT_BYTES:]
 
 
 def end_with_parent(last: Callable[[], None] = lambda: None) -> None:

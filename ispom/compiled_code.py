@@ -85,12 +85,12 @@ def kept() -> int:
 def _version() -> str:
     """A digest of all files that use kernels and their place, numba, Python, and the processor."""
     made_for = [__file__, numba.__version__, platform.python_version(), llvm.get_host_cpu_name()]
-    found = hashlib.blake2b(repr(made_for).encode(), digest_size=12)
+    hashed = hashlib.blake2b(repr(made_for).encode(), digest_size=12)
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         content = path.read_bytes()
         if USES_KERNELS in content or path.name == "kernels.py":
-            found.update(content)
-    return found.hexdigest()
+            hashed.update(content)
+    return hashed.hexdigest()
 
 
 def _digest(path: Path) -> str:

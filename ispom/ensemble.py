@@ -8,33 +8,33 @@ from typing import Any
 
 from ispom.blas import one_thread
 from ispom.estimator import Method
-from ispom.methods import Config, in_order, method, require_sensors, with_asked
+from ispom.methods import Config, in_order, method, require_sensors, with_dependencies
 from ispom.settings import check
 from ispom.types import Measurement, Rig, Step, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A method at work."""
+    """A method and its estimator."""
 
     method: Method
     estimator: Any
-    """An Estimator; of a method that asks others an Integrator."""
+    """An Estimator; an Integrator of a method that depends on others."""
 
-    def asked(self, found: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-        """The argument that its estimator takes besides: what the methods that it asks gave, by role."""
+    def inputs(self, results: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+        """The last argument of its estimator: results of the methods that it depends on, by role. Empty without any."""
         asks = self.method.asks
-        return ({role: found[name] for role, name in asks.items() if name in found},) if asks else ()
+        return ({role: results[name] for role, name in asks.items() if name in results},) if asks else ()
 
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """The wanted methods and those that they ask. Its state maps each method's name to its State."""
+    """The chosen methods and their dependencies. Its state maps each method's name to its State."""
 
     methods: tuple[str, ...]
-    """The wanted ones, in the order of the registry."""
+    """The chosen ones, in the order of the registry."""
     members: Mapping[str, Member]
-    """All that run, each after those that it asks."""
+    """All that run, each after its dependencies."""
 
     def start(self) -> dict[str, Any]:
         return {name: member.estimator.start() for name, member in self.members.items()}
@@ -44,24 +44,24 @@ class Ensemble:
         return {name: state.get(name, start) for name, start in self.start().items()}
 
     def step(self, state: Mapping[str, Any], measurement: Measurement) -> tuple[dict[str, Any], tuple[Step, ...]]:
-        """The next state, and one Step of each wanted method that uses this measurement, in the order of `methods`."""
+        """The next state, and one Step of each chosen method that uses this measurement, in the order of `methods`."""
         after, steps = dict(state), dict[str, Step]()
         for name, member in self.members.items():
             if member.method.uses(measurement):
-                after[name], step = member.estimator.step(after[name], measurement, *member.asked(steps))
+                after[name], step = member.estimator.step(after[name], measurement, *member.inputs(steps))
                 steps[name] = replace(step, method=name)
         return after, tuple(steps[name] for name in self.methods if name in steps)
 
     def finish(self, state: Mapping[str, Any]) -> dict[str, Trajectory]:
-        """The trajectory of each wanted method."""
-        found: dict[str, Trajectory] = {}
+        """Returns the trajectory of each chosen method."""
+        trajectories: dict[str, Trajectory] = {}
         for name, member in self.members.items():
-            found[name] = member.estimator.finish(state[name], *member.asked(found))
-        return {name: found[name] for name in self.methods}
+            trajectories[name] = member.estimator.finish(state[name], *member.inputs(trajectories))
+        return {name: trajectories[name] for name in self.methods}
 
 
 def run(ensemble: Ensemble, measurements: Iterable[Measurement]) -> Iterator[tuple[Step, ...]]:
-    """Steps of each measurement. Pull-based: pausing is not asking for the next."""
+    """Yields the Steps of each measurement. It is pulled: not taking the next one pauses the run."""
     state = ensemble.start()
     for measurement in measurements:
         state, steps = ensemble.step(state, measurement)
@@ -69,13 +69,13 @@ def run(ensemble: Ensemble, measurements: Iterable[Measurement]) -> Iterator[tup
 
 
 def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
-    """The wanted methods for this rig; InputError where a camera is missing or a setting is out of its range.
+    """Builds the methods for this rig. Raises InputError where a sensor is missing or a setting is out of its range.
 
     Results do not depend on the number of threads: OpenCV's never do, BLAS is held to one.
     """
     one_thread()
-    wanted = in_order(methods)
-    require_sensors(wanted, rig)
+    chosen = in_order(methods)
+    require_sensors(chosen, rig)
     for name, settings in config.given.items():
         check(settings, f"{name}.")
-    return Ensemble(wanted, {n: Member(method(n), config.of(n).build(rig)) for n in with_asked(wanted)})
+    return Ensemble(chosen, {n: Member(method(n), config.of(n).build(rig)) for n in with_dependencies(chosen)})

@@ -98,8 +98,8 @@ def require_frame(measurement: Measurement, kinds: frozenset[Kind], last_ns: int
     Raises InputError where it is of none of the `kinds`, or not later than the last frame of its kind.
     """
     if not isinstance(measurement, Frame) or measurement.kind not in kinds:
-        wanted = " or ".join(f"{kind} frames" for kind in sorted(kinds))
-        raise InputError(f"this method steps on {wanted}, not on a measurement of the kind {measurement.kind!r}")
+        expected = " or ".join(f"{kind} frames" for kind in sorted(kinds))
+        raise InputError(f"this method steps on {expected}, not on a measurement of the kind {measurement.kind!r}")
     if last_ns is not None and measurement.time_ns <= last_ns:
         raise InputError(
             f"a {measurement.kind} frame at {measurement.time_ns} ns is not later than the one before it, at "

@@ -28,9 +28,9 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     keep = bool(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
 
     def compiled(function: Callable[..., Any]) -> Any:
-        found = numba.njit(**{"error_model": "numpy", "cache": keep} | options)(function)
-        _kernels.append(found)
-        return found
+        kernel_function = numba.njit(**{"error_model": "numpy", "cache": keep} | options)(function)
+        _kernels.append(kernel_function)
+        return kernel_function
 
     return compiled
 
@@ -51,9 +51,9 @@ def read_only(values: NDArray) -> NDArray:
     Numba compiles a kernel once more for arrays that are not contiguous, and for those that may not be written to: the
     images of a recording may not, and the first run over it would wait.
     """
-    found = np.ascontiguousarray(values).view()
-    found.flags.writeable = False
-    return found
+    view = np.ascontiguousarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def kernels() -> tuple[Any, ...]:

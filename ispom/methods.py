@@ -105,24 +105,24 @@ REGISTRY = Registry(
 registry, names, method, add = REGISTRY.items, REGISTRY.names, REGISTRY.get, REGISTRY.add
 
 
-def in_order(wanted: Iterable[str]) -> tuple[str, ...]:
-    """These names, each once, as the registry orders them; InputError for one that it lacks."""
-    chosen = {method(name).name for name in wanted}
+def in_order(method_names: Iterable[str]) -> tuple[str, ...]:
+    """Returns these names, each once, in the order of the registry. Raises InputError for one that it lacks."""
+    chosen = {method(name).name for name in method_names}
     return tuple(name for name in names() if name in chosen)
 
 
-def with_asked(wanted: Iterable[str]) -> tuple[str, ...]:
-    """These and all that they ask, each after those that it asks."""
-    found: dict[str, None] = {}
+def with_dependencies(method_names: Iterable[str]) -> tuple[str, ...]:
+    """Returns these methods and all that they depend on, each after its dependencies."""
+    ordered: dict[str, None] = {}
 
     def add(name: str) -> None:
         for other in method(name).asks.values():
             add(other)
-        found.setdefault(name)
+        ordered.setdefault(name)
 
-    for name in wanted:
+    for name in method_names:
         add(name)
-    return tuple(found)
+    return tuple(ordered)
 
 
 def possible_methods(rig: Rig) -> tuple[str, ...]:
@@ -130,9 +130,9 @@ def possible_methods(rig: Rig) -> tuple[str, ...]:
     return tuple(name for name, m in registry().items() if m.possible(rig))
 
 
-def require_sensors(wanted: Iterable[str], rig: Rig) -> None:
+def require_sensors(method_names: Iterable[str], rig: Rig) -> None:
     """Raises InputError where the rig lacks a sensor that one of the methods requires."""
-    for name in wanted:
+    for name in method_names:
         if missing := [SENSORS.get(kind, f"a sensor {kind}") for kind in method(name).missing(rig)]:
             need = " and ".join(missing)
             raise InputError(f"{name} needs {need}, which this sequence lacks: choose other --methods")
@@ -142,8 +142,8 @@ def default_methods(rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
     """The possible ones of a variant: what runs where nobody says which."""
     built_in = {m.name for m in BUILT_IN}
     of_paper = {name for name in built_in if name.endswith(".paper")}
-    wanted = of_paper if variant == "paper" else built_in - of_paper
-    return tuple(name for name in possible_methods(rig) if name in wanted)
+    of_variant = of_paper if variant == "paper" else built_in - of_paper
+    return tuple(name for name in possible_methods(rig) if name in of_variant)
 
 
 @dataclass(frozen=True)

@@ -37,18 +37,18 @@ class PersistentList(Generic[T]):
 
     def extended(self, items: Iterable[T]) -> PersistentList[T]:
         """With more items, in their order."""
-        found = self
+        longer = self
         for item in items:
-            found = found.appended(item)
-        return found
+            longer = longer.appended(item)
+        return longer
 
     def part(self, start: int, stop: int) -> list[T]:
         """The items from `start` on before `stop`, in time for those and the nesting; fewer where there are no more."""
-        found, begin = list[T](), 0
+        items, begin = list[T](), 0
         for k, level in reversed(list(enumerate(self.levels))):
-            found += _part(level, k, start - begin, stop - begin)
+            items += _part(level, k, start - begin, stop - begin)
             begin += len(level) * WIDTH**k
-        return found
+        return items
 
     def __len__(self) -> int:
         return sum(len(level) * WIDTH**k for k, level in enumerate(self.levels))

@@ -76,7 +76,7 @@ class Registry(Generic[Item]):
         self._items = None
 
     def _load(self) -> tuple[Mapping[str, Item], tuple[str, ...]]:
-        found, skipped = {item.name: item for item in self.built_in}, []
+        items, skipped = {item.name: item for item in self.built_in}, []
         for entry in sorted(entry_points(group=self.group), key=lambda e: e.name):
             try:
                 loaded = entry.load()
@@ -85,12 +85,12 @@ class Registry(Generic[Item]):
                 why = f"fails with {type(fault).__name__}: {fault}"
                 skipped.append(f"{self.word} {entry.name!r} skipped: {entry.value} {why}")
                 continue
-            if not isinstance(item, self._kind) or item.name in found:
+            if not isinstance(item, self._kind) or item.name in items:
                 skipped.append(f"{self.word} {entry.name!r} skipped: {entry.value} gives no {self.word} of a new name")
                 continue
-            found[item.name] = item
-        found |= {item.name: item for item in self._added}
-        return MappingProxyType(found), tuple(skipped)
+            items[item.name] = item
+        items |= {item.name: item for item in self._added}
+        return MappingProxyType(items), tuple(skipped)
 
 
 def faults() -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a config dataclass says about its fields: ranges, read by checks, command line and GUI alike."""
+"""What a config dataclass says about its fields: ranges, read by checks, command line and GUI."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ class Setting:
 @cache
 def settings(config: type) -> tuple[Setting, ...]:
     """The fields of a config dataclass, in order, with their ranges and the docstrings below them."""
-    docs, hints, found = _field_docs(config), get_type_hints(config, include_extras=True), []
+    docs, hints, result = _field_docs(config), get_type_hints(config, include_extras=True), []
     for f in fields(config):
         kind, limits = hints[f.name], None
         if get_origin(kind) is Annotated:
             kind, *extras = get_args(kind)
             limits = next((e for e in extras if isinstance(e, Range)), None)
             kind = next((Literal[e.names()] for e in extras if isinstance(e, Choices)), kind)
-        found.append(Setting(f.name, kind, limits, docs.get(f.name, "")))
-    return tuple(found)
+        result.append(Setting(f.name, kind, limits, docs.get(f.name, "")))
+    return tuple(result)
 
 
 def check(config: Any, where: str) -> None:

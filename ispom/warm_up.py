@@ -42,7 +42,7 @@ def flight(rig: Rig) -> list[Measurement]:
     """Video and, a little later than every few of its frames, stereo: forward past balls at 2 to 20 m, in a bend."""
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-8, -6, 2), (8, 6, 20 + SPEED_M_PER_FRAME * VIDEO_FRAMES), (BALLS, 3))
-    grey, found = rng.integers(40, 255, BALLS), list[Measurement]()
+    grey, measurements = rng.integers(40, 255, BALLS), list[Measurement]()
 
     def seen(name: FrameName, frame: float) -> Image:
         world_from_rig = Pose.from_rotvec(
@@ -53,14 +53,14 @@ def flight(rig: Rig) -> list[Measurement]:
 
     for i in range(VIDEO_FRAMES):
         time_ns = i * 33_000_000
-        found.append(Frame.video(time_ns, seen("video", i)))
+        measurements.append(Frame.video(time_ns, seen("video", i)))
         if i % STEREO_EVERY == 0:
-            found.append(Frame.stereo(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
-    return found
+            measurements.append(Frame.stereo(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
+    return measurements
 
 
 def flight_rig() -> Rig:
-    """320 x 240 pixels: a pair of 0.3 m, and a video camera beside it whose lens distorts."""
+    """320 x 240 pixels: a pair of 0.3 m, and a video camera next to it whose lens distorts."""
     pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
     video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
     offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))

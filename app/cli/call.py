@@ -1,4 +1,4 @@
-"""What a command gets besides its options."""
+"""The arguments of a command other than its options."""
 
 from __future__ import annotations
 

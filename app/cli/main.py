@@ -28,8 +28,8 @@ MISUSE, BROKEN_PIPE = 2, 141
 
 
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
-    """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user, told in
-    one sentence."""
+    """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user,
+    reported in one sentence."""
     description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
     description += " --version prints which version this is."
     arguments = list(sys.argv[1:] if arguments is None else arguments) or ["app"]

@@ -13,7 +13,7 @@ from ispom.geometry import Similarity
 from ispom.methods import Config
 from ispom.types import Frame, Measurement, Sequence, Step, Trajectory
 
-from .external_trajectories.placed import Beside
+from .external_trajectories.placed import ExternalTrajectory
 from .run_folder.made_map import MadeMap
 
 
@@ -27,8 +27,8 @@ class Opened:
     truth: Trajectory | None
     """world_from_rig, moved so that it starts at the pose where the estimates start."""
     recording_id: str = field(default_factory=lambda: uuid4().hex)
-    """Of this run, in all that is recorded of it: by it a viewer tells runs apart."""
-    beside: tuple[Beside, ...] = ()
+    """The run's id in all of its recordings: a viewer distinguishes runs by it."""
+    external_trajectories: tuple[ExternalTrajectory, ...] = ()
     """Trajectories of other programs over the same sequence."""
     map: MadeMap | None = None
     """What `ispom map` made of this run, where it is over."""

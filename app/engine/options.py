@@ -55,7 +55,7 @@ class Programs:
 
     external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
-    examples/external_program/README.md; can be given several times. It steps on video where nothing is said."""
+    examples/external_program/README.md; can be given several times. It steps on video by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +71,10 @@ class SourceOptions:
     max_exposures: int | None = None
     """Use only the first N frames."""
     camera: Path | None = None
-    """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file beside them."""
+    """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
-        """The sequence of a source, shaped by these options, with the camera that its images tell where it has no
+        """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
         calibration; InputError where that cannot be, or may not."""
         return self_calibrated(self.opened(source, policy))
 
@@ -97,7 +97,7 @@ class Options(SourceOptions, Programs):
     """What every command takes."""
 
     methods: tuple[Name, ...] = ()
-    """Methods to run, any beside each other; none given means all of --variant that the source has the cameras for."""
+    """Methods to run, in any combination; none means all of --variant that the source has the cameras for."""
     variant: Variant | None = None
     """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
     first launch the app uses paper until compilation finishes."""

@@ -1,4 +1,4 @@
-"""One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here.
+"""One run of some methods over one sequence, as events. Headless runs and the app both pull from here.
 
 A run may have been forked from others: then it begins with what those did up to the frames where they were left.
 """
@@ -21,11 +21,11 @@ from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
-from .external_trajectories.placed import Beside
+from .external_trajectories.placed import ExternalTrajectory
 from .model.placing import Placing
 
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
-"""Makes the estimators of the asked methods; InputError as `ispom.ensemble.build`."""
+"""Makes the estimators of some methods. Raises InputError as `ispom.ensemble.build`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +61,13 @@ class Playback:
     builder: Builder = build
     earlier: tuple[Stage, ...] = ()
     """What ran from the start up to the fork that this run began with, oldest first."""
-    beside: tuple[Beside, ...] = ()
+    external_trajectories: tuple[ExternalTrajectory, ...] = ()
     """Trajectories of other programs over the same sequence."""
 
     def __post_init__(self) -> None:
         begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first frame shares none
         self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
-        # The last one first: a mistake in what was asked is found before anything runs.
+        # The last one first: a mistake in the options is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.ensemble: Ensemble = self._build(self._stages[0])
         self.truth = truth_from_start(self.sequence)
@@ -96,7 +96,7 @@ class Playback:
         earlier = [stage for stage in self._stages[:-1] if stage.until < at]
         here = next(stage for stage in self._stages if stage.until >= at)
         stages = (*earlier, Stage(at, here.methods, here.config)) if at else ()
-        found = Playback(self.sequence, methods, config, self.builder, stages, self.beside)
+        found = Playback(self.sequence, methods, config, self.builder, stages, self.external_trajectories)
         if snapshot is not None:
             found._resume(snapshot)
         return found
@@ -126,7 +126,9 @@ class Playback:
 
     @property
     def opened(self) -> Opened:
-        return Opened(self.sequence, self.methods, self.config, self.truth, beside=self.beside)
+        return Opened(
+            self.sequence, self.methods, self.config, self.truth, external_trajectories=self.external_trajectories
+        )
 
     @property
     def done(self) -> bool:
@@ -150,7 +152,7 @@ class Playback:
         self.sequence = replace(self.sequence.truncated(self.position), grow=None)
 
     def unit_m(self, method: str) -> float | None:
-        """The unit of a method's own world [m]; None where nothing tells it."""
+        """The unit of a method's own world [m]; None where it is not known."""
         if method in self._placing:
             return None
         return self._placements[method].scale if method in self._placements else 1.0
@@ -221,7 +223,9 @@ def truth_from_start(sequence: Sequence) -> Trajectory | None:
     """The truth, with the rig at the first stereo frame (without stereo: the first frame) as its world."""
     if sequence.truth is None or not len(sequence.truth):
         return None
-    wanted = "stereo" if sequence.rig.has_stereo else "video"
-    first = next((int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == wanted), None)
+    first_kind = "stereo" if sequence.rig.has_stereo else "video"
+    first = next(
+        (int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == first_kind), None
+    )
     start = sequence.truth.at(first) if first is not None else None
     return sequence.truth.moved(left=(start or sequence.truth.pose(0)).inverse())

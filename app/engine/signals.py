@@ -31,7 +31,7 @@ class Signals:
     def __init__(self) -> None:
         self._first: BaseException | None = None
         self._since_s = -math.inf
-        self._held = self._taken = False
+        self._closing = self._taken = False
         self._source_stop: Callable[[], None] | None = None
 
     @contextmanager
@@ -55,12 +55,12 @@ class Signals:
 
     def check_unheld(self) -> None:
         """The same, but nothing after `hold`."""
-        if not self._held:
+        if not self._closing:
             self.check()
 
     def hold(self) -> None:
         """From here on a first signal is raised by `check` only: files are being closed."""
-        self._held = True
+        self._closing = True
 
     def overdue(self) -> bool:
         """Whether a signal came longer ago than a disk is waited for."""

@@ -125,8 +125,10 @@ def _lost(made: _Made) -> Verdict:
 def _initialising(made: _Made) -> Verdict:
     decisive = made.last("map", passed=False) or next((d for d in reversed(made.failed) if d.failed), None)
     if decisive is None:
-        asked = [colours.label(name) for name in registered(made.step.method).asks.values()]
-        headline, detail = ("No pose yet", f"waiting for {' and '.join(asked)}") if asked else ("No map yet", FIRST)
+        dependencies = [colours.label(name) for name in registered(made.step.method).asks.values()]
+        headline, detail = (
+            ("No pose yet", f"waiting for {' and '.join(dependencies)}") if dependencies else ("No map yet", FIRST)
+        )
         return made.verdict(Severity.PROVISIONAL, headline, detail)
     headline, detail = made.words(decisive, "No map yet")
     return made.verdict(Severity.PROVISIONAL, headline, detail, decisive)

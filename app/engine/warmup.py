@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from ispom import compiled_code
 from ispom.child import PYTHON, Child
 from ispom.kernels import kernels
-from ispom.methods import BUILT_IN, Config, Variant, with_asked
+from ispom.methods import BUILT_IN, Config, Variant, with_dependencies
 
 log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators (first start only)"
@@ -27,7 +27,7 @@ _failures: list[str] = []
 
 def needed(methods: Iterable[str], config: Config) -> bool:
     """Whether these methods run compiled code of this package."""
-    return any(name in COMPILED or _adjusts(name, config) for name in with_asked(methods))
+    return any(name in COMPILED or _adjusts(name, config) for name in with_dependencies(methods))
 
 
 def _adjusts(name: str, config: Config) -> bool:

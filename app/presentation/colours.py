@@ -30,7 +30,7 @@ OTHERS: tuple[Rgb, ...] = (
     (80, 125, 160),
 )
 """Of methods of other packages, in turn; with more of them than these, some share one."""
-BESIDE: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
+EXTERNAL_COLOURS: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
 """Of trajectories of other programs, in turn."""
 PROVISIONAL: Rgb = (150, 150, 150)
 """Of a camera whose pose waits for the first fit of an integration."""
@@ -77,9 +77,9 @@ def of(method: str) -> Rgb:
     return OTHERS[others.index(method) % len(OTHERS)] if method in others else OTHERS[0]
 
 
-def beside(number: int) -> Rgb:
+def colour_of_external(number: int) -> Rgb:
     """The colour of the trajectory of another program, by its place among those given."""
-    return BESIDE[number % len(BESIDE)]
+    return EXTERNAL_COLOURS[number % len(EXTERNAL_COLOURS)]
 
 
 def label(method: str) -> str:

@@ -19,12 +19,12 @@ class Answer:
     question: str
     """Empty for checks that stand for themselves."""
     text: str
-    """What came out, in a few words; empty where nothing was asked."""
+    """The outcome in a few words; empty where there is no question."""
     checks: tuple[Decision, ...]
 
 
 def answers(decisions: Iterable[Decision]) -> list[Answer]:
-    """In the order in which the questions were asked."""
+    """In the order of the decisions."""
     groups: dict[str, list[Decision]] = {}
     for decision in decisions:
         groups.setdefault(decision.question, []).append(decision)
@@ -47,11 +47,11 @@ def sentence(decision: Decision, check: Check | None) -> str:
     text = "" if check is None else check.passes if decision.passed else check.fails or check.passes
     if text:
         value, threshold, margin = map(_InWords, (decision.value, decision.threshold, decision.margin))
-        said = text.format(value=value, threshold=threshold, margin=margin)
+        outcome = text.format(value=value, threshold=threshold, margin=margin)
     else:
         unit = f" {decision.unit}" if decision.unit else ""
-        said = f"{decision.name[:1].upper()}{decision.name[1:]}: {number(decision.value)}{unit} ({limit(decision)})."
-    return f"{said.removesuffix('.')}; {decision.consequence}." if decision.consequence else said
+        outcome = f"{decision.name[:1].upper()}{decision.name[1:]}: {number(decision.value)}{unit} ({limit(decision)})."
+    return f"{outcome.removesuffix('.')}; {decision.consequence}." if decision.consequence else outcome
 
 
 def limit(decision: Decision) -> str:

@@ -36,7 +36,7 @@ class Ellipsoid:
 def ellipsoid(world_from_frame: Pose, covariance: Array) -> Ellipsoid | None:
     """Of the (6, 6) covariance of the twist (rho, phi) on the right of the pose; None where that is not finite.
 
-    To first order the position moves by R rho: the twist is told along the axes of the frame.
+    To first order the position moves by R rho: the twist is given along the axes of the frame.
     """
     if not np.isfinite(covariance).all():
         return None

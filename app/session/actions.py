@@ -1,4 +1,4 @@
-"""What a key, an entry of the command palette, and a line of the list of keys stand for: said once for all three."""
+"""What a key, an entry of the command palette, and a line of the list of keys stand for: defined once for all three."""
 
 from __future__ import annotations
 

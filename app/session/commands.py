@@ -142,7 +142,7 @@ class Open(Command, frozen=True):
 
     source: str
     options: SourceOptions | None = None
-    """None: as the command line said."""
+    """None: as in the command line."""
 
     def execute(self, session: Controller) -> None:
         if session.open(self.source, self.options):

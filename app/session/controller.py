@@ -266,11 +266,11 @@ class Controller:
         """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
         counted only if asked for."""
         lost = [each for service in self._services.values() for each in service.loss()]
-        kept = any(service.keeps_run for service in self._services.values())
+        keeps_run = any(service.keeps_run for service in self._services.values())
         if (
             live
             and self.state.computed
-            and not kept
+            and not keeps_run
             and (is_device(self.state.source) or is_address(self.state.source))
         ):
             lost.append(f"the live run of {self.state.source}")

@@ -13,7 +13,7 @@ from ispom.types import Trajectory
 from ..engine.differences.compare import divergences, record_rows
 from ..engine.events import Finished, Opened, Stepped
 from ..engine.history.checkpoints import Checkpoint, Checkpoints
-from ..engine.history.history import Held, History, Past
+from ..engine.history.history import History, HistoryUsage, Past
 from ..engine.history.record import ExposureRecord
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel, Tally
@@ -97,7 +97,7 @@ class CurrentRun:
         return fork
 
     def require_source(self) -> None:
-        """InputError where nothing can be computed anew."""
+        """Raises InputError where nothing can be computed again."""
         if self.stored is not None and self.stored.unavailable:
             raise InputError(self.stored.unavailable)
 
@@ -137,7 +137,7 @@ class CurrentRun:
         )
 
     def step(self) -> tuple[Stepped, ExposureRecord]:
-        """Computes the next frame and keeps what was said of it. InputError as `Playback.step`."""
+        """Computes the next frame and stores its results. Raises InputError as `Playback.step`."""
         self.checkpoints.offer(self.playback.position, self._checkpoint)
         event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
@@ -150,10 +150,10 @@ class CurrentRun:
         return event, record
 
     @property
-    def held(self) -> Held:
-        """How much of it there is still."""
+    def history_usage(self) -> HistoryUsage:
+        """Memory and states of the run."""
         history, states = self.history, self.checkpoints
-        return Held(
+        return HistoryUsage(
             in_memory=history.in_memory,
             exposures_bytes=history.used_bytes,
             points_from=history.kept_points,

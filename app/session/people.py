@@ -90,7 +90,7 @@ class People:
         return able[0] if len(able) == 1 else None
 
     def refusal(self, person: Person) -> str:
-        """What somebody is told whose command would change what others see."""
+        """The notice to somebody whose command would change what others see."""
         driver = self._at_the_wheel
         who = "Nobody" if driver is None else f"Person {self._numbers[driver.key]}"
         cure = "; take over to change it" if person.may_drive else ""

@@ -27,7 +27,7 @@ class Player:
         self.computed: Callable[[Stepped], None] = lambda event: None
         """Called with each new frame."""
         self._due_s = 0.0
-        self._apart: CurrentRun | None = None
+        self._differing_run: CurrentRun | None = None
         """The run whose replay is not what is stored of it."""
 
     def move(self, *events: Event) -> None:
@@ -81,13 +81,13 @@ class Player:
             return
         if run.catching_up:
             self._store.busy(f"replaying frame {run.playback.position} up to {len(run.history)}")
-            if (apart := run.catch_up()) and run is not self._apart:
-                self._apart = run  # said once: what follows from the first difference differs as well
-                self._store.emit(NoticeAdded(apart))
+            if (difference := run.catch_up()) and run is not self._differing_run:
+                self._differing_run = run  # reported once: what follows from the first difference differs as well
+                self._store.emit(NoticeAdded(difference))
             return
         self._store.busy(f"{run.doing(self._store.state.source)} frame {run.playback.position}")
         event, record = run.step()
-        self._store.emit(Computed(record, run.tally, run.held))
+        self._store.emit(Computed(record, run.tally, run.history_usage))
         if event.skipped:
             self._store.emit(NoticeAdded(f"frame {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)

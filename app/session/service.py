@@ -1,4 +1,4 @@
-"""What a feature does in the worker's thread beside its commands, and keeps there beside its state."""
+"""What a feature does in the worker's thread in addition to its commands, and stores there in addition to its state."""
 
 from __future__ import annotations
 

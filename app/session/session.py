@@ -11,7 +11,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..engine.events import Opened
-from ..engine.external_trajectories.placed import Given
+from ..engine.external_trajectories.placed import TrajectoryOption
 from ..engine.history.history import MEMORY_BYTES, History
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel
@@ -51,16 +51,16 @@ class Session:
         source_options: SourceOptions | None = None,
         folders: Folders | None = None,
         recent: RecentSources | None = None,
-        beside: tuple[Given, ...] = (),
+        trajectory_options: tuple[TrajectoryOption, ...] = (),
         extras: tuple[object, ...] = (),
     ) -> None:
-        """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
+        """`opener(source)` opens with the options of the command line, `opener(source, options)` with the page's.
 
         An empty `source` opens nothing: the session waits for the first command that does.
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the frames of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
-        `beside` are trajectories of other programs; `extras` are values that features look up by their type.
+        `trajectory_options` are trajectories of other programs; `extras` are values that features look up by type.
         """
         recent = recent or RecentSources(None)
         self.folders = folders or Folders()
@@ -85,7 +85,7 @@ class Session:
             self._player,
             viewers,
             compiler,
-            opener=SourceOpener(opener, builder, variant, beside, self.folders, source),
+            opener=SourceOpener(opener, builder, variant, trajectory_options, self.folders, source),
             first=Open(source),
             autoplay=autoplay,
             methods=methods,

@@ -14,7 +14,7 @@ from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
 from ..engine.events import Finished, Opened
-from ..engine.history.history import Held
+from ..engine.history.history import HistoryUsage
 from ..engine.history.record import ExposureRecord, MethodStatus
 from ..engine.model.run_model import Tally
 from ..engine.options import SourceOptions
@@ -77,7 +77,7 @@ class Activity:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All that is on the screen, apart from what each viewer draws of the history."""
+    """All that is on the screen, except what each viewer draws of the history."""
 
     source: str
     phase: Literal["empty", "opening", "ready", "failed"] = "opening"
@@ -93,7 +93,7 @@ class State:
     methods: tuple[str, ...] = ()
     config: Config = field(default_factory=Config)
     run: int = 0
-    """Counts runs; viewers start afresh when it changes."""
+    """Counts runs; viewers start again when it changes."""
     recording_id: str = ""
     """Of the run, in the viewers."""
     total: int = 0
@@ -180,7 +180,7 @@ class Computed:
     record: ExposureRecord
     tally: Tally
     """Of the branch, this frame included."""
-    held: Held = Held()
+    history_usage: HistoryUsage = HistoryUsage()
     """Of the branch."""
 
 
@@ -258,8 +258,8 @@ def reduce(state: State, event: Event) -> State:
     if isinstance(event, FeatureChanged):
         return state.having(event.value)
     features = {kind: value.reduce(event) for kind, value in state.features.items()}
-    kept = all(features[kind] is value for kind, value in state.features.items())
-    return state if kept else replace(state, features=features)
+    unchanged = all(features[kind] is value for kind, value in state.features.items())
+    return state if unchanged else replace(state, features=features)
 
 
 def _core(state: State, event: Event) -> State:

@@ -18,7 +18,7 @@ RESTARTS = 1
 
 
 class EventSink(Protocol):
-    """Takes the events of one run after the other. Never blocks; what it raises is told, and the run goes on."""
+    """Takes the events of one run after the other. Never blocks; what it raises is reported, and the run goes on."""
 
     def open(self, opened: Opened, history: History) -> None:
         """Begins another run. What `history` of it holds is drawn first, without images."""
@@ -41,10 +41,10 @@ class EventSink(Protocol):
 
 
 class Viewers:
-    """A sink that may fail. `tell` is given one sentence for the person."""
+    """A sink that may fail. `report` gets one sentence for the person."""
 
-    def __init__(self, sink: EventSink | None, tell: Callable[[str], None]) -> None:
-        self._wanted, self._tell = sink, tell
+    def __init__(self, sink: EventSink | None, report: Callable[[str], None]) -> None:
+        self._configured_sink, self._report = sink, report
         self._sink: EventSink | None = None
         self._restarts = 0
         self._looked_at = -1
@@ -53,7 +53,7 @@ class Viewers:
 
     def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
         """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
-        self._sink, self._restarts, self._looked_at = self._wanted, RESTARTS, -1
+        self._sink, self._restarts, self._looked_at = self._configured_sink, RESTARTS, -1
         kinds: tuple[Kind, ...] = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
         self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history)
@@ -63,7 +63,7 @@ class Viewers:
         self._guarded(lambda sink: sink.write(event))
 
     def look_at(self, index: int) -> None:
-        """The frame that is shown now; told once."""
+        """Passes on the frame that is shown now, once."""
         if index >= 0 and index != self._looked_at:
             self._looked_at = index
             self._guarded(lambda sink: sink.look_at(index))
@@ -82,8 +82,8 @@ class Viewers:
             reason = f"{type(fault).__name__}: {fault}"
             if self._restarts:
                 self._restarts -= 1
-                self._tell(f"The live view failed and was started again ({reason}).")
+                self._report(f"The live view failed and was started again ({reason}).")
                 self._guarded(self._begin)
             else:
                 self._sink = None
-                self._tell(f"Live view stopped ({reason}); computation continues.")
+                self._report(f"Live view stopped ({reason}); computation continues.")

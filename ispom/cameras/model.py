@@ -47,5 +47,5 @@ class CameraModel(Protocol):
     def normalise(self, camera: Camera, uv: Array) -> Array:
         """Returns (N, 2), the rays on the plane z = 1; `FARTHEST` for rays that never meet it."""
         rays, _ = self.unproject(camera, uv)
-        aside = np.linalg.norm(rays[:, :2], axis=1, keepdims=True)
-        return rays[:, :2] / np.maximum(rays[:, 2:], np.maximum(aside / FARTHEST, 1e-12))
+        radii = np.linalg.norm(rays[:, :2], axis=1, keepdims=True)
+        return rays[:, :2] / np.maximum(rays[:, 2:], np.maximum(radii / FARTHEST, 1e-12))

@@ -100,8 +100,8 @@ class Perspective(_InFront):
         return np.asarray(uv, float).reshape(-1, 2)
 
     def _jacobian(self, camera: Camera, xyz: Array) -> Array:
-        _, found = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
-        return np.asarray(found, float).reshape(len(xyz), 2, -1)[..., 3:6]  # rotation, translation, f, c, k
+        _, derivatives = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
+        return np.asarray(derivatives, float).reshape(len(xyz), 2, -1)[..., 3:6]  # rotation, translation, f, c, k
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,10 @@ class Fisheye(_InFront):
         return np.asarray(uv, float).reshape(-1, 2)
 
     def _jacobian(self, camera: Camera, xyz: Array) -> Array:
-        _, found = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
-        return np.asarray(found, float).reshape(len(xyz), 2, -1)[..., 11:14]  # f, c, k, rotation, translation, skew
+        _, derivatives = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
+        return np.asarray(derivatives, float).reshape(len(xyz), 2, -1)[
+            ..., 11:14
+        ]  # f, c, k, rotation, translation, skew
 
 
 def _four(camera: Camera) -> Array:

@@ -1,4 +1,4 @@
-"""How far apart a camera's frames are, as far as its last few time stamps tell."""
+"""The interval between a camera's frames, by its last few time stamps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The checks that several methods share: is this a key frame?"""
+"""The checks that several methods share: is this a keyframe?"""
 
 from __future__ import annotations
 

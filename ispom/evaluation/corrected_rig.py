@@ -94,9 +94,9 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
         return camera, findings
     u, v = np.meshgrid(np.linspace(0, camera.width - 1, GRID), np.linspace(0, camera.height - 1, GRID))
     seen = np.stack([u.ravel(), v.ravel()], axis=1)
-    x = given = camera.normalise(seen)
+    x = distorted = camera.normalise(seen)
     for _ in range(10):
-        x = given / (1 + lens[0] + lens[1] * (x**2).sum(1, keepdims=True))
+        x = distorted / (1 + lens[0] + lens[1] * (x**2).sum(1, keepdims=True))
     rays = np.column_stack([x, np.ones(len(x))])
     count = {"opencv": 2, "fisheye": 4}.get(camera.lens, 0)
     # Radial coefficients that are fitted; of other models the focal lengths alone.
@@ -158,8 +158,8 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
 
 def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
     """Returns its distortion with `lens` (4,) k1, k2, p1, p2 added."""
-    given = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
-    return (*(float(a + b) for a, b in zip(given, lens, strict=False)), *given[4:])
+    coefficients = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
+    return (*(float(a + b) for a, b in zip(coefficients, lens, strict=False)), *coefficients[4:])
 
 
 def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Finding]]:

@@ -64,7 +64,7 @@ def errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) ->
     estimate, reference = error.aligned, error.reference
     rpe_m, rpe_deg = rpe(estimate, reference)
     drift = kitti_errors(estimate, reference)
-    found: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "aligned": alignment,
         "ate_m": error.ate_m,
         "rpe_m": rpe_m,
@@ -75,9 +75,9 @@ def errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) ->
     }
     if not metric:
         scale = step_scale(estimate, reference)
-        found["step_scale_end_over_start"] = scale and scale.end_over_start
-        found["step_scale_along_path"] = list(scale.windows) if scale else []
-    return found
+        figures["step_scale_end_over_start"] = scale and scale.end_over_start
+        figures["step_scale_along_path"] = list(scale.windows) if scale else []
+    return figures
 
 
 def between_stereo(integrated: Trajectory, stereo: Trajectory, truth: Trajectory) -> dict[str, float | None]:

@@ -22,7 +22,7 @@ MAX_DIFFERENCE_NS = 10_000_000
 def associate(
     estimate: Trajectory, reference: Trajectory, max_difference_ns: int = MAX_DIFFERENCE_NS
 ) -> tuple[Trajectory, Trajectory]:
-    """Returns the poses of both that are at most `max_difference_ns` apart, equally long.
+    """Returns the poses of both whose times differ by at most `max_difference_ns`, equally long.
 
     Each pose of the shorter trajectory is paired with the nearest one of the longer.
     """
@@ -58,8 +58,8 @@ def alignment(estimate: Trajectory, reference: Trajectory, kind: Alignment) -> S
         return Similarity()
     if kind == "first":
         return Similarity(1.0, reference.pose(0) @ estimate.pose(0).inverse())
-    found = umeyama(estimate.translations, reference.translations, with_scale=kind != "se3")
-    return Similarity(found.scale, Pose()) if kind == "scale" else found
+    similarity = umeyama(estimate.translations, reference.translations, with_scale=kind != "se3")
+    return Similarity(similarity.scale, Pose()) if kind == "scale" else similarity
 
 
 def placed(estimate: Trajectory, world_from_own: Similarity) -> Trajectory:

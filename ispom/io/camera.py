@@ -74,21 +74,21 @@ def coefficients(path: Path, where: str, value: Any, lens: str) -> list[float]:
     if lens not in COUNTS:  # a model of a package: it says how many it has
         return finite_numbers(path, where, value, model_of(lens, 0).counts)
     try:
-        found = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
+        values = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
     except InputError:
-        found = finite_numbers(path, where, value, (0, *COUNTS[lens]))  # which raises, and names the usual counts
-    if not found or len(found) in COUNTS[lens]:
-        return found
-    used = len(np.trim_zeros(found, "b"))
+        values = finite_numbers(path, where, value, (0, *COUNTS[lens]))  # which raises, and names the usual counts
+    if not values or len(values) in COUNTS[lens]:
+        return values
+    used = len(np.trim_zeros(values, "b"))
     if lens == "fisheye" and used > 4:
         raise InputError(f"{path}: {where} has {used} coefficients, but a fisheye lens has 4: correct it")
     if used > 8:
         raise InputError(f"{path}: {where} has a thin prism or tilted sensor: calibrate with 8 coefficients")
-    if used > 5 and len(found) < 8:
+    if used > 5 and len(values) < 8:
         raise InputError(
-            f"{path}: {where} has {len(found)} coefficients, but OpenCV's lenses have 4, 5 or 8: correct it"
+            f"{path}: {where} has {len(values)} coefficients, but OpenCV's lenses have 4, 5 or 8: correct it"
         )
-    return [*found, 0.0][: next(count for count in COUNTS[lens] if count >= used)]
+    return [*values, 0.0][: next(count for count in COUNTS[lens] if count >= used)]
 
 
 def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], tuple[str, ...]]:
@@ -144,20 +144,20 @@ UNDONE_PX = 1.0
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     """Reads a mapping of `path` under `where` ("left."). Raises InputError that names the invalid value."""
     lens = lens_of(path, values, where, keys=LENS_KEYS)
-    found = {key: finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in (*SIZES, *INTRINSICS)}
+    numbers = {key: finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in (*SIZES, *INTRINSICS)}
     for key in ("width", "height", "fx", "fy"):
-        if found[key] <= 0:
-            raise InputError(f"{path}: {where}{key} is {found[key]:g}, not positive: correct it")
+        if numbers[key] <= 0:
+            raise InputError(f"{path}: {where}{key} is {numbers[key]:g}, not positive: correct it")
     for key in SIZES:
-        if found[key] != int(found[key]):
-            raise InputError(f"{path}: {where}{key} is {found[key]:g}, not a size in whole pixels: correct it")
+        if numbers[key] != int(numbers[key]):
+            raise InputError(f"{path}: {where}{key} is {numbers[key]:g}, not a size in whole pixels: correct it")
     distortion = coefficients(path, f"{where}distortion", _distortion(path, where, values, lens), lens)
-    width, height = (int(found[key]) for key in SIZES)
+    width, height = (int(numbers[key]) for key in SIZES)
     delay_s = finite_numbers(path, f"{where}{LINE_DELAY}", [values.get(LINE_DELAY, 0)], 1)[0]
     if abs(delay_s) * height > MAX_READOUT_S:
         limit = f"from the first row to the last are at most {MAX_READOUT_S:g} s"
         raise InputError(f"{path}: {where}{LINE_DELAY} is {delay_s:g}, but {limit}: correct it")
-    intrinsics = [found[key] for key in INTRINSICS]
+    intrinsics = [numbers[key] for key in INTRINSICS]
     camera = Camera(width, height, *intrinsics, distortion=tuple(distortion), lens=lens, line_delay_s=delay_s)
     return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
 
@@ -180,9 +180,9 @@ def _distortion(path: Path, where: str, values: dict[Any, Any], lens: str) -> An
         raise InputError(f"{path}: {where}distortion and {where}{single[0]} are both given: remove one")
     if strange := [name for name in single if name not in names]:
         raise InputError(f"{path}: {where}{strange[0]} is none of a fisheye's {', '.join(names)}: correct it")
-    found = [finite_numbers(path, f"{where}{name}", [values.get(name, 0)], 1)[0] for name in names]
+    distortion = [finite_numbers(path, f"{where}{name}", [values.get(name, 0)], 1)[0] for name in names]
     used = max(names.index(name) for name in single) + 1
-    return found[: next(count for count in (4, 5, 8) if count >= used)]
+    return distortion[: next(count for count in (4, 5, 8) if count >= used)]
 
 
 def line_delay_entry(camera: Camera) -> dict[str, float]:

@@ -93,15 +93,15 @@ def require_file(path: Path) -> int:
     or folder."""
     _require_inside(path)
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError:
         raise _missing(path) from None
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
-    if not stat.S_ISREG(found.st_mode):
-        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no regular file")
         raise InputError(f"{path} is {kind}: give a regular file in its place")
-    return found.st_size
+    return status.st_size
 
 
 def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:

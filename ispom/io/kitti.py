@@ -49,7 +49,7 @@ def read_times(path: Path) -> NDArray[np.int64]:
 
 def read_calibration(path: Path, cameras: tuple[str, ...] = ("P0", "P1")) -> dict[str, Array]:
     """Projection matrices (3, 4) of these cameras by name, of which the first must be there; others are ignored."""
-    found = {}
+    projections = {}
     for line, text in enumerate(read_text(path).splitlines(), 1):
         name, colon, values = text.partition(":")
         if name.strip() not in cameras:
@@ -62,10 +62,10 @@ def read_calibration(path: Path, cameras: tuple[str, ...] = ("P0", "P1")) -> dic
         matrix = numbers(path, line, words).reshape(3, 4)
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise InputError(f"{path} line {line}: the focal length is not positive: correct that line")
-        found[name.strip()] = matrix
-    if cameras[0] not in found:
+        projections[name.strip()] = matrix
+    if cameras[0] not in projections:
         raise InputError(f"{path} has no line '{cameras[0]}: ...': give the calibration of this drive")
-    return found
+    return projections
 
 
 # The text files of a KITTI raw drive: `calib_cam_to_cam.txt` and `timestamps.txt`.
@@ -125,12 +125,12 @@ def _values(path: Path, rows: dict[str, tuple[int, list[str]]], name: str, shape
         raise InputError(
             f"{path} line {line}: {name} needs {np.prod(shape)} numbers, not {len(words)}: correct that line"
         )
-    found = numbers(path, line, words).reshape(shape)
-    if name[0] in "KP" and min(found[0, 0], found[1, 1]) <= 0:
+    values = numbers(path, line, words).reshape(shape)
+    if name[0] in "KP" and min(values[0, 0], values[1, 1]) <= 0:
         raise InputError(f"{path} line {line}: the focal length is not positive: correct that line")
-    if name[0] == "S" and not ((found >= 1) & (found <= 65_536)).all():
+    if name[0] == "S" and not ((values >= 1) & (values <= 65_536)).all():
         raise InputError(f"{path} line {line}: {name} is no size in pixels: correct that line")
-    return found
+    return values
 
 
 def _time_ns(path: Path, line: int, text: str) -> int:

@@ -107,8 +107,8 @@ def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, 
     counts = (counts,) if isinstance(counts, int) else counts
     good = isinstance(value, list) and len(value) in counts
     if not good or not all(_is_number(v) for v in value):
-        wanted = " or ".join([*map(str, counts[:-1]), counted(counts[-1], "finite number")])
-        raise InputError(f"{path}: {where} needs {wanted}: correct it")
+        expected = " or ".join([*map(str, counts[:-1]), counted(counts[-1], "finite number")])
+        raise InputError(f"{path}: {where} needs {expected}: correct it")
     return [float(v) for v in value]
 
 

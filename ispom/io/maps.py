@@ -54,8 +54,8 @@ class SceneMap:
 def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
     """Returns the file's content: compressed arrays called METHOD.NAME, no pickles."""
     arrays: dict[str, np.ndarray] = {}
-    for method, found in maps.items():
-        keys, points = found.key_frames, found.landmarks
+    for method, method_map in maps.items():
+        keys, points = method_map.key_frames, method_map.landmarks
         values = (
             points.ids,
             points.xyz_in_world.astype(np.float32),
@@ -64,7 +64,7 @@ def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
             keys.rotations,
             keys.translations,
         )
-        values += (found.seen_from, found.seen_ids, found.seen_uv)
+        values += (method_map.seen_from, method_map.seen_ids, method_map.seen_uv)
         arrays |= {f"{method}.{name}": value for name, value in zip(_SHAPES, values, strict=True)}
         arrays[f"{method}.camera"] = np.array(CAMERAS.index(keys.frame))
     out = BytesIO()

@@ -73,7 +73,7 @@ def surface_ply(
 GLTF_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]))
 """glTF's y axis points up and its z axis to the viewer; here y points down, and z ahead."""
 ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl")
-COMPANION_BYTES = 256 << 20
+MATERIAL_BYTES = 256 << 20
 """Largest size of a file that a mesh refers to."""
 PLAIN = (160, 160, 160)
 """Colour of a mesh without one."""
@@ -146,10 +146,10 @@ def _companions(path: Path) -> Any:
             pass
 
         def get(self, key: str) -> bytes:
-            found = Path(os.path.realpath(folder / key.strip()))
-            if not found.is_relative_to(folder):
+            real_path = Path(os.path.realpath(folder / key.strip()))
+            if not real_path.is_relative_to(folder):
                 raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: move the file into it")
-            return read_bytes(found, COMPANION_BYTES)
+            return read_bytes(real_path, MATERIAL_BYTES)
 
         def keys(self) -> list[str]:
             return names(folder)

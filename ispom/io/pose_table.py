@@ -64,23 +64,23 @@ def header_columns(path: Path) -> Columns | None:
     It may begin with # or %. Raises InputError where it names all columns between commas, and not those of a pose: the
     order of a quaternion cannot be inferred from its values.
     """
-    found, unknown = None, (0, 0)
+    columns, unknown = None, (0, 0)
     for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
         words = split_line(text.strip().lstrip("#%").strip())
         if not words:
             continue
         spaced = not set(",;") & set(text)
         if not text.lstrip().startswith(("#", "%")) and _is_number(words[0]):
-            if found is None and unknown[1] == len(words) and not spaced:
+            if columns is None and unknown[1] == len(words) and not spaced:
                 raise InputError(
                     f"{path} line {unknown[0]} does not name the columns of poses: call them timestamp, x, y, z, qx, "
                     "qy, qz, qw (in any order)"
                 )
             break
-        found = _columns(words, line, spaced) or found
+        columns = _columns(words, line, spaced) or columns
         if len(words) >= POSE_COLUMNS and not any(map(_is_number, words)):
             unknown = line, len(words)
-    return found
+    return columns
 
 
 def read_pose_table(path: Path, columns: Columns, frame: FrameName, every: bool) -> tuple[Trajectory, str]:
@@ -159,17 +159,17 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
 
 def _unit(word: str) -> tuple[str, str | None]:
     """Returns a name in small letters, without the unit in brackets at its end."""
-    found = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]?", word.strip().lower().replace("µ", "u"))
-    return (word.strip().lower(), None) if found is None else (found[1], found[2])
+    match = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]?", word.strip().lower().replace("µ", "u"))
+    return (word.strip().lower(), None) if match is None else (match[1], match[2])
 
 
 def _axis(parts: list[str]) -> tuple[str, str] | None:
     """Returns ("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w; ("",
     axis) for only an axis."""
-    found = _AXIS.fullmatch(parts[-1]) if parts else None
-    if found is None:
+    match = _AXIS.fullmatch(parts[-1]) if parts else None
+    if match is None:
         return None
-    prefix, axis = found.groups()
+    prefix, axis = match.groups()
     before = [prefix] if prefix else [part for part in parts[:-1] if part in _POSITION | _ROTATION]
     if not before:
         return None if parts[:-1] else ("", axis)
@@ -204,9 +204,9 @@ def _rows(path: Path, columns: Columns) -> list[Row]:
         words = split_line(text.strip())
         if not words or line == columns.line or text.lstrip().startswith(("#", "%")):
             continue
-        wanted = max(max(columns.order) + 1, len(rows[0][1]) if rows else 0)
-        if len(words) < wanted or (rows and len(words) != wanted):
-            raise InputError(f"{path} line {line} has {len(words)} columns, not {wanted}: correct that line")
+        column_count = max(max(columns.order) + 1, len(rows[0][1]) if rows else 0)
+        if len(words) < column_count or (rows and len(words) != column_count):
+            raise InputError(f"{path} line {line} has {len(words)} columns, not {column_count}: correct that line")
         rows.append((line, words))
     return rows
 

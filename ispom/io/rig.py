@@ -69,12 +69,12 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
             f"{path} must hold entries called video, left or right, perhaps {perhaps}, or sensors that name their kind "
             f"in `sensor` ({', '.join(('camera', *OTHERS))}), and no others: correct it"
         )
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, entry in content.items():
-        found[name], found[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
+        entries[name], entries[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
     for name, entry in others.items():
-        found[name] = _sensor(path, name, entry if isinstance(entry, dict) else {})
-    return Rig.of(**found, **sigmas)
+        entries[name] = _sensor(path, name, entry if isinstance(entry, dict) else {})
+    return Rig.of(**entries, **sigmas)
 
 
 def _is_sensor(name: Any, entry: Any) -> bool:

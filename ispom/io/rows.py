@@ -71,9 +71,9 @@ def matrix(path: Path, shape: tuple[int, int]) -> Array:
     if len(rows) != shape[0]:
         raise InputError(f"{path} has {len(rows)} rows, not {shape[0]}: restore the file")
     with suppress(ValueError):
-        found = np.array([[float(word) for word in words] for _, words in rows])
-        if (abs(found) <= LARGEST).all():
-            return found
+        values = np.array([[float(word) for word in words] for _, words in rows])
+        if (abs(values) <= LARGEST).all():
+            return values
     missing = {"nan", "inf", "-inf", "-nan", "-1.#ind", "1.#qnan", "-1.#inf", "1.#inf"}
     if any(word.lower() in missing for _, words in rows for word in words):
         return np.full(shape, np.nan)

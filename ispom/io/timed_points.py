@@ -15,7 +15,7 @@ from ispom.types import TimedPoints
 
 COORDINATES = ("x", "y", "z")
 TIMES = ("time_s", "time", "timestamp", "t", "gps_time")
-"""Names of a column or property of times [s], besides time_ns."""
+"""Names of a column or property of times [s], in addition to time_ns."""
 MAX_BYTES = 4 << 30
 
 
@@ -44,24 +44,24 @@ def _csv(path: Path) -> dict[str, NDArray]:
     lines = read_text(path, MAX_BYTES).splitlines()
     header = [name.strip().lower() for name in next(csv.reader(lines[:1]), [])]
     _require(path, header)
-    wanted = {name: header.index(name) for name in (*COORDINATES, _time_name(header))}
+    columns = {name: header.index(name) for name in (*COORDINATES, _time_name(header))}
     if not any(line.strip() for line in lines[1:]):
         raise InputError(f"{path} holds no point: give the laser's points")
     try:  # an integer of nanoseconds has more digits than a float
-        kinds = [(name, np.int64 if name == "time_ns" else float) for name in wanted]
-        found = np.loadtxt(
-            lines[1:], dtype=np.dtype(kinds), delimiter=",", usecols=list(wanted.values()), ndmin=1, comments="#"
+        kinds = [(name, np.int64 if name == "time_ns" else float) for name in columns]
+        table = np.loadtxt(
+            lines[1:], dtype=np.dtype(kinds), delimiter=",", usecols=list(columns.values()), ndmin=1, comments="#"
         )
     except (ValueError, IndexError):
-        raise InputError(f"{path} line {_first_wrong(lines, wanted)}: its values are no numbers: correct it") from None
-    return {name: found[name] for name in wanted}
+        raise InputError(f"{path} line {_first_wrong(lines, columns)}: its values are no numbers: correct it") from None
+    return {name: table[name] for name in columns}
 
 
-def _first_wrong(lines: list[str], wanted: dict[str, int]) -> int:
+def _first_wrong(lines: list[str], columns: dict[str, int]) -> int:
     for number, line in enumerate(lines[1:], 2):
         words = line.split(",")
         try:
-            _ = [int(words[i]) if name == "time_ns" else float(words[i]) for name, i in wanted.items()]
+            _ = [int(words[i]) if name == "time_ns" else float(words[i]) for name, i in columns.items()]
         except (ValueError, IndexError):
             if line.strip() and not line.startswith("#"):
                 return number
@@ -76,11 +76,11 @@ def _ply(path: Path) -> dict[str, NDArray]:
         content = cloud.metadata["_ply_raw"]["vertex"]
         count, data = content["length"], content["data"]
         names = data.dtype.names if isinstance(data, np.ndarray) else data.keys()
-        found = {name.lower(): np.asarray(data[name]).reshape(count) for name in names}
+        columns = {name.lower(): np.asarray(data[name]).reshape(count) for name in names}
     except Exception:  # its parser raises a dozen kinds on damaged bytes
         raise InputError(f"{path} is damaged, or no PLY file of points: give another file") from None
-    _require(path, list(found))
-    return found
+    _require(path, list(columns))
+    return columns
 
 
 def _time_name(names: list[str]) -> str:

@@ -137,13 +137,13 @@ def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> Tr
             raise InputError(f"{path} holds no pose: give a trajectory with one line per pose")
         has_unit = columns.unit is not None or (own and unit == "ns")
         return TrajectoryFile(path, "EuRoC" if own else "CSV", trajectory, unit="" if has_unit else unit)
-    match found := _format(path):
+    match format_name := _format(path):
         case "KITTI":
-            return TrajectoryFile(path, found, _kitti(path, times_ns), times_ns is not None)
+            return TrajectoryFile(path, format_name, _kitti(path, times_ns), times_ns is not None)
         case "TUM":
-            return TrajectoryFile(path, found, read_tum(path, every=True))
+            return TrajectoryFile(path, format_name, read_tum(path, every=True))
         case "EuRoC":
-            return TrajectoryFile(path, found, read_euroc(path, every=True))
+            return TrajectoryFile(path, format_name, read_euroc(path, every=True))
 
 
 def _format(path: Path) -> Literal["TUM", "KITTI", "EuRoC"]:

@@ -37,7 +37,7 @@ def moved(rotations, translations, steps):
 
 
 def twist_of(pose: Pose) -> Array:
-    """Pose.log, for whoever needs it at each exposure."""
+    """Pose.log, for callers that need it at each frame."""
     return _log(np.array(pose.rotation[None], order="C"), np.array(pose.translation[None], order="C"))
 
 

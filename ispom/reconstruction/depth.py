@@ -54,8 +54,8 @@ class DenseStereo:
         )
         # Without padding on the left, the first `count` columns would have no disparity at all.
         padded = [cv2.copyMakeBorder(i, 0, 0, count, 0, cv2.BORDER_REPLICATE) for i in (left, right)]
-        found = matcher.compute(*padded)[:, count:].astype(np.float32) / 16
-        return np.where(found > 0, found, np.nan)
+        disparity = matcher.compute(*padded)[:, count:].astype(np.float32) / 16
+        return np.where(disparity > 0, disparity, np.nan)
 
     def _refined(self, left: Image, right: Image, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
         """Refines by Gauss-Newton along the row (Lucas and Kanade 1981): matching between whole pixels is up to half
@@ -64,9 +64,9 @@ class DenseStereo:
         height, width = one.shape
         x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         known, start = np.isfinite(disparity), np.nan_to_num(disparity)
-        found = start.copy()
+        refined = start.copy()
         for _ in range(self.refinements):
-            seen = cv2.remap(other, x - found, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            seen = cv2.remap(other, x - refined, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
             # The mean of both slopes converges where noise would bias one of them.
             slope = cv2.Sobel(np.asarray(seen) + one, cv2.CV_32F, 1, 0, ksize=1, scale=0.25)
             difference = one - np.asarray(seen)
@@ -74,9 +74,9 @@ class DenseStereo:
             texture = self._mean(slope * slope)
             step = self._mean(slope * difference) / np.maximum(texture, 1e-6)
             known &= texture > self.min_texture
-            found = np.where(known, found - np.clip(step, -0.5, 0.5), start).astype(np.float32)
-        known &= np.abs(found - start) <= self.max_step_px
-        return np.where(known, found, np.nan).astype(np.float32)
+            refined = np.where(known, refined - np.clip(step, -0.5, 0.5), start).astype(np.float32)
+        known &= np.abs(refined - start) <= self.max_step_px
+        return np.where(known, refined, np.nan).astype(np.float32)
 
     def _mean(self, values: cv2.typing.MatLike) -> NDArray[np.float32]:
         return np.asarray(cv2.blur(values, (self.refine_px, self.refine_px)), np.float32)

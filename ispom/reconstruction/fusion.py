@@ -73,10 +73,10 @@ class Fusion:
 
     def mesh(self) -> Mesh:
         """Returns the surface with normals and colours. Raises InputError where none was observed often enough."""
-        found = None if not self._looks else self._grid.extract_triangle_mesh(self._settings.min_looks)
-        if found is None or not len(found.triangle.indices):
+        triangles = None if not self._looks else self._grid.extract_triangle_mesh(self._settings.min_looks)
+        if triangles is None or not len(triangles.triangle.indices):
             raise InputError("no surface was seen in two pairs: give a run with stereo images of textured places")
-        mesh = without_crumbs(found, self._settings.min_triangles)
+        mesh = without_crumbs(triangles, self._settings.min_triangles)
         if not len(mesh):
             raise InputError("no surface holds together: give a larger --voxel-m")
         return mesh

@@ -45,8 +45,8 @@ def without_crumbs(mesh: Any, min_triangles: int) -> Mesh:
     legacy = mesh.to_legacy()
     legacy.remove_degenerate_triangles()
     labels, counts, _ = legacy.cluster_connected_triangles()
-    kept = np.asarray(counts)[np.asarray(labels, int)] >= min_triangles
-    legacy.remove_triangles_by_mask(~kept)
+    large = np.asarray(counts)[np.asarray(labels, int)] >= min_triangles
+    legacy.remove_triangles_by_mask(~large)
     legacy.remove_unreferenced_vertices()
     legacy.compute_vertex_normals()
     rgb = np.rint(255 * np.clip(np.asarray(legacy.vertex_colors), 0, 1)).astype(np.uint8)
@@ -84,10 +84,10 @@ def _as_open3d(mesh: Mesh) -> Any:
     """Returns an `open3d.geometry.TriangleMesh`."""
     o3d = open3d()
     vectors, corners = o3d.utility.Vector3dVector, o3d.utility.Vector3iVector
-    found = o3d.geometry.TriangleMesh(vectors(mesh.points.xyz.astype(float)), corners(mesh.triangles))
-    found.vertex_normals = vectors(mesh.points.normals.astype(float))
-    found.vertex_colors = vectors(mesh.points.rgb / 255.0)
-    return found
+    legacy = o3d.geometry.TriangleMesh(vectors(mesh.points.xyz.astype(float)), corners(mesh.triangles))
+    legacy.vertex_normals = vectors(mesh.points.normals.astype(float))
+    legacy.vertex_colors = vectors(mesh.points.rgb / 255.0)
+    return legacy
 
 
 class Surface:

@@ -57,11 +57,11 @@ class PlaneSweep:
         best, step = _peak(scores)
         good = (scores.max(axis=0) > self.min_correlation) & (reference.spread > self.min_contrast)
         good &= _rival(scores, best) < scores.max(axis=0) - self.unique
-        found = (best + step) * inverse_depths[1]
-        good &= (found > 1 / farthest_m) & (best < self.planes - 1)
-        parallax = np.max([_px_per_inverse_depth(camera, pose, found) for _, pose in others], axis=0)
-        good &= self.sigma_px < self.max_error * found * parallax
-        return np.where(good, 1 / np.maximum(found, 1 / farthest_m), 0).astype(np.float32)
+        best_inverse = (best + step) * inverse_depths[1]
+        good &= (best_inverse > 1 / farthest_m) & (best < self.planes - 1)
+        parallax = np.max([_px_per_inverse_depth(camera, pose, best_inverse) for _, pose in others], axis=0)
+        good &= self.sigma_px < self.max_error * best_inverse * parallax
+        return np.where(good, 1 / np.maximum(best_inverse, 1 / farthest_m), 0).astype(np.float32)
 
 
 def undistorted(image: Image, camera: Camera) -> tuple[Image, Camera]:
@@ -92,9 +92,9 @@ class _Windows:
         inside = np.isfinite(grey)
         other = _Windows.of(np.where(inside, grey, 0), side)
         both = _blurred(self.grey * other.grey, side) - self.mean * other.mean
-        found = both / np.maximum(self.spread * other.spread, least**2 / 4)
+        coefficient = both / np.maximum(self.spread * other.spread, least**2 / 4)
         whole = cv2.erode(inside.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-        return np.where(whole, found, -1).astype(np.float32)
+        return np.where(whole, coefficient, -1).astype(np.float32)
 
 
 def _on_plane(grey: Float, camera: Camera, other_from_image: Pose, inverse_depth: float) -> Float:

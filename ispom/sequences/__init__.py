@@ -52,7 +52,7 @@ ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
 
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
-"""Suffixes of files that lie beside recordings."""
+"""Suffixes of files that belong to recordings."""
 FILES = VIDEO_SUFFIXES | BAG_SUFFIXES | SETTINGS
 """Suffixes of files that can be opened."""
 
@@ -182,8 +182,8 @@ def layout_of(path: Path) -> Looks | Format | None:
     for looks in (looks_like_scenario, *LAYOUTS):
         if looks is not None and looks(path):
             return looks
-    if (found := format_of(path, is_folder(path))) is not None:
-        return found
+    if (layout := format_of(path, is_folder(path))) is not None:
+        return layout
     return next((looks for looks in ONE_CAMERA if looks is not None and looks(path)), None)
 
 

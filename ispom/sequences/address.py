@@ -23,8 +23,8 @@ def is_address(source: str) -> bool:
 
 def scheme(address: str) -> str:
     """What an address begins with, in small letters."""
-    found = _SCHEME.match(address)
-    return found[1].lower() if found else ""
+    match = _SCHEME.match(address)
+    return match[1].lower() if match else ""
 
 
 def without_secrets(source: str) -> str:
@@ -32,11 +32,11 @@ def without_secrets(source: str) -> str:
 
     A password may hold @ and / itself: what stands before the last @ is removed, in doubt a part of the path, too.
     """
-    found = _SCHEME.match(source)
-    if found is None:
+    match = _SCHEME.match(source)
+    if match is None:
         return source
-    rest, mark, _ = source[found.end() :].partition("?")
+    rest, mark, _ = source[match.end() :].partition("?")
     before, at, after = rest.rpartition("@")
     if at and (":" in before or "/" not in before):
         rest = after
-    return found[0] + rest + ("?…" if mark else "")
+    return match[0] + rest + ("?…" if mark else "")

@@ -31,20 +31,20 @@ class _Silence:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._users, self._kept = 0, -1
+        self._users, self._stderr_copy = 0, -1
 
     def begin(self) -> None:
         with self._lock:
             if self._users == 0:
-                self._kept = _redirected()
+                self._stderr_copy = _redirected()
             self._users += 1
 
     def end(self) -> None:
         with self._lock:
             self._users -= 1
-            if self._users == 0 and self._kept >= 0:
-                os.dup2(self._kept, STDERR)
-                os.close(self._kept)
+            if self._users == 0 and self._stderr_copy >= 0:
+                os.dup2(self._stderr_copy, STDERR)
+                os.close(self._stderr_copy)
 
 
 _silence = _Silence()
@@ -66,13 +66,13 @@ def silenced() -> Iterator[None]:
 def _redirected() -> int:
     """Descriptor 2 led to nowhere; a copy of what it was, -1 where it was closed."""
     try:
-        kept = os.dup(STDERR)
+        copy = os.dup(STDERR)
     except OSError:
         return -1
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, STDERR)
     os.close(nowhere)
-    return kept
+    return copy
 
 
 quiet_decoders()

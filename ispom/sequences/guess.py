@@ -1,4 +1,4 @@
-"""A camera without a calibration: its focal length by what the file says about itself, else a guess; both are told.
+"""A camera without a calibration: its focal length by the file's metadata, else a guess; both are reported.
 
 Photos may have it in their EXIF, films of phones in QuickTime's metadata, both as that of a 35 mm camera with the same
 angle of view. The principal point is taken to be the middle, and lenses are taken to be free of distortion.
@@ -21,10 +21,10 @@ FILM_DIAGONAL_MM = 43.267
 USUAL_SHARE, USUAL_SIGMA = 0.7, 0.3
 """Focal length as a share of the longer side where nothing is known: phones have 0.7 to 0.85, wide lenses of robots and
 cars 0.5 to 0.6; and the standard deviation of its logarithm."""
-TOLD_SIGMA = 0.05
-"""The same of one that a file tells: it is rounded to millimetres, and films are cropped for stabilisation."""
-LEAST_TOLD, MOST_TOLD = 0.2, 20.0
-"""Focal lengths, as a share of the longer side, that a file may tell: of lenses of 7 to 720 mm on 35 mm film."""
+METADATA_SIGMA = 0.05
+"""The same of one in a file's metadata: it is rounded to millimetres, and films are cropped for stabilisation."""
+LEAST_METADATA_SHARE, MOST_METADATA_SHARE = 0.2, 20.0
+"""Range of focal lengths in metadata, as a share of the longer side: of lenses of 7 to 720 mm on 35 mm film."""
 MOST_ASPECT = 4.0
 """Of pixels: those of films have at most 2."""
 SENSOR_MM = (2.0, 62.0)
@@ -36,14 +36,17 @@ _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
-def guessed(size: tuple[int, int], told: tuple[float, str] | None, aspect: float = 1.0) -> Guess:
+def guessed(size: tuple[int, int], metadata_focal: tuple[float, str] | None, aspect: float = 1.0) -> Guess:
     """Of images (width, height) with pixels of this `aspect`, width over height.
 
-    `told` is a focal length, in heights of a pixel, and where it was found.
+    `metadata_focal` is a focal length, in heights of a pixel, and its source in words.
     """
     longer = max(size[0] * aspect, size[1])
-    if told is not None and LEAST_TOLD * longer <= told[0] <= MOST_TOLD * longer:
-        return Guess(told[0], TOLD_SIGMA, told[1], aspect)
+    if (
+        metadata_focal is not None
+        and LEAST_METADATA_SHARE * longer <= metadata_focal[0] <= MOST_METADATA_SHARE * longer
+    ):
+        return Guess(metadata_focal[0], METADATA_SIGMA, metadata_focal[1], aspect)
     return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side", aspect)
 
 
@@ -69,7 +72,7 @@ def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, C
             raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
     width, height = size[::-1] if turned else size
     aspect = pixel_aspect(*(ratio[::-1] if turned else ratio))
-    guess = guessed((width, height), _told_by_exif(entries, (width, height)), aspect)
+    guess = guessed((width, height), _focal_of_exif(entries, (width, height)), aspect)
     return guess, guess.camera((width, height))
 
 
@@ -88,7 +91,7 @@ def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Gue
     return guessed(size, (focal, f"the film's metadata: {equivalent:g} mm on 35 mm film"), aspect)
 
 
-def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:
+def _focal_of_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:
     if (equivalent := _number(entries.get(_FOCAL_35_MM))) is not None:
         return _px_of_35_mm(equivalent, size), f"EXIF: {equivalent:g} mm on 35 mm film"
     focal_mm, per_unit = _number(entries.get(_FOCAL_MM)), _number(entries.get(_PLANE_RESOLUTION))
@@ -111,7 +114,7 @@ def _px_of_35_mm(equivalent_mm: float, size: tuple[float, float]) -> float:
 def _number(value: object) -> float | None:
     """A positive, finite number, or None."""
     try:
-        found = float(value)  # type: ignore[arg-type]
+        number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):
         return None
-    return found if np.isfinite(found) and found > 0 else None
+    return number if np.isfinite(number) and number > 0 else None

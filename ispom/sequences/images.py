@@ -1,4 +1,4 @@
-"""Image files, read when asked for. The header is read first: what it claims is decoded only where it is expected."""
+"""Image files, read when requested. The header is read first: what it claims is decoded only where it is expected."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ UNREAD_SUFFIXES = frozenset(
 )
 """Of images in formats that are not read."""
 SAMPLES = 8
-"""Images of a folder that tell the range of all."""
+"""Images of a folder that determine the range of all."""
 DEFECTIVE = 0.1
-"""Per cent of the pixels at either end that may be defective, and tell nothing about that range."""
+"""Per cent of the pixels at either end that may be defective, and are no part of that range."""
 
 
 def read_grey(path: Path, size: tuple[int, int] | None = None, orientation: int | None = None) -> Image:
@@ -111,7 +111,7 @@ def as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
 @lru_cache(maxsize=64)
 def span_of(folder: Path) -> tuple[float, float]:
     """What is black and white in the images of a folder, where they are no bytes, from SAMPLES of them."""
-    return span_of_values([found for found in map(_values, _samples(folder)) if found is not None])
+    return span_of_values([values for values in map(_values, _samples(folder)) if values is not None])
 
 
 def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
@@ -121,13 +121,13 @@ def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
     none of them exceeds. Of thermal cameras, whose values lie in a small part of that and far from 0, twice that part.
     The same for all its images, so that their brightness can be compared.
     """
-    values = [found for found in values if len(found)]
+    values = [pixels for pixels in values if len(pixels)]
     if not values:
         return 0.0, 2.0**16 - 1
-    highest = max(float(found.max()) for found in values)
-    if highest <= 1.0 and any(np.issubdtype(found.dtype, np.floating) for found in values):
+    highest = max(float(pixels.max()) for pixels in values)
+    if highest <= 1.0 and any(np.issubdtype(pixels.dtype, np.floating) for pixels in values):
         return 0.0, 1.0
-    ends = [np.percentile(found, (DEFECTIVE, 100 - DEFECTIVE)) for found in values]
+    ends = [np.percentile(pixels, (DEFECTIVE, 100 - DEFECTIVE)) for pixels in values]
     low, high = float(min(low for low, _ in ends)), float(max(high for _, high in ends))
     if high / 2 <= low < high:
         return low - (high - low) / 2, high + (high - low) / 2
@@ -180,12 +180,12 @@ def those_there(listing: Path, paths: list[Path]) -> tuple[NDArray[np.int64], tu
     """Indices (N,) of the listed files that are there, and a note about the others; InputError where none is."""
     folders = {path.parent for path in paths}
     there = {folder: set(names(folder)) if os.path.isdir(folder) else set() for folder in folders}
-    found = np.array([i for i, path in enumerate(paths) if path.name in there[path.parent]], np.int64)
-    if not len(found):
+    present = np.array([i for i, path in enumerate(paths) if path.name in there[path.parent]], np.int64)
+    if not len(present):
         raise InputError(f"{paths[0]} is missing, as all images that {listing} lists: restore the images")
-    missing = len(paths) - len(found)
+    missing = len(paths) - len(present)
     note = f"{missing} of {len(paths)} images that {listing} lists are missing: skipped."
-    return found, (note,) if missing else ()
+    return present, (note,) if missing else ()
 
 
 def _read(path: Path, size: tuple[int, int] | None, flag: int, orientation: int | None) -> Image:

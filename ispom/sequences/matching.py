@@ -17,13 +17,13 @@ TRUTH_GAP_NS = 100_000_000
 
 
 def pairs(left_ns: NDArray[np.int64], right_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices (N,) of left images and of their partners, at most PAIR_NS apart; both times are increasing."""
+    """Indices (N,) of left images and of their partners, at most PAIR_NS from each other; both times are increasing."""
     if not len(left_ns) or not len(right_ns):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     partner = _nearest(right_ns, left_ns)
     mutual = _nearest(left_ns, right_ns)[partner] == np.arange(len(left_ns))
-    found = np.flatnonzero(mutual & (abs(right_ns[partner] - left_ns) <= PAIR_NS))
-    return found, partner[found]
+    left_index = np.flatnonzero(mutual & (abs(right_ns[partner] - left_ns) <= PAIR_NS))
+    return left_index, partner[left_index]
 
 
 def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
@@ -52,7 +52,7 @@ def no_truth_note(path: Path, found: Trajectory | None) -> tuple[str, ...]:
     return () if found is not None else (f"{path} has no pose at the times of the images: no ground truth.",)
 
 
-def _nearest(times_ns: NDArray[np.int64], asked_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    after = np.searchsorted(times_ns, asked_ns).clip(0, len(times_ns) - 1)
+def _nearest(times_ns: NDArray[np.int64], queries_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    after = np.searchsorted(times_ns, queries_ns).clip(0, len(times_ns) - 1)
     before = (after - 1).clip(0)
-    return np.where(abs(times_ns[before] - asked_ns) <= abs(times_ns[after] - asked_ns), before, after)
+    return np.where(abs(times_ns[before] - queries_ns) <= abs(times_ns[after] - queries_ns), before, after)

@@ -1,4 +1,4 @@
-"""What the names of images tell of when they were taken: times, or numbers with gaps in them."""
+"""When images were taken, by their names: times, or numbers with gaps in them."""
 
 from __future__ import annotations
 
@@ -86,21 +86,21 @@ def named(names: list[str], unread: list[str] | None = None) -> Named:
             stamps_ns = np.array([stamps[name] for name in order], np.int64)
             if stamp is _stamp or _is_likely(np.diff(stamps_ns)):
                 return Named(tuple(order), stamps_ns)
-    found = _of_seconds(names)
-    return _counted(names, unread or []) if found is None else found
+    in_seconds = _of_seconds(names)
+    return _counted(names, unread or []) if in_seconds is None else in_seconds
 
 
 def _counted(names: list[str], unread: list[str]) -> Named:
     """The images by their numbers."""
     order = sorted(names, key=_order)
     _require_one_kind(order)
-    found = [_number(name) for name in order]
-    if len({Path(kind).stem for kind, _ in found}) > 1:  # in one format or another
+    parts = [_number(name) for name in order]
+    if len({Path(kind).stem for kind, _ in parts}) > 1:  # in one format or another
         return Named(tuple(order))
-    numbers = [number for _, number in found]
+    numbers = [number for _, number in parts]
     if -1 in numbers or not all(a < b for a, b in pairwise(numbers)):
         return Named(tuple(order))
-    kind = Path(found[0][0]).stem
+    kind = Path(parts[0][0]).stem
     others = {number for other, number in map(_number, unread) if Path(other).stem == kind} - {*numbers, -1}
     both = np.array(sorted({*numbers, *others}), np.int64)
     counts, note = _unwrapped(both, _padded(order))
@@ -109,12 +109,12 @@ def _counted(names: list[str], unread: list[str]) -> Named:
     left_out = np.array(sorted(count_of[number] for number in others), np.int64) if others else None
     numbered = np.array([count for count, _ in pairs], np.int64)
     one = Named(tuple(name for _, name in pairs), None, numbered, left_out, (note,) if note else ())
-    return one if others or note else _of_whole_numbers(one, numbered)
+    return one if others or note else _of_whole_numbers(one)
 
 
 def _padded(names: list[str]) -> int:
     """To how many digits numbers are filled with zeros; 0 where they are not."""
-    digits = [found[2] for name in names if (found := _LAST_NUMBER.fullmatch(Path(name).stem)) is not None]
+    digits = [match[2] for name in names if (match := _LAST_NUMBER.fullmatch(Path(name).stem)) is not None]
     widths = {len(each) for each in digits}
     return widths.pop() if len(widths) == 1 and any(each[0] == "0" and len(each) > 1 for each in digits) else 0
 
@@ -122,8 +122,8 @@ def _padded(names: list[str]) -> int:
 def _of_seconds(names: list[str]) -> Named | None:
     """By decimal seconds, of which at least one has a fraction, or by times with their unit; None where the names are
     something else, such as versions and counters with points."""
-    found = [_SECONDS.search(Path(name).stem) for name in names]
-    parts = [match for match in found if match is not None]
+    matches = [_SECONDS.search(Path(name).stem) for name in names]
+    parts = [match for match in matches if match is not None]
     fractions = [match["fraction"] for match in parts if match["fraction"] is not None]
     units = {match["unit"] or "" for match in parts}
     kinds = {_SECONDS.sub("", Path(name).stem) for name in names}
@@ -166,23 +166,25 @@ def _is_counter(parts: list[tuple[int, int]]) -> bool:
     return counted and (len(after) > 1 or min(after) > 0) and not full
 
 
-def _of_whole_numbers(one: Named, numbers: NDArray[np.int64]) -> Named:
+def _of_whole_numbers(one: Named) -> Named:
     """With times, where its numbers advance by a step that is no whole number, as rounded times do (0, 33, 67, 100), or
     one that is too large for a counter."""
-    apart = np.diff(numbers)
-    if len(apart) < 3 or 0 < one.step < MOST_STEP:
+    if one.numbers is None:
         return one
-    ticks = np.rint(apart / np.median(apart))
+    steps = np.diff(one.numbers)
+    if len(steps) < 3 or 0 < one.step < MOST_STEP:
+        return one
+    ticks = np.rint(steps / np.median(steps))
     if not ticks.all() or (ticks == 1).mean() < IN_STEP:
         return one
-    interval = apart.sum() / ticks.sum()
-    late = numbers - numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
+    interval = steps.sum() / ticks.sum()
+    late = one.numbers - one.numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
     if interval < 1 / ROUNDED or np.abs(late).max() > max(1.0, ROUNDED * interval):
         return one
     for unit, unit_ns in UNITS.items():
         if SHORTEST_NS < interval * unit_ns <= 1_000_000_000:
             note = f"the numbers in the names of the images are taken as times in {unit} (rate_hz says otherwise)"
-            return replace(one, stamps_ns=numbers * unit_ns, numbers=None, notes=(note,))
+            return replace(one, stamps_ns=one.numbers * unit_ns, numbers=None, notes=(note,))
     return one
 
 
@@ -191,10 +193,10 @@ def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int6
 
     `numbers` (N,) are increasing, and filled with zeros to `padded` digits, or not.
     """
-    apart = np.diff(numbers)
-    if len(apart) < 2:
+    steps = np.diff(numbers)
+    if len(steps) < 2:
         return numbers, ""
-    first = int(np.argmax(apart)) + 1
+    first = int(np.argmax(steps)) + 1
     low, high = numbers[:first], numbers[first:]
     step = _step(low) if len(low) > 1 else _step(high)
     if not step or (len(high) > 1 and _step(high) != step):
@@ -203,7 +205,7 @@ def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int6
         starts_at_1 = str(most).strip("9") == "" and low[0] > 0
         turn = most if starts_at_1 and (low[0] + most - high[-1]) % step == 0 else most + 1
         across = int(low[0] + turn - high[-1])
-        if high[-1] > most or (padded and padded != len(str(most))) or apart[first - 1] <= WRAP_SHARE * most:
+        if high[-1] > most or (padded and padded != len(str(most))) or steps[first - 1] <= WRAP_SHARE * most:
             continue
         if across % step == 0 and across <= min(WRAP_STEPS * step, ROUNDED * most):
             note = f"the counter in the names of the images starts again after {most}: {low[0]} follows {high[-1]}"
@@ -211,13 +213,13 @@ def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int6
     return numbers, ""
 
 
-def _is_likely(apart_ns: NDArray[np.int64]) -> bool:
+def _is_likely(intervals_ns: NDArray[np.int64]) -> bool:
     """Whether images may have been taken at such intervals."""
-    return bool((apart_ns > 0).all()) and SHORTEST_NS < float(np.median(apart_ns)) <= LONGEST_NS
+    return bool((intervals_ns > 0).all()) and SHORTEST_NS < float(np.median(intervals_ns)) <= LONGEST_NS
 
 
 def ticks_of(one: Named) -> NDArray[np.int64]:
-    """(N,) how many images after the first each was taken, those counted that are missing."""
+    """Returns (N,) the number of images since the first, with missing ones counted."""
     if one.numbers is None or not one.step:
         return np.arange(len(one.names))
     return (one.numbers - one.numbers[0]) // one.step
@@ -226,7 +228,7 @@ def ticks_of(one: Named) -> NDArray[np.int64]:
 def ticks_of_pair(left: Named, right: Named) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
     """The same of two cameras, (N,) and (M,), from the first of both on: images of one number were taken at once.
 
-    None where the names do not tell.
+    None where the names do not determine it.
     """
     if left.numbers is None or right.numbers is None:
         return None
@@ -240,28 +242,28 @@ def ticks_of_pair(left: Named, right: Named) -> tuple[NDArray[np.int64], NDArray
 
 
 def _step(numbers: NDArray[np.int64]) -> int:
-    apart = np.diff(numbers)
-    if not len(apart):
+    steps = np.diff(numbers)
+    if not len(steps):
         return 1
-    step = int(np.gcd.reduce(apart))
-    return step if (apart == step).mean() >= IN_STEP else 0
+    step = int(np.gcd.reduce(steps))
+    return step if (steps == step).mean() >= IN_STEP else 0
 
 
 def _stamp(stem: str) -> int | None:
     """[ns] since 1970."""
-    found = _STAMP.search(stem)
-    if found is None:
+    match = _STAMP.search(stem)
+    if match is None:
         return None
-    seconds, fraction, whole = found.groups()
+    seconds, fraction, whole = match.groups()
     return int(f"1{seconds}{fraction:0<9}" if whole is None else f"1{whole:0<18}")
 
 
 def _date(stem: str) -> int | None:
     """[ns] since 1970, of a date and a time of day."""
-    found = _DATE.search(stem)
-    if found is None:
+    match = _DATE.search(stem)
+    if match is None:
         return None
-    year, _, month, day, hour, _, minute, second, *fractions = found.groups()
+    year, _, month, day, hour, _, minute, second, *fractions = match.groups()
     try:
         moment = datetime(*map(int, (year, month, day, hour, minute, second)), tzinfo=UTC)  # type: ignore[misc]
     except ValueError:
@@ -277,9 +279,9 @@ def _before(name: str, stamp: Callable[[str], int | None]) -> str:
 def _number(name: str) -> tuple[str, int]:
     """What kind of image it is, by all that is not the last number in its name, and that number; -1 without one."""
     path = Path(name)
-    found = _LAST_NUMBER.fullmatch(path.stem)
+    match = _LAST_NUMBER.fullmatch(path.stem)
     kind = path.suffix.lower()
-    return (path.stem + kind, -1) if found is None else (f"{found[1]}#{found[3]}{kind}", int(found[2]))
+    return (path.stem + kind, -1) if match is None else (f"{match[1]}#{match[3]}{kind}", int(match[2]))
 
 
 def _require_one_kind(names: list[str]) -> None:

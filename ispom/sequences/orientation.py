@@ -1,7 +1,7 @@
 """One orientation for all photos of a camera.
 
 Phones write in EXIF how they were held, one by one: a camera that looks down at a board says 180 degrees of half of its
-photos. The sensor is the same in all, so a camera's images are turned alike, or not at all.
+photos. The sensor is the same in all, so a camera's images are all turned the same way, or not at all.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def common_orientation(paths: list[Path]) -> tuple[int | None, str]:
     if not photos:
         return None, ""
     sampled = [photos[i] for i in np.unique(np.linspace(0, len(photos) - 1, SAMPLES).round().astype(int))]
-    counts = Counter(found for found in map(_orientation, sampled) if found)
+    counts = Counter(orientation for orientation in map(_orientation, sampled) if orientation)
     if not counts:
         return None, ""
     common = max(counts, key=lambda each: (counts[each], each == UPRIGHT))
@@ -72,7 +72,7 @@ def _orientation(path: Path) -> int:
         with warnings.catch_warnings(action="ignore"), opened(path) as file, Header.open(file) as image:
             if "exif" not in image.info:  # getexif would decode a PNG to look behind its pixels
                 return UPRIGHT
-            found = image.getexif().get(_TAG, UPRIGHT)
+            orientation = image.getexif().get(_TAG, UPRIGHT)
     except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):
         return 0
-    return found if isinstance(found, int) and 1 <= found <= 8 else UPRIGHT
+    return orientation if isinstance(orientation, int) and 1 <= orientation <= 8 else UPRIGHT

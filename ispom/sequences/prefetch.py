@@ -35,18 +35,18 @@ class _Ahead:
         self._pending: dict[int, Future[Measurement]] = {}
 
     def prepare(self, i: int) -> None:
-        """Starts anew with frame i."""
+        """Starts again with frame i."""
         with self._lock:
             self._forget_before(self._count)
             self._fill(i)
 
     def load(self, i: int) -> Measurement:
         with self._lock:
-            found = self._pending.pop(i, None)
-            if found is not None:
+            pending = self._pending.pop(i, None)
+            if pending is not None:
                 self._forget_before(i)
                 self._fill(i + 1)
-        return self._load(i) if found is None else found.result()
+        return self._load(i) if pending is None else pending.result()
 
     def _fill(self, i: int) -> None:
         for j in range(i, min(i + AHEAD, self._count)):

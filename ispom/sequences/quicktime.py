@@ -19,13 +19,13 @@ def quicktime_metadata(path: Path) -> dict[str, str | float]:
         meta = next((body for name, body in _atoms(moov) if name == b"meta"), b"")
         parts = dict(_atoms(meta)) or dict(_atoms(meta[4:]))
         keys = _keys(parts.get(b"keys", b""))
-        found: dict[str, str | float] = {}
+        metadata: dict[str, str | float] = {}
         for name, body in _atoms(parts.get(b"ilst", b"")):
             number = int.from_bytes(name, "big")
             value = next((_value(data) for kind, data in _atoms(body) if kind == b"data"), None)
             if value is not None and 1 <= number <= len(keys):
-                found[keys[number - 1]] = value
-        return found
+                metadata[keys[number - 1]] = value
+        return metadata
     except (OSError, struct.error, UnicodeDecodeError):
         return {}
 

@@ -77,7 +77,7 @@ def remapped(image: Image, maps: Maps) -> Image:
     the next pixel than it is, and so are all tracks there; cv2.remap's finer ways round places to 1/32 px.
     """
     fine = cv2.resize(image.astype(np.float32), None, fx=2, fy=2, interpolation=cv2.INTER_LANCZOS4)
-    found = cv2.remap(fine, 2 * maps[0] + 0.5, 2 * maps[1] + 0.5, cv2.INTER_LINEAR)
-    found = np.rint(np.clip(found, 0, 255)).astype(np.uint8)
-    found.setflags(write=False)
-    return found
+    resampled = cv2.remap(fine, 2 * maps[0] + 0.5, 2 * maps[1] + 0.5, cv2.INTER_LINEAR)
+    resampled = np.rint(np.clip(resampled, 0, 255)).astype(np.uint8)
+    resampled.setflags(write=False)
+    return resampled

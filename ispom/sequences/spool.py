@@ -35,7 +35,7 @@ class Spool:
 
     @property
     def full(self) -> bool:
-        """Whether it ended for want of room, not because no more was asked for."""
+        """Whether it ended for want of room, not because no more was requested."""
         return self._bounded_by_room and self._count == self.capacity
 
     def append(self, image: Image) -> None:

@@ -61,16 +61,16 @@ def _rectification(path: Path, rig: Rig) -> Rectification | None:
     right_from_left = rig.rig_from_right.inverse() @ rig.rig_from_left
     fault = pair_fault(right_from_left.inverse())
     why = f" ({fault})" if fault else ""
-    aside = InputError(
+    misplaced = InputError(
         f"{path}: its rig does not put the right camera to the right of the left one{why}: correct the rig"
     )
     if fault:
-        raise aside
+        raise misplaced
     parallel = abs(right_from_left.rotation - np.eye(3)).max() < 1e-7
     level = abs(right_from_left.translation[1:]).max() <= 1e-6 * abs(right_from_left.translation[0])
     if left == right and not left.distortion and parallel and level:
         if rig.baseline_m <= 0:
-            raise aside
+            raise misplaced
         return None
     if size_of(left) != size_of(right):
         raise InputError(f"{path}: left and right images are not of one size: give a rig of two equal cameras")
@@ -79,9 +79,9 @@ def _rectification(path: Path, rig: Rig) -> Rectification | None:
             f"{path}: one lens of the pair is a fisheye and the other is not: give a rig of two equal cameras"
         )
     try:
-        found = Rectification.of(left, right, right_from_left)
+        rectification = Rectification.of(left, right, right_from_left)
     except ValueError:
-        raise aside from None
-    if found.baseline_m <= 0:
-        raise aside
-    return found
+        raise misplaced from None
+    if rectification.baseline_m <= 0:
+        raise misplaced
+    return rectification

@@ -20,12 +20,12 @@ NOMINAL_HZ = 30.0
 MIN_HZ, MAX_HZ = 1e-3, 1e5
 MAX_OFFSET_S = float(MAX_TIME_S)
 SLOW_S = 10.0
-"""Images farther apart than this are hardly those of one motion: their times may be in milliseconds."""
+"""Images with a longer interval than this are hardly those of one motion: their times may be in milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Images by index; nothing is decoded before it is asked for."""
+    """Images by index; nothing is decoded before it is requested."""
 
     times_ns: NDArray[np.int64]
     """(N,) increasing."""
@@ -57,12 +57,12 @@ class Clock:
         taken at `ticks[i]` of it (N,), without them at i.
         """
         if self.times is not None:
-            found = increasing_times_ns(self.times, read_rows(self.times, 1))
-            if len(found) != count:
-                raise InputError(f"{self.times} has {len(found)} times for {count} images: give one per image")
-            apart_s = float(np.median(np.diff(found))) * 1e-9 if count > 1 else 0.0
-            note = f"{self.times}: images are {apart_s:g} s apart: are these times in seconds?"
-            return self._moved(found, what), note if apart_s >= SLOW_S else ""
+            stamps_ns = increasing_times_ns(self.times, read_rows(self.times, 1))
+            if len(stamps_ns) != count:
+                raise InputError(f"{self.times} has {len(stamps_ns)} times for {count} images: give one per image")
+            interval_s = float(np.median(np.diff(stamps_ns))) * 1e-9 if count > 1 else 0.0
+            note = f"{self.times}: images are {interval_s:g} s apart: are these times in seconds?"
+            return self._moved(stamps_ns, what), note if interval_s >= SLOW_S else ""
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
@@ -102,10 +102,10 @@ def named_file(path: Path, where: str, name: Any) -> Path:
     or nothing is there."""
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise InputError(f"{path}: {where} is not the name of a file: correct it")
-    found = path.parent / name
-    if not exists(found):
-        raise InputError(f"{path}: {where} names {found}, which is missing: correct it")
-    return found
+    file = path.parent / name
+    if not exists(file):
+        raise InputError(f"{path}: {where} names {file}, which is missing: correct it")
+    return file
 
 
 def size_of(camera: Camera) -> tuple[int, int]:

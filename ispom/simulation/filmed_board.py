@@ -177,7 +177,7 @@ class How:
     """Settings of the session."""
 
     views: Annotated[int, Range(1, 200)] = 25
-    """Exposures of each camera, at the same times."""
+    """Frames of each camera, at the same times."""
     seed: Annotated[int, Range(0, 2**31)] = 0
     """Seed of the board's poses and the noise."""
     alike: bool = False
@@ -207,7 +207,7 @@ class FilmedBoard:
         return FilmedBoard(rig, picture, how, Filming(rig, tuple(left_from_camera @ pose for pose in poses), 0.0))
 
     def image(self, camera: FrameName, i: int) -> Image:
-        """Exposure i (H, W), grey."""
+        """Renders frame i (H, W), grey."""
         camera_from_left = self.rig.rig_from(camera).inverse() @ self.rig.rig_from_left
         poses = tuple(camera_from_left @ pose for pose in self._left_from_board(i))
         noise_seed = self.how.seed * 1000 + 3 * i + CAMERAS.index(camera)

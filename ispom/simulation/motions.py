@@ -72,9 +72,9 @@ FEWEST = 4
 
 def route_name(path: str) -> str:
     """Returns a name that differs for files of other content. Raises InputError where the file is no route."""
-    found = expanded(path).absolute()
-    _poses(found)
-    return f"{WORD}{hashlib.blake2b(read_bytes(found), digest_size=8).hexdigest()}:{found}"
+    route = expanded(path).absolute()
+    _poses(route)
+    return f"{WORD}{hashlib.blake2b(read_bytes(route), digest_size=8).hexdigest()}:{route}"
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,10 @@ class Route:
 
 def _poses(path: Path) -> Trajectory:
     """Reads the poses. Raises InputError for too few for a spline."""
-    found = read_tum(path, "rig")
-    if len(found) < FEWEST:
-        raise InputError(f"{path} has {len(found)} poses: a route needs at least {FEWEST}")
-    return found
+    route = read_tum(path, "rig")
+    if len(route) < FEWEST:
+        raise InputError(f"{path} has {len(route)} poses: a route needs at least {FEWEST}")
+    return route
 
 
 WALK_M_S, EYES_M = 0.9, 1.6

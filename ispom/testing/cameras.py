@@ -50,10 +50,10 @@ def check_camera_model(camera: Camera) -> None:
     nothing = np.isnan(camera.project(behind)).all() and np.isnan(camera.project_jacobian(behind)).all()
     _require(nothing, camera, "projects a point right behind it")
     empty = camera.project(np.zeros((0, 3))), camera.normalise(np.zeros((0, 2)))
-    _require(all(found.shape == (0, 2) for found in empty), camera, "does not take in no points at all")
+    _require(all(result.shape == (0, 2) for result in empty), camera, "does not take in no points at all")
     _require(len(camera.distortion) in (0, *model.counts), camera, "has a number of coefficients that it does not name")
 
 
-def _require(kept: object, camera: Camera, what: str) -> None:
-    if not kept:
+def _require(condition: object, camera: Camera, what: str) -> None:
+    if not condition:
         raise AssertionError(f"camera model {camera.model.name} {what}")

@@ -47,14 +47,16 @@ def check_finish(trial: Trial, walk: Walk) -> None:
         place = trial.frames[i - 1].place if i else "the start"
         if i:
             seen[walk.steps[i - 1].time_ns] = place
-        found = built.finish(walk.states[i], place)
-        times = found.times_ns.tolist()
+        trajectory = built.finish(walk.states[i], place)
+        times = trajectory.times_ns.tolist()
         trial.require(times == sorted(set(times)), "finishes with times that do not increase", place)
         trial.require(set(times) <= seen.keys(), "finishes with poses at times of no frame", place)
-        trial.require(not times or found.frame in frames, f"finishes with poses of the frame {found.frame}", place)
-    trial.require(len(found), "finishes without any pose")
+        trial.require(
+            not times or trajectory.frame in frames, f"finishes with poses of the frame {trajectory.frame}", place
+        )
+    trial.require(len(trajectory), "finishes without any pose")
     again = built.finish(walk.states[-1], "the end")
-    trial.require(digest(again) == digest(found), "finishes differently when called twice")
+    trial.require(digest(again) == digest(trajectory), "finishes differently when called twice")
 
 
 def check_repeats(trial: Trial, walk: Walk) -> None:

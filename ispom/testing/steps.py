@@ -43,13 +43,13 @@ def check_steps(trial: Trial, walk: Walk) -> None:
             _check_values(trial, part, place)
         _check_poses(trial, step, place)
         history.add(step, place)
-    found = any(step.status is Status.TRACKING for step in walk.steps)
-    trial.require(found, "never tracks: its status is initialising or lost at all frames")
+    located = any(step.status is Status.TRACKING for step in walk.steps)
+    trial.require(located, "never tracks: its status is initialising or lost at all frames")
 
 
 def _check_values(trial: Trial, step: Step, place: str) -> None:
-    def require(kept: object, what: str) -> None:
-        trial.require(kept, what, place)
+    def require(condition: object, what: str) -> None:
+        trial.require(condition, what, place)
 
     require(isinstance(step.status, Status), f"has the status {step.status!r}, which is none")
     known = {"world", "rig", "board", "body", *trial.rig.sensors}

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from ispom.ensemble import Member
 from ispom.estimator import Method
 from ispom.methods import method as registered
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 from ispom.testing.values import digest
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory, images_of
 from ispom.warm_up import flight, flight_rig
@@ -43,8 +43,8 @@ class Trial:
     def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
         """Takes the frames of a sequence, or of a simulated flight past balls."""
         rig = flight_rig() if sequence is None else sequence.rig
-        found = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
-        used = tuple(Numbered(e, f"frame {i}") for i, e in enumerate(found) if method.uses(e))
+        measurements = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
+        used = tuple(Numbered(e, f"frame {i}") for i, e in enumerate(measurements) if method.uses(e))
         with failing_as(method, "cannot make its default settings"):
             chosen = method.config() if settings is None else settings
         return Trial(method, chosen, rig, used)
@@ -52,7 +52,9 @@ class Trial:
     def build(self, settings: Any = None, rig: Rig | None = None) -> Built:
         """Builds an estimator with these settings, and those that it depends on with their defaults."""
         rig = rig or self.rig
-        members = {n: Member(m := registered(n), m.config().build(rig)) for n in with_asked(self.method.asks.values())}
+        members = {
+            n: Member(m := registered(n), m.config().build(rig)) for n in with_dependencies(self.method.asks.values())
+        }
         with failing_as(self.method, "cannot be built"):
             members[self.method.name] = Member(self.method, (settings or self.settings).build(rig))
         return Built(self.method, members)
@@ -60,9 +62,9 @@ class Trial:
     def fail(self, what: str, place: str = "") -> NoReturn:
         fail(self.method, what, place)
 
-    def require(self, kept: object, what: str, place: str = "") -> None:
+    def require(self, condition: object, what: str, place: str = "") -> None:
         """Raises AssertionError with a sentence about the method unless the contract is kept."""
-        if not kept:
+        if not condition:
             self.fail(what, place)
 
 
@@ -82,18 +84,18 @@ class Built:
         for name, member in self.members.items():
             if member.method.uses(measurement):
                 with failing_as(self.method, "cannot step", numbered.place):
-                    after[name], step = member.estimator.step(after[name], measurement, *member.asked(steps))
+                    after[name], step = member.estimator.step(after[name], measurement, *member.inputs(steps))
                     steps[name] = replace(step, method=name)
         if any((now != then).any() for now, then in zip(images, before, strict=True)):
             fail(self.method, "writes into the images that it is given", numbered.place)
         return after, steps[self.method.name]
 
     def finish(self, state: Mapping[str, Any], place: str) -> Trajectory:
-        found = dict[str, Trajectory]()
+        trajectories = dict[str, Trajectory]()
         for name, member in self.members.items():
             with failing_as(self.method, "cannot finish after", place):
-                found[name] = member.estimator.finish(state[name], *member.asked(found))
-        return found[self.method.name]
+                trajectories[name] = member.estimator.finish(state[name], *member.inputs(trajectories))
+        return trajectories[self.method.name]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,9 @@ def digest(value: Any, without: frozenset[str] = frozenset()) -> bytes:
 
     Raises TypeError for what cannot be pickled, RecursionError for what is nested endlessly.
     """
-    found = blake2b(digest_size=16)
-    _feed(found, value, without)
-    return found.digest()
+    hashed = blake2b(digest_size=16)
+    _feed(hashed, value, without)
+    return hashed.digest()
 
 
 def depth(value: Any) -> int:

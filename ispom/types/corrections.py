@@ -131,5 +131,5 @@ class Corrections:
 
     def updated(self, later: Corrections) -> Corrections:
         """Returns these corrections with those that `later` has in their place."""
-        found = {field.name: getattr(later, field.name) for field in fields(later)}
-        return replace(self, **{name: value for name, value in found.items() if value is not None})
+        values = {field.name: getattr(later, field.name) for field in fields(later)}
+        return replace(self, **{name: value for name, value in values.items() if value is not None})

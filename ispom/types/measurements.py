@@ -222,8 +222,8 @@ def colours_at(image: Image, uv: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Returns RGB (N, 3) of the pixels nearest to `uv` (N, 2); positions outside give the nearest pixel inside."""
     column = np.clip(np.rint(uv[:, 0]).astype(int), 0, image.shape[1] - 1)
     row = np.clip(np.rint(uv[:, 1]).astype(int), 0, image.shape[0] - 1)
-    found = image[row, column]
-    return np.repeat(found[:, None], 3, axis=1) if image.ndim == 2 else found
+    colours = image[row, column]
+    return np.repeat(colours[:, None], 3, axis=1) if image.ndim == 2 else colours
 
 
 def _require_shape(values: Array, shape: tuple[int, ...], what: str) -> None:

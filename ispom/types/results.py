@@ -38,10 +38,10 @@ class Decision:
     """What the check helps to answer ("New keyframe?"); empty where it stands for itself."""
     kind: DecisionKind = "requirement"
     """requirement: not passed is a failure; trigger: any one that passes answers the question with yes; finding: a
-    measurement beside its threshold, where neither outcome is a failure; warning: a measurement that is doubtful
+    measurement with its threshold, where neither outcome is a failure; warning: a measurement that is doubtful
     where it does not pass, though the method goes on."""
     about: str = ""
-    """The track, pair or key frame that it is about, where a Step has the same check several times."""
+    """The track, pair or keyframe that it is about, where a Step has the same check several times."""
 
     @property
     def failed(self) -> bool:
@@ -76,7 +76,7 @@ class Check:
     relation: Relation = ">="
     unit: str = ""
     passes: str = ""
-    """The sentence for people where it passes: "Key frame: moved {value} degrees, {threshold} are enough."; with
+    """The sentence for people where it passes: "Keyframe: moved {value} degrees, {threshold} are enough."; with
     {value}, {threshold} and {margin}, as numbers, and any format that a float has, as in {value:.0%}."""
     fails: str = ""
     """The same where it does not pass; empty: the same sentence. What comes before a colon, as in "Lost: {value}
@@ -114,10 +114,10 @@ class Check:
 
 def by_key(*checks: Check) -> dict[str, Check]:
     """ValueError where two have the same key."""
-    found = {check.key: check for check in checks}
-    if len(found) < len(checks):
+    checks_by_key = {check.key: check for check in checks}
+    if len(checks_by_key) < len(checks):
         raise ValueError(f"two checks have one key: {', '.join(sorted(check.key for check in checks))}")
-    return found
+    return checks_by_key
 
 
 class Status(StrEnum):
@@ -130,7 +130,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """All that one estimator can say about one exposure."""
+    """All results of one estimator at one measurement."""
 
     time_ns: int
     status: Status
@@ -147,14 +147,14 @@ class Step:
     residuals_px: Array = field(default_factory=lambda: np.zeros(0))
     """(K,) reprojection errors of the inliers of the pose estimate."""
     revised: Trajectory = field(default_factory=Trajectory.empty)
-    """Poses of earlier exposures that this step made better, or gave for the first time."""
+    """Poses of earlier frames that this step improved, or gave for the first time."""
     scale: float | None = None
     """The factor that carried the unit into this step (1 = kept); None where no scale was transferred."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall time per stage; the only values here that differ between runs."""
     decisions: tuple[Decision, ...] = ()
     parts: tuple[Step, ...] = ()
-    """Steps of the estimators that this one is made of, at the same exposure."""
+    """Steps of the estimators that this one is made of, at the same frame."""
     scale_sigma: float | None = None
     """Standard deviation of the logarithm of the unit here, relative to that at the start; None where unknown."""
     method: str = ""
@@ -162,7 +162,7 @@ class Step:
     final_until_ns: int | None = None
     """Poses before this time will hardly be revised any more; None where that is not known yet."""
     restarted: bool = False
-    """A new segment begins at this frame: no observation tells where it is, or its unit, against earlier ones."""
+    """A new segment begins at this frame: no observation gives its pose, or its scale, relative to earlier ones."""
     joins: int | None = None
     """The number of an earlier segment whose world and unit the present one has, as its keyframes were found again; the
     first is 0, and each restart begins the next. None where nothing was found out."""
@@ -177,4 +177,4 @@ class Step:
     """The spline that an integration adjusted in this step."""
     other_motion: Mapping[str, Tracks] = field(default_factory=dict)
     """By camera name, tracks that ended as no images of still points, and that one other rigid motion explains, where
-    they are in this exposure; none of a camera where it is not told of one (check `second_motion`)."""
+    they are in this frame; none of a camera without a second motion (check `second_motion`)."""

@@ -153,8 +153,8 @@ class Rig:
         for name, value in values.items():
             old = sensors.pop(name, None)
             if isinstance(value, Camera):
-                kept = old if isinstance(old, CameraSensor) else CameraSensor(camera=value)
-                sensors[name] = replace(kept, camera=value)
+                camera_sensor = old if isinstance(old, CameraSensor) else CameraSensor(camera=value)
+                sensors[name] = replace(camera_sensor, camera=value)
             elif isinstance(value, Sensor):
                 sensors[name] = value
             elif value is not None:

@@ -48,14 +48,14 @@ class TrackStatus(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """The image points of one camera at one exposure, those that ended in it included."""
+    """The image points of one camera at one frame, with those that ended in it."""
 
     ids: NDArray[np.int64]
     """(N,) unique for the run of one estimator."""
     uv: NDArray[np.float32]
     """(N, 2) [px]; of an ended track the last known place."""
     uv_prev: NDArray[np.float32]
-    """(N, 2) [px] in the same camera's previous exposure; NaN where new."""
+    """(N, 2) [px] in the same camera's previous frame; NaN where new."""
     status: NDArray[np.uint8]
     """(N,) TrackStatus."""
     residual_px: NDArray[np.float32]

@@ -93,7 +93,7 @@ class SegmentFit:
     """A segment of video poses and the two stereo poses that it was fitted to (section 6.3; Fig. 7)."""
 
     span_ns: tuple[int, int]
-    """The times t_j and t_j+1 of the two stereo exposures."""
+    """The times t_j and t_j+1 of the two stereo frames."""
     video: Trajectory
     """world_from_video in its own world and unit: inside the segment, and the poses that bracket its two ends."""
     own_ends: Trajectory
@@ -110,14 +110,14 @@ class SegmentFit:
 
 @dataclass(frozen=True, eq=False)
 class SplineFit:
-    """A spline through the exposures of a window, before and after its adjustment."""
+    """A spline through the frames of a window, before and after its adjustment."""
 
     times_ns: NDArray[np.int64]
-    """(E,) of the exposures, as stamped."""
+    """(E,) of the frames, as stamped."""
     video: NDArray[np.bool_]
     """(E,) which of them are the video camera's; the others are stereo pairs."""
     before: Array
-    """(E, 3) world_from_rig positions [m] of the spline at the exposures, as it was begun with."""
+    """(E, 3) world_from_rig positions [m] of the spline at the frames, before the adjustment."""
     after: Array
     """(E, 3) likewise, adjusted."""
     knots_ns: NDArray[np.int64]
@@ -127,7 +127,7 @@ class SplineFit:
     knots_after: Array
     """(K, 3) [m]."""
     errors_before: Array
-    """(E,) median error of what was seen at each exposure [standard deviations]; NaN where nothing was."""
+    """(E,) median residual of the observations at each frame [standard deviations]; NaN where there are none."""
     errors_after: Array
     """(E,) likewise, adjusted."""
     cost_before: float

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from ispom.child import end_with_parent
 from ispom.ensemble import build
-from ispom.methods import Config, in_order, with_asked
+from ispom.methods import Config, in_order, with_dependencies
 from ispom.methods import method as registered
 from tests.rounds import SCENARIOS, Scenario
 
@@ -91,7 +91,7 @@ def soaked(method: str, scenario: Scenario, exposures: int, builder: Builder = b
 def small_images(method: str) -> Config:
     """Settings with few tracks, of the method and those that it asks; else the defaults."""
     config = Config()
-    for name in with_asked(in_order((method,))):
+    for name in with_dependencies(in_order((method,))):
         settings = config.of(name)
         few = {key: value for key, value in TRACKS.items() if hasattr(settings, key)}
         config = config.with_settings(name, replace(settings, **few))

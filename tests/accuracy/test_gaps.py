@@ -17,7 +17,7 @@ CAMERA = Camera(100, 100, 100.0, 100.0, 49.5, 49.5)
 TRIAL = Trial("sim:city seed 0", "stereo", 4.0, 2.0, 45.0)
 
 
-def test_what_is_seen_again_is_in_sight_and_not_hidden() -> None:
+def test_what_is_seen_again_is_visible_and_not_hidden() -> None:
     uv = np.stack(np.meshgrid(np.arange(100.0), np.arange(100.0)), axis=-1).reshape(-1, 2)
     depth = np.full(len(uv), 10.0)
     assert gaps._seen_again(CAMERA, uv, depth, Pose(), Pose()) == 1.0

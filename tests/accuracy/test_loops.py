@@ -41,7 +41,7 @@ def test_what_is_off_is_what_drifted() -> None:
     assert loops._off(Trajectory.of(late, "rig"), truth, False)[-1] == pytest.approx(0.7)
 
 
-def test_houses_are_alike_and_the_road_is_not() -> None:
+def test_houses_look_alike_and_the_road_does_not() -> None:
     camera = Camera(80, 60, 60.0, 60.0, 39.5, 29.5)
     renderer = Renderer(build_terraces(1))
     aside = Pose.from_rotvec(np.array([0.0, np.pi / 2, 0.0]), np.array([0.0, -5.0, 56.0]))
@@ -80,10 +80,10 @@ def test_the_study_covers_both_methods(
 
     monkeypatch.setattr(studies, "found", measured_elsewhere)
     assert main(["loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "seed 1 of 2: it broke" in told
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "seed 1 of 2: it broke" in printed
     for method in ("monocular", "stereo"):
-        assert f"{method}: found, and within 0.1% of the way at the return, in 1 of 1, worst 0.055 %" in told
-        assert f"{method}: loops where houses are alike and nothing returns: 1" in told
+        assert f"{method}: found, and within 0.1% of the way at the return, in 1 of 1, worst 0.055 %" in printed
+        assert f"{method}: loops where houses are alike and nothing returns: 1" in printed
     rows = json.loads((tmp_path / "l.json").read_text())
     assert [r["spread"] for r in rows] == [None] * 4, "JSON has no word for a number that is not finite"

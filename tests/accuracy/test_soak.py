@@ -72,8 +72,8 @@ def test_rows_are_printed_and_written(
     written = tmp_path / "soak.json"
     arguments = ["soak", "--frames", "5000", "--methods", "monocular", "--json", str(written)]
     assert main(arguments) == main(arguments) == 0
-    told = capsys.readouterr().out
-    assert "1.25 !" in told and "1.00" in told and "monocular, still: failed" in told
+    printed = capsys.readouterr().out
+    assert "1.25 !" in printed and "1.00" in printed and "monocular, still: failed" in printed
     rows = json.loads(written.read_text())
     assert [row["scenario"] for row in rows] == ["moving", "still", "stops", "goes blank"]
     with pytest.raises(SystemExit):

@@ -31,7 +31,7 @@ from ispom_app.session.session import Session
 from ispom.ensemble import build
 from ispom.io.maps import map_bytes
 from ispom.io.trajectories import tum_text
-from ispom.methods import default_methods, in_order, with_asked
+from ispom.methods import default_methods, in_order, with_dependencies
 from tests.app.helpers import wait_for
 
 TIMES = ("seconds", "stages")
@@ -139,23 +139,23 @@ def main(arguments: list[str]) -> int:
     """Prints, for each fork, what of its files differs from the parent's."""
     options = tyro.cli(Run, args=arguments)
     methods = in_order(options.methods) or default_methods(options.open(options.source).rig)
-    asked, apart = with_asked(methods), 0
+    methods_run, differing_rows = with_dependencies(methods), 0
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         parent = place / "parent"
-        assert ispom(["run", *arguments, "--methods", *asked, "--out", str(parent), "--no-recording"]) == 0
-        expected = files_in(parent, asked)
+        assert ispom(["run", *arguments, "--methods", *methods_run, "--out", str(parent), "--no-recording"]) == 0
+        expected = files_in(parent, methods_run)
         places = {method: worth_forking(parent, method) for method in methods}
         say(*(f"{method}: forks at {at}" for method, at in places.items()))
-        with played(arguments, asked, place / "session") as session:
+        with played(arguments, methods_run, place / "session") as session:
             assert session.run is not None
-            say(f"the page's run: {differing(files_of(session.run, asked, place / 'page'), expected) or 'same'}")
+            say(f"the page's run: {differing(files_of(session.run, methods_run, place / 'page'), expected) or 'same'}")
             for at in sorted(set().union(*places.values())):
-                page = differing(files_of(fork_in(session, at), asked, place / f"page-{at}"), expected)
-                command = differing(files_in(fork_by_command(parent, at, place / f"fork-{at}"), asked), expected)
+                page = differing(files_of(fork_in(session, at), methods_run, place / f"page-{at}"), expected)
+                command = differing(files_in(fork_by_command(parent, at, place / f"fork-{at}"), methods_run), expected)
                 say(f"at {at}: page {page or 'same'}, ispom fork {command or 'same'}")
-                apart += bool(page or command)
-    return 1 if apart else 0
+                differing_rows += bool(page or command)
+    return 1 if differing_rows else 0
 
 
 def say(*lines: str) -> None:

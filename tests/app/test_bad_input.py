@@ -37,9 +37,9 @@ def fakes(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
 def sentence(capsys: pytest.CaptureFixture[str], *arguments: str, builder: Builder = fakes) -> str:
     """What the command says on its way out with code 2."""
     assert main(["run", *arguments, "--no-recording"], builder) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("ispom: ") and told.count("\n") == 1
-    return told
+    message = capsys.readouterr().err
+    assert message.startswith("ispom: ") and message.count("\n") == 1
+    return message
 
 
 def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -60,8 +60,8 @@ def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     ],
 )
 def test_sources_that_cannot_be(source: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    told = sentence(capsys, source)
-    assert message in told and len(told) < 1100
+    printed = sentence(capsys, source)
+    assert message in printed and len(printed) < 1100
 
 
 def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,7 +78,7 @@ def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pyte
         path.write_bytes(content)
 
 
-def test_a_pipe_in_place_of_the_first_image_where_nothing_tells_the_camera(
+def test_a_pipe_in_place_of_the_first_image_where_nothing_describes_the_camera(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its EXIF was waited for, for ever."""
@@ -124,15 +124,15 @@ def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
-    told = sentence(capsys, str(tmp_path))
-    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in told and "give a folder" in told
+    message = sentence(capsys, str(tmp_path))
+    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in message and "give a folder" in message
     for name in ("b.mp4", "a.mp4", "camera.yaml"):
         (tmp_path / name).touch()
-    told = sentence(capsys, str(tmp_path))
-    assert told.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
+    message = sentence(capsys, str(tmp_path))
+    assert message.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
 
 
-def test_unknown_layout_beside_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_layout_next_to_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It was the link that was complained about, whatever it had to do with what was asked for."""
     (tmp_path / "drive").mkdir()
     (tmp_path / "drive" / "sequence.yaml").symlink_to("/nowhere")
@@ -191,8 +191,8 @@ def test_a_broken_drive(name: str, tmp_path: Path, capsys: pytest.CaptureFixture
     spoil, message = BROKEN[name]
     drive = make_drive(tmp_path / "kitti")
     spoil(drive)
-    told = sentence(capsys, str(drive), "--out", str(tmp_path / "out"))
-    assert message in told and str(tmp_path) in told
+    printed = sentence(capsys, str(drive), "--out", str(tmp_path / "out"))
+    assert message in printed and str(tmp_path) in printed
     assert not (tmp_path / "out").exists()
 
 
@@ -223,24 +223,24 @@ def test_a_bad_image_in_the_middle_loses_nothing(
         "ispom.sequences.formats.kitti._images", lambda images: [images / name for name in listed]
     )  # it may vanish while the run goes on, too
     spoil(drive / image)
-    told = sentence(capsys, str(drive), "--out", str(out))
-    assert f"{drive / image} {message}" in told and "restore" in told
+    printed = sentence(capsys, str(drive), "--out", str(out))
+    assert f"{drive / image} {message}" in printed and "restore" in printed
     assert message in (out / MARKER).read_text()
     assert len(read_tum(out / "monocular.tum")) == len(read_tum(out / "stereo.tum")) == 3
 
 
 def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = sentence(capsys, str(make_drive(tmp_path, frames=2)))
-    assert "has 2 frames, a run needs 3 or more: give a longer sequence" in told
+    message = sentence(capsys, str(make_drive(tmp_path, frames=2)))
+    assert "has 2 frames, a run needs 3 or more: give a longer sequence" in message
 
 
 @pytest.mark.parametrize("method", ["stereo", "integrated"])
-def test_right_camera_missing_where_stereo_is_asked(
+def test_right_camera_missing_where_stereo_is_required(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = make_drive(tmp_path / "kitti", right=False)
-    told = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"), builder=build)
-    assert f"{method} needs a left and a right camera" in told and "--methods" in told
+    message = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"), builder=build)
+    assert f"{method} needs a left and a right camera" in message and "--methods" in message
 
 
 def test_frame_of_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -251,8 +251,8 @@ def test_frame_of_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.Capt
 def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Real estimators: they find nothing, and the folder says so."""
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
-    told = sentence(capsys, str(drive), "--out", str(out), builder=build)
-    assert "no method found any motion: give images with texture" in told
+    message = sentence(capsys, str(drive), "--out", str(out), builder=build)
+    assert "no method found any motion: give images with texture" in message
     assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
 
 
@@ -263,8 +263,8 @@ def test_no_motion_of_images_that_are_mixed_up(
         "ispom_app.engine.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED))
     )
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
-    told = sentence(capsys, str(drive), "--out", str(out), builder=build)
-    assert "no method found any motion: left and right seem to be exchanged" in told and "texture" not in told
+    message = sentence(capsys, str(drive), "--out", str(out), builder=build)
+    assert "no method found any motion: left and right seem to be exchanged" in message and "texture" not in message
 
 
 @pytest.mark.parametrize(
@@ -298,8 +298,8 @@ def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> N
 
 def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("kept")
-    told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
-    assert "file/out cannot be created" in told and "give another --out" in told
+    message = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
+    assert "file/out cannot be created" in message and "give another --out" in message
     assert (tmp_path / "file").read_text() == "kept"
 
 
@@ -311,8 +311,8 @@ def test_disk_full_while_writing(
     full = lambda path: FileIO("/dev/full", "wb") if "integrated.tum" in path.name else create(path)  # noqa: E731
     monkeypatch.setattr(whole, "create_file", full)
     out = tmp_path / "out"
-    told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
-    assert "integrated.tum cannot be written (No space left on device): make room" in told
+    message = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
+    assert "integrated.tum cannot be written (No space left on device): make room" in message
     logs = {"steps.csv", "decisions.csv", "events.csv"}
     assert {p.name for p in out.iterdir()} == logs | {
         *("run.yaml", "rig.yaml", "truth.tum", "monocular.tum", "stereo.tum", "poses.csv", "metrics.json"),

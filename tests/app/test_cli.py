@@ -53,7 +53,7 @@ def test_without_a_source_the_app_opens_on_its_start_screen(
         opener("")
 
 
-def test_a_trajectory_beside_nothing_is_a_mistake(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
+def test_an_external_trajectory_without_a_source_is_a_mistake(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
     (tmp_path / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     assert main(["app", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
     assert not served
@@ -74,7 +74,7 @@ def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) ->
         opener(f"{drive}/nowhere")
 
 
-def test_a_mistake_of_the_app_is_told_in_one_sentence(
+def test_a_mistake_of_the_app_is_reported_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def serve(*_: Any, **__: Any) -> int:
@@ -180,7 +180,7 @@ def test_trajectories_of_other_programs_reach_the_app(served: list, tmp_path: Pa
     alignment = ["--beside-alignment", "orb=first"]
     assert main(["app", str(drive), "--beside", f"orb:left={poses}", *alignment]) == 0
     ((_, _, options, _),) = served
-    (given,) = options["beside"]
+    (given,) = options["trajectory_options"]
     assert (given.name, given.frame, given.alignment) == ("orb", "left", "first")
 
 
@@ -197,31 +197,33 @@ def test_a_trajectory_that_does_not_fit_is_one_sentence_before_anything_is_serve
 ) -> None:
     (tmp_path / "poses.txt").write_text(text)
     assert main(["app", str(make_drive(tmp_path)), "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
-    told = capsys.readouterr().err
-    assert why in told and told.count("\n") == 1 and not served
+    message = capsys.readouterr().err
+    assert why in message and message.count("\n") == 1 and not served
 
 
-def test_a_trajectory_is_beside_a_finished_run_or_its_recording(served: list, tmp_path: Path) -> None:
+def test_an_external_trajectory_is_drawn_with_a_finished_run_or_its_recording(served: list, tmp_path: Path) -> None:
     drive = make_drive(tmp_path)
     assert main(["run", str(drive), "--methods", "stereo", "--out", str(tmp_path / "run")], helpers.build) == 0
     alone = tmp_path / "alone.rrd"
     alone.write_bytes((tmp_path / "run" / "run.rrd").read_bytes())
-    beside = ["--beside", f"orb={tmp_path / 'run' / 'truth.tum'}"]
+    flags = ["--beside", f"orb={tmp_path / 'run' / 'truth.tum'}"]
     for source in (tmp_path / "run", tmp_path / "run" / "run.rrd", alone):
-        assert main(["app", str(source), *beside], helpers.build) == 0
-    assert [[given.name for given in options["beside"]] for _, _, options, _ in served] == [["orb"]] * 3
+        assert main(["app", str(source), *flags], helpers.build) == 0
+    assert [[option.name for option in options["trajectory_options"]] for _, _, options, _ in served] == [["orb"]] * 3
 
 
-def test_poses_of_a_camera_that_a_recording_does_not_tell_of_are_refused(
+def test_poses_of_a_camera_that_a_recording_lacks_are_refused(
     served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = make_drive(tmp_path, right=False)
-    beside = ["--beside", f"orb:right={tmp_path / 'poses' / '07.txt'}"]
-    assert main(["app", str(drive), *beside]) == 2
+    flags = ["--beside", f"orb:right={tmp_path / 'poses' / '07.txt'}"]
+    assert main(["app", str(drive), *flags]) == 2
     assert "nothing is known of a right camera" in capsys.readouterr().err and not served
 
 
-def test_nothing_can_be_beside_a_live_source(served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_external_trajectory_with_a_live_source(
+    served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "poses.txt").write_text("0 0 0 0 0 0 0 1\n")
     assert main(["app", "camera:0", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
     assert "this source is live" in capsys.readouterr().err and not served

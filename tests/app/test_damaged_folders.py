@@ -67,7 +67,7 @@ def test_a_damaged_file_is_a_repair_without_it_or_one_sentence(
     code = main(["repair", str(run)])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    said = capfd.readouterr()
-    assert code == 0 or (code == 2 and said.err.startswith("ispom: ") and said.err.count("\n") == 1), said.err
-    assert code == 2 or not said.err
+    message = capfd.readouterr()
+    assert code == 0 or (code == 2 and message.err.startswith("ispom: ") and message.err.count("\n") == 1), message.err
+    assert code == 2 or not message.err
     assert peak < MOST_BYTES

@@ -114,8 +114,8 @@ def test_a_model_that_the_poses_do_not_fit_is_an_error_and_not_an_empty_folder(
     elsewhere = replace(found.landmarks, xyz_in_world=found.landmarks.xyz_in_world + 5)
     (run / "landmarks.npz").write_bytes(map_bytes({"monocular": replace(found, landmarks=elsewhere)}))
     assert main(["export", str(run), "--format", "colmap"]) == 2
-    told = capsys.readouterr().err
-    assert "of 480 observations" in told and "--max-error-px" in told and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert "of 480 observations" in message and "--max-error-px" in message and message.count("\n") == 1
     assert not (run / "export").exists()
 
 
@@ -161,7 +161,7 @@ def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.Capture
     assert all("stereo" in str(path) for path in (tmp_path / "one").rglob("[!.]*.*"))
 
 
-def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_incomplete_run_is_exported_with_a_notice(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (run / MARKER).write_text("Stopped by a signal.\n")
     exported(run, "tum")
     assert "not complete" in capsys.readouterr().out
@@ -189,8 +189,8 @@ def test_a_mistake_is_one_sentence(
     else:
         (run / name).write_text(text)
     assert main(["export", str(run), "--format", form]) == 2
-    told = capsys.readouterr().err
-    assert message in told and told.startswith("ispom: ") and told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed and printed.startswith("ispom: ") and printed.count("\n") == 1
 
 
 def test_a_folder_with_other_files_is_left_alone(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from ispom_app.cli.main import main
 
 from ispom.methods import method as registered
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 from ispom.types import Frame, Measurement, Trajectory, is_video
 from tests.alone import ALL
 from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
@@ -47,9 +47,9 @@ def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
     """The arguments of a method's run, and its folder."""
 
     def run(method: str) -> tuple[list[str], Path]:
-        asked, out = with_asked((method,)), tmp_path_factory.mktemp(method) / "run"
-        few = [f"--{name}.max-tracks=80" for name in asked if hasattr(registered(name).config(), "max_tracks")]
-        arguments = [str(flight), "--methods", *asked, *few]
+        methods_run, out = with_dependencies((method,)), tmp_path_factory.mktemp(method) / "run"
+        few = [f"--{name}.max-tracks=80" for name in methods_run if hasattr(registered(name).config(), "max_tracks")]
+        arguments = [str(flight), "--methods", *methods_run, *few]
         assert main(["run", *arguments, "--out", str(out), "--no-recording"]) == 0
         return arguments, out
 
@@ -60,16 +60,16 @@ def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
 def test_with_nothing_changed_all_files_are_the_parents(
     method: str, parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path
 ) -> None:
-    (arguments, run), asked = parent(method), with_asked((method,))
-    expected, places = files_in(run, asked), worth_forking(run, method)
+    (arguments, run), methods_run = parent(method), with_dependencies((method,))
+    expected, places = files_in(run, methods_run), worth_forking(run, method)
     assert len(places) >= 5 and any(row["status"] == "lost" for row in rows(run) if row["method"] == method)
-    with played(arguments, asked, tmp_path / "session") as session:
+    with played(arguments, methods_run, tmp_path / "session") as session:
         assert session.run is not None
-        assert not differing(files_of(session.run, asked, tmp_path / "page"), expected)
+        assert not differing(files_of(session.run, methods_run, tmp_path / "page"), expected)
         for at in places:
-            assert not differing(files_of(fork_in(session, at), asked, tmp_path / f"page-{at}"), expected), at
+            assert not differing(files_of(fork_in(session, at), methods_run, tmp_path / f"page-{at}"), expected), at
         for at in (places[0], places[len(places) // 2], places[-1]):
-            assert not differing(files_in(fork_by_command(run, at, tmp_path / f"fork-{at}"), asked), expected), at
+            assert not differing(files_in(fork_by_command(run, at, tmp_path / f"fork-{at}"), methods_run), expected), at
 
 
 def test_another_setting_is_seen_in_the_files(parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path) -> None:

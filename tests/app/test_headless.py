@@ -61,12 +61,14 @@ def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.C
     out = tmp_path / "out"
     assert run(drive, out, "--stereo-every", "2", "--monocular.max-tracks", "400") == 0
     assert names(out) == FILES | {"run.rrd"}
-    told = yaml.safe_load((out / "run.yaml").read_text())
-    assert told["source"] == drive and told["config"]["monocular"]["max_tracks"] == 400
-    assert (told["exposures"], told["duration_s"]) == ({"video": 6, "stereo": 3}, 0.5) and "numpy" in told["versions"]
+    run_file = yaml.safe_load((out / "run.yaml").read_text())
+    assert run_file["source"] == drive and run_file["config"]["monocular"]["max_tracks"] == 400
+    assert (run_file["exposures"], run_file["duration_s"]) == ({"video": 6, "stereo": 3}, 0.5) and "numpy" in run_file[
+        "versions"
+    ]
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
     assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
-    assert "emulation" in capsys.readouterr().out and "emulation" in told["notes"][0]
+    assert "emulation" in capsys.readouterr().out and "emulation" in run_file["notes"][0]
 
 
 def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
@@ -90,7 +92,7 @@ def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
     assert methods["stereo"]["ms_per_exposure"] == {"median": pytest.approx(5), "p95": pytest.approx(5)}
 
 
-def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
+def test_without_truth_only_what_can_be_computed(tmp_path: Path) -> None:
     drive = make_drive(tmp_path / "kitti", poses=False)
     assert run(str(drive), tmp_path / "out", "--no-recording") == 0
     assert names(tmp_path / "out") == FILES - {"truth.tum"}
@@ -98,7 +100,7 @@ def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
     assert set(entry) == {"poses", "frames", "located", "lost", "ms_per_exposure"}
 
 
-def test_the_asked_methods_only(drive: str, tmp_path: Path) -> None:
+def test_the_requested_methods_only(drive: str, tmp_path: Path) -> None:
     assert run(drive, tmp_path / "out", "--no-recording", "--methods", "integrated") == 0
     assert names(tmp_path / "out") == FILES - {"monocular.tum", "stereo.tum"}
     methods = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]
@@ -201,7 +203,7 @@ def test_help_needs_no_viewer_nor_ray_caster() -> None:
     assert found.returncode == 0, found.stderr
 
 
-def test_runs_tell_whether_they_saw_the_same_images(drive: str, tmp_path: Path) -> None:
+def test_runs_record_whether_they_saw_the_same_images(drive: str, tmp_path: Path) -> None:
     def seen(name: str, *options: str) -> str:
         assert run(drive, tmp_path / name, "--no-recording", *options) == 0
         return yaml.safe_load((tmp_path / name / "run.yaml").read_text())["images_sha256"]
@@ -224,10 +226,10 @@ def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsy
     """Its folder is complete: that of a run over the frames up to there, with the recording."""
     condition = "monocular.key_frame and exposure > 3"
     assert run(drive, tmp_path / "a", "--until", condition) == 0
-    told = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
-    last, time_s = told["stopped"]["exposure"], told["stopped"]["time_ns"] / 1e9
-    assert told["options"]["until"] == condition and sum(told["exposures"].values()) == last + 1
-    assert told["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
+    run_file = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
+    last, time_s = run_file["stopped"]["exposure"], run_file["stopped"]["time_ns"] / 1e9
+    assert run_file["options"]["until"] == condition and sum(run_file["exposures"].values()) == last + 1
+    assert run_file["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
     sentence = f"stopped at frame {last} ({time_s:.3f} s) by --until {condition}: "
     assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
     assert names(tmp_path / "a") == FILES | {"run.rrd"}
@@ -242,7 +244,9 @@ def test_a_run_that_stops_before_it_moved_is_complete(drive: str, tmp_path: Path
     assert names(tmp_path / "a") == FILES and len(read_tum(tmp_path / "a" / "stereo.tum")) == 1
 
 
-def test_a_condition_that_never_holds_is_said(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_condition_that_never_holds_is_reported(
+    drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     options = ("--until", "stereo.status == 'lost'", "--max-exposures", "8", "--no-recording")
     assert run(drive, tmp_path / "a", *options) == 0
     assert "--until never held: stereo.status == 'lost'\n" in capsys.readouterr().out

@@ -26,7 +26,7 @@ def test_without_an_error_all_are_listed(run: Path, capsys: pytest.CaptureFixtur
     assert "stereo" in printed and "integrated" in printed
 
 
-def test_the_rerun_stands_beside_the_prediction_and_near_it(run: Path, tmp_path: Path) -> None:
+def test_the_rerun_is_listed_with_the_prediction_and_near_it(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = ["perturb", str(run), "--baseline-percent", "2", "--clock-ms", "4", "--rerun", "--out", str(out)]
     assert main(arguments) == 0

@@ -80,5 +80,5 @@ def test_settings_that_libraries_would_obey_are_refused(
     monkeypatch.setattr(sys, "argv", ["ispom", "--help"])
     monkeypatch.setattr(entry, "_complete_streams", lambda: None)  # these are the test's
     assert entry.main() == 2
-    said = capsys.readouterr().err
-    assert name in said and said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert name in message and message.count("\n") == 1

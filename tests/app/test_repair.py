@@ -59,11 +59,11 @@ def test_a_killed_run_keeps_its_recording_trajectories_and_metrics(
 ) -> None:
     assert part_of(killed / "run.rrd").exists() and not (killed / "stereo.tum").exists()
     assert main(["repair", str(killed / place)]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert is_finished(killed / "run.rrd") and exposures_in(killed / "run.rrd") == set(range(8))
     for method in ("monocular", "stereo"):
         trajectory = read_tum(killed / f"{method}.tum")
-        assert len(trajectory) == 4 and f"{method}.tum: 4 poses" in said
+        assert len(trajectory) == 4 and f"{method}.tum: 4 poses" in printed
     methods = json.loads((killed / "metrics.json").read_text())["methods"]
     assert methods["stereo"]["poses"] == 4 and methods["stereo"]["ms_per_exposure"]["median"] == pytest.approx(5)
     assert (killed / MARKER).read_text().startswith("Repaired: 8 of 12 frames. The run has not ended")

@@ -15,11 +15,11 @@ from tests.sequences.folders import MAKERS, make_euroc
 from tests.sequences.own_folders import make_images
 
 
-def test_cameras_rates_truth_and_notes_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cameras_rates_truth_and_notes_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(make_euroc(tmp_path))]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == "EuRoC V9"
-    text = " ".join(" ".join(told).split())
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "EuRoC V9"
+    text = " ".join(" ".join(printed).split())
     assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
     assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 frames, path 0.250 m" in text
     assert (
@@ -28,7 +28,7 @@ def test_cameras_rates_truth_and_notes_are_told(tmp_path: Path, capsys: pytest.C
     )
 
 
-def test_gaps_and_uneven_rates_are_told() -> None:
+def test_gaps_and_uneven_rates_are_reported() -> None:
     sequence = doubles.sequence(30)
     video = np.flatnonzero(np.array(sequence.kinds) == "video")
     times_ns = sequence.times_ns.copy()
@@ -39,12 +39,12 @@ def test_gaps_and_uneven_rates_are_told() -> None:
 
 
 @pytest.mark.parametrize("kind", MAKERS)
-def test_every_kind_is_told(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_kind_is_reported(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(MAKERS[kind](tmp_path / "made"))]) == 0
     assert "methods monocular" in capsys.readouterr().out
 
 
-def test_what_is_no_source_is_told_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_source_is_reported_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(tmp_path / "nowhere")]) == 2
     assert "does not exist" in capsys.readouterr().err
 

@@ -33,7 +33,7 @@ def test_the_ellipsoid_holds_95_percent_of_the_poses_around():
     np.testing.assert_allclose(abs(found.axes[:, 2]), abs(POSE.rotation[:, 2]), atol=1e-12)
 
 
-def test_what_is_told_is_the_largest_of_each():
+def test_what_is_reported_is_the_largest_of_each():
     step = Step(0, Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE, method="stereo")
     assert uncertainty.describe(step, 1.0) == "95 % confidence: 83.9 mm, 0.32° (largest axis)"
     assert uncertainty.describe(step, 10.0) == "95 % confidence: 839 mm, 0.32° (largest axis)"
@@ -41,7 +41,7 @@ def test_what_is_told_is_the_largest_of_each():
     assert uncertainty.describe(replace(step, covariance=np.full((6, 6), np.inf)), 1.0) == ""
 
 
-def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
+def test_it_is_drawn_while_there_is_one_and_shown_in_the_panel():
     sequence = doubles.sequence()
     recorder = Recorder(Opened(sequence, ("stereo",), Config(), None))
     step = Step(
@@ -64,7 +64,7 @@ def test_it_is_a_layer_that_can_be_hidden():
     assert any("/overrides/world/stereo/uncertainty/" in path for path in hidden)
 
 
-def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
+def test_how_far_the_unit_may_have_drifted_is_plotted_and_shown_in_the_panel():
     sequence = doubles.sequence()
     recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
     step = Step(

@@ -77,7 +77,9 @@ def test_a_sentence_that_cannot_be_filled_in_is_refused_at_once(text: str) -> No
 
 
 @pytest.mark.parametrize("method", ["monocular", "stereo", "integrated"])
-def test_an_adjustment_tells_cost_iterations_outliers_and_what_left_the_window(method: str, steps: list[Step]) -> None:
+def test_an_adjustment_reports_cost_iterations_outliers_and_what_left_the_window(
+    method: str, steps: list[Step]
+) -> None:
     keys = [{d.key: d for d in step.decisions} for step in steps if step.method == method]
     adjusted = [found for found in keys if "cost" in found]
     assert adjusted and all({"iterations", "outliers", "window"} <= found.keys() for found in adjusted)
@@ -88,18 +90,18 @@ def test_an_adjustment_tells_cost_iterations_outliers_and_what_left_the_window(m
 
 
 @pytest.mark.parametrize(("method", "camera"), [("monocular.paper", "video"), ("stereo.paper", "left")])
-def test_the_papers_methods_tell_how_many_points_disagree(method: str, camera: str, steps: list[Step]) -> None:
+def test_the_papers_methods_report_how_many_points_disagree(method: str, camera: str, steps: list[Step]) -> None:
     dropped = (TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.RIGID)
-    told = 0
+    reports = 0
     for step in steps:
         found = next((d for d in step.decisions if step.method == method and d.key == "outliers"), None)
         if found is not None:
             assert found.value == np.isin(step.tracks[camera].status, dropped).sum() <= found.threshold
-            told += 1
-    assert told >= 5
+            reports += 1
+    assert reports >= 5
 
 
-def test_the_first_map_tells_its_model_and_the_integrations_their_alignment(steps: list[Step]) -> None:
+def test_the_first_map_reports_its_model_and_the_integrations_their_alignment(steps: list[Step]) -> None:
     seen = {f"{step.method}.{d.key}": d for step in steps for d in step.decisions}
     assert {"monocular.plane_share", "monocular.homography_cost", "integrated.align_turn"} <= seen.keys()
     assert {

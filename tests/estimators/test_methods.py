@@ -12,7 +12,16 @@ from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.paper.stereo import StereoConfig
-from ispom.methods import REGISTRY, Config, default_methods, in_order, method, names, possible_methods, with_asked
+from ispom.methods import (
+    REGISTRY,
+    Config,
+    default_methods,
+    in_order,
+    method,
+    names,
+    possible_methods,
+    with_dependencies,
+)
 from ispom.types import Measurement, Sequence
 from tests.alone import ALL, METHODS, PAPER
 
@@ -43,7 +52,7 @@ def second_stereo() -> Method:
 def test_the_built_in_methods_in_their_order() -> None:
     assert names() == ALL
     assert in_order(("stereo.paper", "monocular", "stereo.paper")) == ("monocular", "stereo.paper")
-    assert with_asked(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
+    assert with_dependencies(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
     with pytest.raises(InputError, match=r"'slam' is no method: choose from monocular.* by --external"):
         method("slam")
 
@@ -77,20 +86,20 @@ def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
     assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
 
 
-def test_what_two_ask_is_computed_once_and_what_runs_beside_changes_nothing(
+def test_a_shared_dependency_is_computed_once_and_other_methods_change_nothing(
     flight: Sequence, exposures: list[Measurement]
 ) -> None:
-    beside = build(Config(), ("monocular", "integrated.paper"), flight.rig)
-    assert list(beside.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]
-    alone = [build(Config(), (name,), flight.rig) for name in beside.methods]
-    states = [ensemble.start() for ensemble in (beside, *alone)]
+    together = build(Config(), ("monocular", "integrated.paper"), flight.rig)
+    assert list(together.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]
+    alone = [build(Config(), (name,), flight.rig) for name in together.methods]
+    states = [ensemble.start() for ensemble in (together, *alone)]
     for exposure in exposures[:45]:
-        states[0], steps = beside.step(states[0], exposure)
+        states[0], steps = together.step(states[0], exposure)
         states[1:] = [ensemble.step(state, exposure)[0] for ensemble, state in zip(alone, states[1:], strict=True)]
-        assert {step.method for step in steps} <= set(beside.methods)
+        assert {step.method for step in steps} <= set(together.methods)
         for step in steps:
             assert {part.method for part in step.parts} <= set(method(step.method).asks.values())
-    found = beside.finish(states[0])
+    found = together.finish(states[0])
     for ensemble, state in zip(alone, states[1:], strict=True):
         (name,) = ensemble.methods
         np.testing.assert_array_equal(found[name].translations, ensemble.finish(state)[name].translations)

@@ -53,14 +53,14 @@ def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
     assert not clock.applied and "+3 +-" in str(clock) and "(not applied)" in str(clock)
 
 
-def test_what_chance_explains_changes_nothing_and_is_told() -> None:
+def test_what_chance_explains_changes_nothing_and_is_reported() -> None:
     said = Corrections(lens=LensCorrection(0.001, 0.0, np.eye(2)))
     found = corrected(RIG, said)
     assert found.rig.video == RIG.video and not any(f.applied for f in found.findings)
     assert [finding.what for finding in found.findings] == ["video focal length", "video radial distortion"]
 
 
-def test_what_is_held_is_not_told() -> None:
+def test_fixed_parameters_are_not_reported() -> None:
     covariance = np.diag([0.0] * 6 + [SURE])
     (clock,) = corrected(RIG, Corrections(mount=MountCorrection.of(np.zeros(7), covariance))).findings
     assert clock.what == "video clock late"

@@ -82,8 +82,10 @@ def test_it_stops_on_its_check_and_a_changed_image_is_found(run: Path, recording
     image[100, 100] += 9
     cv2.imwrite(str(changed / f"{FORKED_AT:03d}.png"), image)
     assert ispom("run", changed, *words, out).returncode == 0
-    apart = ispom("diff", run, out)
-    assert apart.returncode == 1 and f"frame {FORKED_AT}" in apart.stdout, apart.stdout + apart.stderr
+    comparison = ispom("diff", run, out)
+    assert comparison.returncode == 1 and f"frame {FORKED_AT}" in comparison.stdout, (
+        comparison.stdout + comparison.stderr
+    )
 
 
 def test_it_has_flags_and_no_flag_for_its_command() -> None:

@@ -62,7 +62,7 @@ def test_it_is_run_forked_and_reported(installed: Path, recording: Path, tmp_pat
     assert "frames" in report.read_text() and "#965ad2" in report.read_text(), "neither its name nor its colour"
 
 
-def test_it_stops_on_its_check_and_is_told_apart(installed: Path, recording: Path, tmp_path: Path) -> None:
+def test_it_stops_on_its_check_and_is_distinguished(installed: Path, recording: Path, tmp_path: Path) -> None:
     run, stopped, other = tmp_path / "run", tmp_path / "stopped", tmp_path / "other"
     words = ("-m", "ispom_app", "run", recording, "--methods", "frames", "--no-recording", "--out")
     assert python(installed, *words, run).returncode == 0
@@ -75,5 +75,5 @@ def test_it_stops_on_its_check_and_is_told_apart(installed: Path, recording: Pat
     assert python(installed, *words, other, "--frames.max-tracks", "150").returncode == 0
     alike = python(installed, "-m", "ispom_app", "diff", run, run)
     assert alike.returncode == 0 and "alike: frames" in alike.stdout, alike.stderr
-    apart = python(installed, "-m", "ispom_app", "diff", run, other)
-    assert apart.returncode == 1 and "frames.max_tracks: 400 | 150" in apart.stdout, apart.stderr
+    comparison = python(installed, "-m", "ispom_app", "diff", run, other)
+    assert comparison.returncode == 1 and "frames.max_tracks: 400 | 150" in comparison.stdout, comparison.stderr

@@ -143,7 +143,7 @@ def test_pairs_that_opencv_writes_are_read(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["camera.yaml", "camera.yml", "film.yaml", "other.yml"])
-def test_opencvs_file_is_read_beside_images_and_films_and_as_camera(name: str, tmp_path: Path) -> None:
+def test_opencvs_file_is_read_next_to_images_and_films_and_as_camera(name: str, tmp_path: Path) -> None:
     """One reader for all ways in (row 1)."""
     small = Camera(WIDTH, HEIGHT, 80.0, 81.0, 47.5, 31.5, (-0.05, 0.01, 0.0, 0.0))
     path = written(tmp_path / "shot" / name, opencv_text([Placed("video", small, Pose())]))
@@ -282,12 +282,12 @@ def test_a_baseline_that_is_not_in_metres_is_named_with_its_unit(
     for name, text in rig_files(rig, form).items():  # type: ignore[arg-type]
         written(tmp_path / "in" / name, text)
     assert main(["calibrate", "convert", str(tmp_path / "in"), "--out", str(tmp_path / "rig.yaml")]) == 0
-    said = capsys.readouterr().err
-    assert (unit is None) == (not said)
+    message = capsys.readouterr().err
+    assert (unit is None) == (not message)
     if unit is not None:
         assert pytest.approx(baseline) == one_rig((tmp_path / "rig.yaml",))[0].baseline_m
-        assert said.count("baseline is") == 1
-        assert re.search(unit, said)
+        assert message.count("baseline is") == 1
+        assert re.search(unit, message)
 
 
 def test_intrinsics_and_extrinsics_of_opencv_are_given_together(tmp_path: Path) -> None:

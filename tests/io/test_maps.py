@@ -40,7 +40,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["stereo"].seen_uv, expected.seen_uv)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is missing"):
         read_maps(tmp_path / "a.npz")
 
@@ -82,7 +82,7 @@ def test_an_array_that_claims_another_size_than_its_archive_is_refused(shape: st
 
 @settings(max_examples=40)
 @given(st.data())
-def test_damaged_files_are_told(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_damaged_files_are_reported(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     content = bytearray(CONTENT[: data.draw(st.integers(0, len(CONTENT)))])
     for _ in range(data.draw(st.integers(0, 4)) if content else 0):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))

@@ -27,7 +27,7 @@ def picture(path: Path) -> None:
     cv2.imwrite(str(path), np.full((8, 8, 3), 77, np.uint8))
 
 
-def test_a_texture_beside_it_is_read(tmp_path: Path) -> None:
+def test_a_texture_next_to_it_is_read(tmp_path: Path) -> None:
     path = mesh(tmp_path / "mesh", "own.png")
     picture(tmp_path / "mesh" / "own.png")
     texture = read_coloured_mesh(path).texture

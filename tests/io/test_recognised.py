@@ -53,15 +53,15 @@ def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> No
     laser = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6]))
     at_left = RIG.changed(rig_from_left=Pose(), rig_from_right=RIG.rig_from_left.inverse() @ RIG.rig_from_right)
     for rig in (RIG, at_left):
-        told = rig.changed(
+        stated_rig = rig.changed(
             laser=LaserScanner(rig_from_sensor=laser), video_sigma=LensSigma(1e-3, 2e-3), pair_sigma=EXACT_PAIR
         )
-        own.write_text(rig_text(told))
+        own.write_text(rig_text(stated_rig))
         assert main(["calibrate", "convert", str(own), "--out", str(back)]) == 0
         found = one_rig((back,))[0]
-        assert (found.video_sigma, found.pair_sigma) == (told.video_sigma, told.pair_sigma)
+        assert (found.video_sigma, found.pair_sigma) == (stated_rig.video_sigma, stated_rig.pair_sigma)
         assert found.rig_from_laser is not None
-        seen = [r.rig_from_left.inverse() @ (r.rig_from_laser or Pose()) for r in (told, found)]
+        seen = [r.rig_from_left.inverse() @ (r.rig_from_laser or Pose()) for r in (stated_rig, found)]
         np.testing.assert_allclose(seen[0].matrix, seen[1].matrix, atol=1e-9)
         back.unlink()
 

@@ -52,7 +52,7 @@ def test_a_mistake_is_named(text: str, message: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("binary", [True, False])
-def test_ply_has_times_beside_the_coordinates(binary: bool, tmp_path: Path) -> None:
+def test_ply_has_times_with_the_coordinates(binary: bool, tmp_path: Path) -> None:
     try:
         open3d()
     except InputError as error:

@@ -75,5 +75,5 @@ def test_nothing_seen_is_a_sentence() -> None:
 
 def test_distances_to_a_surface() -> None:
     triangle = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], np.float32)
-    asked = np.array([[0.2, 0.2, 0.5], [-3, 0, 4], [0.1, 0.1, 0]])
-    np.testing.assert_allclose(Surface(triangle).distances(asked), [0.5, 5, 0], atol=1e-6)
+    queries = np.array([[0.2, 0.2, 0.5], [-3, 0, 4], [0.1, 0.1, 0]])
+    np.testing.assert_allclose(Surface(triangle).distances(queries), [0.5, 5, 0], atol=1e-6)

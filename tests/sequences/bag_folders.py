@@ -88,10 +88,10 @@ def make_bag(
             size = (HEIGHT * n, WIDTH * n)
             if info == "zeros":
                 size, model, matrices = (0, 0), ("", ()), tuple(np.zeros(count) for count in (9, 9, 12))
-            told = types["sensor_msgs/msg/CameraInfo"](
+            camera_message = types["sensor_msgs/msg/CameraInfo"](
                 header(START_NS), *size, model[0], np.array(model[1]), *matrices, binning, binning, region
             )
-            put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [told])
+            put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [camera_message])
     return path
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.sequences.guess import TOLD_SIGMA, USUAL_SIGMA, guess_of_film, guess_of_photo, guessed
+from ispom.sequences.guess import METADATA_SIGMA, USUAL_SIGMA, guess_of_film, guess_of_photo, guessed
 from ispom.sequences.quicktime import quicktime_metadata
 
 SIZE = (320, 240)
@@ -44,15 +44,15 @@ def film(path: Path, kind: int, value: bytes) -> Path:
     return path
 
 
-def test_a_photo_tells_its_focal_length_on_35_mm_film(tmp_path: Path) -> None:
+def test_a_photo_has_its_focal_length_on_35_mm_film(tmp_path: Path) -> None:
     guess, camera = guess_of_photo(photo(tmp_path / "a.jpg", {41989: 28}))
     assert camera.fx == camera.fy == guess.focal_px == pytest.approx(28 / 43.267 * DIAGONAL)
     assert (camera.cx, camera.cy) == (159.5, 119.5)
-    assert guess.sigma == TOLD_SIGMA
+    assert guess.sigma == METADATA_SIGMA
     assert "EXIF: 28 mm on 35 mm film" in guess.note
 
 
-def test_a_photo_tells_its_focal_length_by_the_size_of_its_pixels(tmp_path: Path) -> None:
+def test_a_photo_has_its_focal_length_by_the_size_of_its_pixels(tmp_path: Path) -> None:
     guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", {37386: 4.0, 41486: 800.0, 41488: 3}))
     assert guess.focal_px == pytest.approx(4.0 * 800 / 10)
 
@@ -74,7 +74,7 @@ def test_the_size_of_pixels_is_that_of_the_photo_as_it_was_taken(turned: bool, t
     if turned:
         entries |= {40962: 4500, 40963: 6000}
     guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", entries))
-    assert guess.focal_px == pytest.approx(18 / 23.5 * 320) and guess.sigma == TOLD_SIGMA
+    assert guess.focal_px == pytest.approx(18 / 23.5 * 320) and guess.sigma == METADATA_SIGMA
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_the_size_of_pixels_is_that_of_the_photo_as_it_was_taken(turned: bool, t
      {37386: 18.0, 41486: 5080.0, 41488: 2}, {37386: 4.0, 41486: 800.0, 41488: 1},
      {37386: 18.0, 41486: 2553.0, 41488: 3, 40962: 600_000}, {37386: 4.0, 41486: 800.0, 41488: (3, 3)}],
 )  # fmt: skip
-def test_a_photo_that_tells_nothing_of_use_leaves_a_wide_guess(tmp_path: Path, entries: dict[int, object]) -> None:
+def test_a_photo_without_useful_metadata_leaves_a_wide_guess(tmp_path: Path, entries: dict[int, object]) -> None:
     guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", entries))
     assert guess.focal_px == 0.7 * 320
     assert guess.sigma == USUAL_SIGMA
@@ -93,7 +93,7 @@ def test_a_photo_that_tells_nothing_of_use_leaves_a_wide_guess(tmp_path: Path, e
 @pytest.mark.parametrize(
     ("kind", "value"), [(21, struct.pack(">i", 26)), (23, struct.pack(">f", 26.0)), (1, b"26"), (22, b"\x1a")]
 )
-def test_a_film_tells_its_focal_length(tmp_path: Path, kind: int, value: bytes) -> None:
+def test_a_film_has_its_focal_length(tmp_path: Path, kind: int, value: bytes) -> None:
     path = film(tmp_path / "a.mov", kind, value)
     assert quicktime_metadata(path)["com.apple.quicktime.make"] == "Maker"
     guess = guess_of_film(path, SIZE)
@@ -110,7 +110,7 @@ def test_damaged_metadata_are_none(tmp_path: Path) -> None:
     assert guess_of_film(tmp_path / "missing.mov", SIZE) == guessed(SIZE, None)
 
 
-def test_a_folder_and_a_film_without_a_calibration_are_opened_and_the_guess_is_told(tmp_path: Path) -> None:
+def test_a_folder_and_a_film_without_a_calibration_are_opened_and_the_guess_is_reported(tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     for i in range(4):
         photo(tmp_path / "photos" / f"{i}.jpg", {41989: 28})

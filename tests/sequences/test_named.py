@@ -21,7 +21,7 @@ def test_numbers_are_in_order_and_gaps_are_counted() -> None:
 
 
 @pytest.mark.parametrize("names", [numbered(1, 2, 40, 47, 90, 133), ["b1x.png", "a7.png"], ["b.png", "a.png", "c.png"]])
-def test_what_is_no_numbering_tells_the_order_alone(names: list[str]) -> None:
+def test_names_without_numbering_give_the_order_alone(names: list[str]) -> None:
     assert ticks_of(named(names)).tolist() == list(range(len(names)))
 
 

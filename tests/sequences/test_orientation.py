@@ -42,7 +42,7 @@ def test_an_orientation_that_is_common_is_that_of_opencv(orientation: int, suffi
 
 
 @pytest.mark.parametrize(("first", "other"), [(1, 3), (3, 1), (None, 3), (1, 6), (None, 8)])
-def test_images_of_a_folder_are_all_turned_alike(first: int | None, other: int, tmp_path: Path) -> None:
+def test_images_of_a_folder_are_all_turned_the_same_way(first: int | None, other: int, tmp_path: Path) -> None:
     """The phone looked down and changed its mind, for two of six."""
     for i, pixels in enumerate(images(6, 8)):
         photo(tmp_path / f"{i:03d}.jpg", pixels, other if i in (2, 4) else first)
@@ -78,6 +78,6 @@ def test_images_of_a_list_too(tmp_path: Path) -> None:
 def test_the_photos_of_a_board_that_were_reported(capsys: pytest.CaptureFixture[str]) -> None:
     photos = REPORTS / "09_exif_orientation_flips" / "chess_exif3_half"
     assert main(["calibrate", "video", str(photos), "--target", "chessboard:9x6:0.03", "--model", "pinhole"]) == 0
-    said = capsys.readouterr()
-    assert "are to be turned differently: 8 " in said.err and "two halves" not in said.out
-    assert "fx 520.0" in said.out and "cx 344.7" in said.out
+    printed = capsys.readouterr()
+    assert "are to be turned differently: 8 " in printed.err and "two halves" not in printed.out
+    assert "fx 520.0" in printed.out and "cx 344.7" in printed.out

@@ -73,7 +73,7 @@ def test_a_mistake_is_met_where_it_is() -> None:
             assert same(ahead[i], SEQUENCE[i])
 
 
-def test_starting_anew_reads_from_there() -> None:
+def test_starting_again_reads_from_there() -> None:
     source = Source()
     source.allowed.release(100)
     ahead = prefetched(replace(SEQUENCE, load=source.load))

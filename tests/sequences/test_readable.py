@@ -17,9 +17,9 @@ from tests.sequences.own_folders import make_images
 def test_sources_refuses_what_run_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = make_bag(tmp_path, "ros1", ("camera",), encode=lambda image: ("nv24", image))
     assert main(["sources", str(path)]) == 2
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert main(["run", str(path), "--out", str(tmp_path / "run")]) == 2
-    assert capsys.readouterr().err == said and "encoding nv24" in said
+    assert capsys.readouterr().err == message and "encoding nv24" in message
 
 
 def test_a_first_image_that_is_damaged_ends_the_opening_where_it_ends_a_run(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_a_place_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     assert cache.read("a") is None
 
 
-def test_a_full_disk_is_told_once_and_leaves_nothing_half_written(
+def test_a_full_disk_is_reported_once_and_leaves_nothing_half_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache = ImageCache.open(tmp_path, "key")
@@ -94,7 +94,7 @@ def test_a_cache_that_was_emptied_meanwhile_is_filled_again(tmp_path: Path) -> N
     assert cache.write("a", IMAGE) and np.array_equal(cache.read("a"), IMAGE)
 
 
-def test_the_key_tells_values_apart() -> None:
+def test_the_key_distinguishes_values() -> None:
     assert source_key(1, "a") == source_key(1, "a")
     assert source_key(1, "a") != source_key(2, "a")
 
@@ -152,7 +152,7 @@ def test_without_a_disk_it_goes_no_further_than_memory(tmp_path: Path) -> None:
     assert set(maker.made.values()) == {1}
 
 
-def test_an_error_reaches_whoever_asked_and_the_next_try_may_succeed(tmp_path: Path) -> None:
+def test_an_error_reaches_every_caller_and_the_next_try_may_succeed(tmp_path: Path) -> None:
     calls: list[int] = []
 
     def make(i: int, threads: int) -> Image:

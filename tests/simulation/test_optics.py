@@ -48,14 +48,14 @@ def test_a_fisheye_lens_sees_more_and_its_pixels_have_rays() -> None:
     np.testing.assert_allclose(fisheye.project(rays), corners, atol=1e-3)
 
 
-def test_the_told_rig_knows_the_shutter_unless_it_is_wrong(tmp_path: Path) -> None:
-    told = opened("rolling_shutter_ms=20", tmp_path).rig
+def test_the_stated_rig_knows_the_shutter_unless_it_is_wrong(tmp_path: Path) -> None:
+    stated_rig = opened("rolling_shutter_ms=20", tmp_path).rig
     for name in NAMES:
-        assert told.camera(name).line_delay_s * (told.camera(name).height - 1) == pytest.approx(0.02)
+        assert stated_rig.camera(name).line_delay_s * (stated_rig.camera(name).height - 1) == pytest.approx(0.02)
     silent = opened("rolling_shutter_ms=20&fault=wrong-shutter", tmp_path).rig
     slower = opened("rolling_shutter_ms=20&fault=wrong-shutter:percent=10", tmp_path).rig
     assert [silent.camera(n).line_delay_s for n in NAMES] == [0, 0, 0]
-    assert slower.camera("left").line_delay_s == pytest.approx(1.1 * told.camera("left").line_delay_s)
+    assert slower.camera("left").line_delay_s == pytest.approx(1.1 * stated_rig.camera("left").line_delay_s)
 
 
 def test_a_late_right_camera_is_no_exact_pair(tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_a_pair_of_fisheye_lenses_is_rectified(tmp_path: Path) -> None:
     assert np.nanmedian(np.abs(lower)) < 0.15
 
 
-def test_images_have_the_size_that_is_asked_for(tmp_path: Path) -> None:
+def test_images_have_the_requested_size(tmp_path: Path) -> None:
     sequence = opened("width_px=100&portrait=true", tmp_path)
     frame = sequence[0]
     assert is_video(frame) and frame.image.shape == (133, 100, 3)

@@ -38,7 +38,7 @@ def test_one_that_was_killed_is_replaced(process: RenderProcess) -> None:
     assert process.start() is process.start() is not first
 
 
-def test_one_that_is_asked_for_nothing_gives_its_memory_back_and_comes_again() -> None:
+def test_an_idle_process_gives_its_memory_back_and_comes_again() -> None:
     process = RenderProcess(idle_s=1.0)
     first = process.start()
     assert first.wait(60) and first.succeeded
@@ -54,7 +54,7 @@ def test_what_it_cannot_render_is_an_error_and_it_goes_on(process: RenderProcess
 
 
 @pytest.mark.parametrize("at", ["reading", "half a head", "half an image"])
-def test_one_that_dies_at_any_moment_each_time_is_told_in_one_sentence(
+def test_one_that_dies_at_any_moment_each_time_is_reported_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, at: str
 ) -> None:
     answer = {"reading": "", "half a head": "[48, 6", "half an image": "[48, 64, 3]\\n1234"}[at]
@@ -71,7 +71,7 @@ def test_one_that_dies_at_any_moment_each_time_is_told_in_one_sentence(
 @pytest.mark.parametrize(
     ("command", "how"), [(["no-such-program"], "cannot be started"), ([sys.executable, "-c", ""], "exit code 0")]
 )
-def test_one_that_does_not_get_ready_is_told_in_one_sentence(
+def test_one_that_does_not_get_ready_is_reported_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, command: list[str], how: str
 ) -> None:
     monkeypatch.setattr("ispom.simulation.rendering.process._COMMAND", command)

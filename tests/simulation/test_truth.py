@@ -31,7 +31,7 @@ def test_depth_is_that_of_the_renderer() -> None:
 
 
 @pytest.mark.parametrize(("other", "other_ns"), [("video", LATER_NS), ("left", T_NS)])
-def test_what_is_in_sight_looks_the_same_where_the_flow_leads(other, other_ns: int) -> None:
+def test_what_is_in_view_looks_the_same_where_the_flow_leads(other, other_ns: int) -> None:
     truth = Truth(SOURCE)
     flow, visible = truth.flow("video", T_NS, other, other_ns)
     now, then = SOURCE.light("video", T_NS, 1), SOURCE.light(other, other_ns, 1)

@@ -36,7 +36,7 @@ def values(expression: Expression, now: Row) -> dict[str, Value]:
 
 
 def matches(expression: Expression, series: Series, index: int) -> bool:
-    """Whether it holds at an exposure: asked where a method that it names stepped, as `ispom run --until` asks."""
+    """Whether it holds at a frame. Evaluated where a method that it names stepped, as by `ispom run --until`."""
     if not series.stepped(expression.methods, index):
         return False
     now, before = (series.row(i, expression.quantities) for i in (index, index - 1))
@@ -64,16 +64,16 @@ class Stop:
     """By name: of all that the expression speaks of."""
 
     def __str__(self) -> str:
-        said = (f"{q.name} {shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
+        current_values = (f"{q.name} {shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
         where = f"frame {self.exposure} ({self.time_ns / 1e9:.3f} s)"
-        return f"stopped at {where} by --until {self.expression.text}: {', '.join(said)}"
+        return f"stopped at {where} by --until {self.expression.text}: {', '.join(current_values)}"
 
 
 @dataclass
 class Until:
     """Watches a run for a condition; never stops where there is none. Not a value: it keeps the newest row.
 
-    The condition is asked at the frames on which a method that it names stepped, and at all of them where it names
+    The condition is evaluated at the frames on which a method that it names stepped, and at all of them where it names
     the frame itself.
     """
 
@@ -87,8 +87,8 @@ class Until:
             return
         before, time_ns = self.row, event.exposure.time_ns
         self.row = row_after(before, event.index, time_ns, event.steps, event.errors_m)
-        asked = self.expression.methods & {"", *by_method(event.steps)}
-        if asked and holds(self.expression, self.row, before):
+        relevant_methods = self.expression.methods & {"", *by_method(event.steps)}
+        if relevant_methods and holds(self.expression, self.row, before):
             self.stop = Stop(self.expression, event.index, time_ns, values(self.expression, self.row))
 
     def __str__(self) -> str:

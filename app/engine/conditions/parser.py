@@ -151,8 +151,8 @@ class _Reader:
                 parts, joined = [self.read(part, "flag") for part in values], all if isinstance(op, ast.And) else any
                 return "flag", lambda now, before: joined(part(now, before) is True for part in parts)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                held = self.read(operand, "flag")
-                return "flag", lambda now, before: held(now, before) is not True
+                condition = self.read(operand, "flag")
+                return "flag", lambda now, before: condition(now, before) is not True
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return "number", _applied(operator.neg, self.read(operand, "number"))
             case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:

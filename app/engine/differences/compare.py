@@ -1,4 +1,4 @@
-"""Two sequences of rows side by side: where they part, in what, and by how much. Runs and branches alike."""
+"""Compares two sequences of rows, of runs or branches: where they first differ, in what, and by how much."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEP = "step"
 
 @dataclass(frozen=True)
 class MethodRow:
-    """What one method said at one frame."""
+    """The values of one method at one frame."""
 
     exposure: int
     time_ns: int
@@ -51,7 +51,7 @@ class Difference:
     a: Compared
     b: Compared
     by: float | None
-    """How far apart: numbers and positions in their unit, orientations [deg]; None where that cannot be told."""
+    """The difference: numbers and positions in their unit, orientations [deg]; None where it is not defined."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Divergence:
         return frozenset(difference.name for difference in self.differences)
 
     def without(self, names: frozenset[str]) -> Divergence | None:
-        """What differs besides these; None where that is nothing."""
+        """The differences without those of these names; None where there are none."""
         left = tuple(difference for difference in self.differences if difference.name not in names)
         return replace(self, differences=left) if left else None
 
@@ -93,7 +93,7 @@ def divergences(
 
 
 def distance(name: str, a: Compared, b: Compared) -> float | None:
-    """How far apart two values are; None where one is missing, or they are no numbers."""
+    """The difference of two values; None where one is missing, or they are no numbers."""
     if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
         if name.endswith(ORIENTATION):
             return _angle_deg(np.array(a), np.array(b))
@@ -104,7 +104,7 @@ def distance(name: str, a: Compared, b: Compared) -> float | None:
 
 
 def further(difference: Difference, tolerance: float) -> bool:
-    """Whether two unequal values are further apart than is tolerated."""
+    """Whether two unequal values differ by more than the tolerance."""
     by, size = difference.by, max(1.0, _size(difference.a), _size(difference.b))
     return by is None or by > tolerance * size
 
@@ -115,7 +115,7 @@ def _by_exposure(rows: Iterable[MethodRow]) -> Iterator[tuple[int, Rows]]:
 
 
 def _side_by_side(a: Iterator[tuple[int, Rows]], b: Iterator[tuple[int, Rows]]) -> Iterator[tuple[Rows, Rows]]:
-    """What both sides said of each frame; nothing where a side lacks it."""
+    """The rows of both sides at each frame; nothing where a side lacks one."""
     x, y = next(a, None), next(b, None)
     while x is not None or y is not None:
         first = min(said[0] for said in (x, y) if said is not None)
@@ -160,29 +160,29 @@ FATES = ("fates_digest", *DROPPED, "new", "alive")
 RESULTS = tuple(q.key for q in STEP_QUANTITIES if q.key not in (*FATES, "seconds"))
 """What follows from tracks and checks; wall times never count."""
 FROM_POINTS = frozenset({FOLLOWED, *FATES, "inliers", "residual_median_px", "landmarks", "landmarks_digest"})
-"""What cannot be told of a record without its tracks, landmarks and residuals."""
+"""Quantities that a record without its tracks, landmarks and residuals lacks."""
 AT_LAST = tuple(key for key in DIGESTS if key not in (FOLLOWED, *FATES))
 
 
 def in_order(
-    said: Mapping[str, Value], checks: Iterable[Decision], pose: tuple[float, ...] | None
+    values: Mapping[str, Value], checks: Iterable[Decision], pose: tuple[float, ...] | None
 ) -> Mapping[str, Compared]:
-    """`said` by key of STEP_QUANTITIES and DIGESTS; the pose as (x, y, z, qx, qy, qz, qw)."""
-    found: dict[str, Compared] = {FOLLOWED: said[FOLLOWED]}
+    """`values` by key of STEP_QUANTITIES and DIGESTS; the pose as (x, y, z, qx, qy, qz, qw)."""
+    found: dict[str, Compared] = {FOLLOWED: values[FOLLOWED]}
     for d in checks:
         name = ".".join(filter(None, (d.key, d.about)))
         found |= {name: finite(d.value), f"{name}.threshold": finite(d.threshold)}
         found |= {f"{name}.passed": bool(d.passed), f"{name}.consequence": d.consequence}
-    found |= {key: said[key] for key in (*FATES, *RESULTS)}
+    found |= {key: values[key] for key in (*FATES, *RESULTS)}
     if pose is not None:
         found |= {POSITION: pose[:3], ORIENTATION: pose[3:]}
-    return found | {key: said[key] for key in AT_LAST}
+    return found | {key: values[key] for key in AT_LAST}
 
 
 def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
     """Of a step in memory: the same as its run's folder gives."""
-    said = {**step_values(step, error_m), **{key: of(step) for key, of in DIGESTS.items()}}
-    return MethodRow(index, step.time_ns, step.method, in_order(said, step.decisions, stored_pose(said)))
+    values = {**step_values(step, error_m), **{key: of(step) for key, of in DIGESTS.items()}}
+    return MethodRow(index, step.time_ns, step.method, in_order(values, step.decisions, stored_pose(values)))
 
 
 def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[MethodRow]:
@@ -193,11 +193,13 @@ def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[Me
         if record.stored is None:
             yield step_row(record.index, step, record.errors_m.get(step.method))
         else:
-            said = record.stored[step.method]
-            yield MethodRow(record.index, step.time_ns, step.method, in_order(said, step.decisions, stored_pose(said)))
+            values = record.stored[step.method]
+            yield MethodRow(
+                record.index, step.time_ns, step.method, in_order(values, step.decisions, stored_pose(values))
+            )
 
 
-def stored_pose(said: Mapping[str, Value]) -> tuple[float, ...] | None:
-    """(x, y, z, qx, qy, qz, qw) of what a step said; None where it has no pose."""
-    numbers = tuple(value for value in map(said.get, POSE) if isinstance(value, float))
+def stored_pose(values: Mapping[str, Value]) -> tuple[float, ...] | None:
+    """(x, y, z, qx, qy, qz, qw) of a step's values; None where it has no pose."""
+    numbers = tuple(value for value in map(values.get, POSE) if isinstance(value, float))
     return numbers or None

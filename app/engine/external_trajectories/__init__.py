@@ -1,1 +1,1 @@
-"""Trajectories of other programs, shown beside a run."""
+"""Trajectories of other programs, shown together with a run."""

@@ -31,55 +31,55 @@ from ispom.methods import names
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Sequence, Trajectory
 
-from ...presentation.colours import Rgb, beside
+from ...presentation.colours import Rgb, colour_of_external
 from ...presentation.texts import ALIGNMENTS
 
 FLAG, ALIGNMENT_FLAG = "--beside", "--beside-alignment"
-BesideFrame = Literal["rig", "left", "right", "video"]
+FrameOfFile = Literal["rig", "left", "right", "video"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 RESERVED = frozenset({"truth"})
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """A trajectory file of another program, as it is: in a world, and maybe a unit, of its own."""
+class TrajectoryOption:
+    """A trajectory file of another program, in its own world and perhaps its own unit."""
 
     name: str
     file: TrajectoryFile
-    frame: BesideFrame = "rig"
+    frame: FrameOfFile = "rig"
     """Whose poses the file holds."""
     alignment: Alignment = "se3"
 
 
-def given(values: Iterable[str], alignments: Iterable[str]) -> tuple[Given, ...]:
-    """Those that the flags name, their files read. InputError for a mistake in a flag or a file."""
-    found: dict[str, Given] = {}
+def read_options(values: Iterable[str], alignments: Iterable[str]) -> tuple[TrajectoryOption, ...]:
+    """Reads the files that the flags name. Raises InputError for a mistake in a flag or a file."""
+    options: dict[str, TrajectoryOption] = {}
     taken = {name.lower() for name in (*names(), *RESERVED)}
     for value in values:
         name, frame, path = _named(value)
         if name.lower() in taken:
-            used = any(other.lower() == name.lower() for other in found)
+            used = any(other.lower() == name.lower() for other in options)
             what = "another trajectory" if used else "a method" if name.lower() not in RESERVED else "the ground truth"
             raise InputError(f"{FLAG} names a trajectory {name!r}, as {what} is called: choose another name")
         taken.add(name.lower())
-        found[name] = Given(name, read_trajectory(expanded(path)), frame)
+        options[name] = TrajectoryOption(name, read_trajectory(expanded(path)), frame)
     for value in alignments:
         name, _, kind = value.partition("=")
         if kind not in get_args(Alignment):
             kinds = ", ".join(get_args(Alignment))
             raise InputError(f"{ALIGNMENT_FLAG} is {value[:60]!r}: give NAME=ALIGNMENT with one of {kinds}")
-        if name not in found:
+        if name not in options:
             raise InputError(f"{ALIGNMENT_FLAG} is for {name[:40]!r}, which no {FLAG} names: give the name of one")
-        found[name] = replace(found[name], alignment=kind)  # type: ignore[arg-type]
-    return tuple(found.values())
+        options[name] = replace(options[name], alignment=kind)  # type: ignore[arg-type]
+    return tuple(options.values())
 
 
-def _named(value: str) -> tuple[str, BesideFrame, Path]:
+def _named(value: str) -> tuple[str, FrameOfFile, Path]:
     whose, equals, path = value.partition("=")
     name, colon, frame = whose.partition(":")
     frame = frame if colon else "rig"
-    if not equals or not path or frame not in get_args(BesideFrame):
-        frames = ", ".join(get_args(BesideFrame))
+    if not equals or not path or frame not in get_args(FrameOfFile):
+        frames = ", ".join(get_args(FrameOfFile))
         raise InputError(f"{FLAG} is {value[:60]!r}: give NAME=FILE, or NAME:FRAME=FILE with one of {frames}")
     if not _NAME.fullmatch(name):
         raise InputError(f"{FLAG} names a trajectory {name[:60]!r}: use letters, digits, - and _, a letter first")
@@ -92,12 +92,12 @@ WIDEST_GAP = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where the rig is after another program, in the shared world."""
+    """The trajectory of another program, aligned to the shared world."""
 
     poses: Trajectory
     """shared_world_from_rig at the file's own times."""
     alignment: str
-    """How it came there, in words."""
+    """How it was aligned, in words."""
     positions: Array
     """(N, 3) at the frames, interpolated; NaN where the file has no poses on both sides, near enough."""
     rotations: Array
@@ -112,21 +112,21 @@ class Placed:
         return Pose(self.rotations[index], self.positions[index])
 
     def count(self, time_ns: int) -> int:
-        """How many of the file's poses lie up to a time."""
+        """The number of the file's poses up to a time."""
         return int(np.searchsorted(self.poses.times_ns, time_ns, side="right"))
 
     def missing(self, count: int) -> int:
-        """Of the first `count` exposures: those without a pose."""
+        """The number of the first `count` frames without a pose."""
         return int(np.isnan(self.positions[:count, 0]).sum())
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """A trajectory of another program beside a run of one sequence."""
+class ExternalTrajectory:
+    """A trajectory of another program over the sequence of a run."""
 
-    given: Given
+    option: TrajectoryOption
     number: int
-    """Its place among those given."""
+    """Its index among the options."""
     times_ns: NDArray[np.int64]
     """(N,) of the frames."""
     trajectory: Trajectory
@@ -136,11 +136,11 @@ class Beside:
 
     @property
     def name(self) -> str:
-        return self.given.name
+        return self.option.name
 
     @property
     def colour(self) -> Rgb:
-        return beside(self.number)
+        return colour_of_external(self.number)
 
     @cached_property
     def errors_m(self) -> Array:
@@ -150,12 +150,12 @@ class Beside:
     def error(self, truth: Trajectory, rig: Rig, until_ns: int) -> TrajectoryError | None:
         """Against shared_world_from_rig of the ground truth, up to a time; None with too few common times."""
         known = self.trajectory.select(self.trajectory.times_ns <= until_ns)
-        return error_against_truth(known, truth, rig, self.given.alignment)
+        return error_against_truth(known, truth, rig, self.option.alignment)
 
     def placed(self, reference: Trajectory, against: str, rig: Rig, kind: Alignment | None = None) -> Placed | None:
         """Aligned to shared_world_from_rig of the reference (called `against`); None with too few common times."""
-        kind = kind or self.given.alignment
-        frame = self.given.frame
+        kind = kind or self.option.alignment
+        frame = self.option.frame
         partner = reference.moved(right=rig.rig_from(frame), frame=frame)
         own, other = associate(self.trajectory, partner)
         if len(own) < (MIN_POSES if kind in ("scale", "se3", "sim3") else 1):
@@ -169,38 +169,42 @@ class Beside:
         return Placed(poses, words, positions, rotations, _errors_m(positions, self.times_ns, reference))
 
 
-def beside_run(number: int, given: Given, sequence: Sequence, truth: Trajectory | None) -> Beside:
-    """Beside a run over this sequence, whose `truth` is shared_world_from_rig. InputError without common times."""
+def external_trajectory(
+    number: int, option: TrajectoryOption, sequence: Sequence, truth: Trajectory | None
+) -> ExternalTrajectory:
+    """Returns the trajectory at the frames of a sequence. `truth` is shared_world_from_rig.
+
+    Raises InputError without common times."""
     if sequence.grow is not None:
-        raise InputError(f"{FLAG} {given.name}: {sequence.name} is live: record it first, and open the recording")
-    if given.frame != "rig" and getattr(sequence.rig, given.frame) is None:
+        raise InputError(f"{FLAG} {option.name}: {sequence.name} is live: record it first, and open the recording")
+    if option.frame != "rig" and getattr(sequence.rig, option.frame) is None:
         raise InputError(
-            f"{FLAG} {given.name}:{given.frame}: nothing is known of a {given.frame} camera in {sequence.name}: "
+            f"{FLAG} {option.name}:{option.frame}: nothing is known of a {option.frame} camera in {sequence.name}: "
             "give poses of the rig"
         )
-    trajectory, path = _timed(given, sequence), given.file.path
-    trajectory = replace(trajectory, frame=given.frame)
-    found = Beside(given, number, sequence.times_ns, trajectory, None)
+    trajectory, path = _timed(option, sequence), option.file.path
+    trajectory = replace(trajectory, frame=option.frame)
+    external = ExternalTrajectory(option, number, sequence.times_ns, trajectory, None)
     if not np.isfinite(_at(trajectory, sequence.times_ns)[0]).any():
         raise InputError(
-            f"{FLAG} {given.name}: the times of {path} have none in common with those of {sequence.name}: "
+            f"{FLAG} {option.name}: the times of {path} have none in common with those of {sequence.name}: "
             "give a trajectory of the same recording, with its times in seconds"
         )
     if truth is None:
-        return found
-    against = found.placed(truth, "the ground truth", sequence.rig)
+        return external
+    against = external.placed(truth, "the ground truth", sequence.rig)
     if against is None:
         raise InputError(
-            f"{FLAG} {given.name}: {path} has fewer than {MIN_POSES} poses within 10 ms of one of the ground truth: "
+            f"{FLAG} {option.name}: {path} has fewer than {MIN_POSES} poses within 10 ms of one of the ground truth: "
             "give a trajectory of the same recording"
         )
-    return replace(found, of_truth=against)
+    return replace(external, of_truth=against)
 
 
-def _timed(given: Given, sequence: Sequence) -> Trajectory:
+def _timed(option: TrajectoryOption, sequence: Sequence) -> Trajectory:
     """With the times of the images, where the file (a KITTI one) has none: row i is image i."""
-    trajectory = given.file.trajectory
-    if given.file.timed:
+    trajectory = option.file.trajectory
+    if option.file.timed:
         # Of several poses at one time the last counts.
         times_ns, last = np.unique(trajectory.times_ns[::-1], return_index=True)
         return replace(trajectory.select(len(trajectory) - 1 - last), times_ns=times_ns)
@@ -210,7 +214,7 @@ def _timed(given: Given, sequence: Sequence) -> Trajectory:
         if len(images_ns) == len(trajectory):
             return replace(trajectory, times_ns=images_ns)
     raise InputError(
-        f"{FLAG} {given.name}: {given.file.path} has {len(trajectory)} rows without times, and {sequence.name} "
+        f"{FLAG} {option.name}: {option.file.path} has {len(trajectory)} rows without times, and {sequence.name} "
         f"{len(np.unique(sequence.times_ns))} images: give a file with a row for each image, or one with times (TUM)"
     )
 

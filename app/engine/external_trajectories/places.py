@@ -22,8 +22,8 @@ NEEDS_UNIT: dict[Alignment, Alignment] = {"se3": "sim3"}
 
 class Places:
     """By name. Aligned once to the ground truth where that is drawn; else to the poses of the first metric method (or,
-    without one, of the first method) so far, anew whenever there are twice as many. With neither truth nor methods they
-    have no place."""
+    without one, of the first method) so far, again whenever there are twice as many. With neither truth nor methods
+    they have no place."""
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
@@ -34,11 +34,11 @@ class Places:
         self._doublings = 0
 
     def at(self, model: RunModel, placements: Mapping[str, Similarity]) -> Mapping[str, Placed]:
-        """As known at a frame. The same objects for as long as nothing was aligned anew."""
-        beside = self._opened.beside
+        """The placed trajectories at a frame, by name. The same objects until they are aligned again."""
+        externals = self._opened.external_trajectories
         if self._fixed:
-            self._found = self._found or {b.name: b.of_truth for b in beside if b.of_truth is not None}
-        elif beside and self._method and (doublings := self._count(model).bit_length()) != self._doublings:
+            self._found = self._found or {b.name: b.of_truth for b in externals if b.of_truth is not None}
+        elif externals and self._method and (doublings := self._count(model).bit_length()) != self._doublings:
             self._doublings = doublings
             known = doublings > 0
             self._found = self._aligned(self._reference(model, placements, 2 ** (doublings - 1))) if known else {}
@@ -55,12 +55,12 @@ class Places:
 
     def _aligned(self, reference: Trajectory) -> dict[str, Placed]:
         own_unit = registered(self._method).unit == "own"
-        found = {}
-        for beside in self._opened.beside:
-            kind = beside.given.alignment
+        placed_by_name = {}
+        for external in self._opened.external_trajectories:
+            kind = external.option.alignment
             kind = NEEDS_UNIT.get(kind, kind) if own_unit else kind
             against = f"the poses of {self._method.replace('_', ' ')}"
-            aligned = beside.placed(reference, against, self._opened.sequence.rig, kind)
+            aligned = external.placed(reference, against, self._opened.sequence.rig, kind)
             if aligned is not None:
-                found[beside.name] = aligned
-        return found
+                placed_by_name[external.name] = aligned
+        return placed_by_name

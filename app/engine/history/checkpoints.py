@@ -32,34 +32,34 @@ class Checkpoint:
 class Checkpoints:
     """Offered to by one thread, after each frame."""
 
-    def __init__(self, budget_bytes: int, interval: int = INTERVAL, kept: Iterable[Checkpoint] = ()) -> None:
+    def __init__(self, budget_bytes: int, interval: int = INTERVAL, checkpoints: Iterable[Checkpoint] = ()) -> None:
         """It may begin with those `kept` of another run, in their order."""
         self._budget_bytes = budget_bytes
         self.interval = interval
-        self._kept = {checkpoint.snapshot.position: checkpoint for checkpoint in kept}
+        self._by_position = {checkpoint.snapshot.position: checkpoint for checkpoint in checkpoints}
         """By position, increasing."""
         self._count()
         self._thin()
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._by_position)
 
     def offer(self, position: int, make: Callable[[], Checkpoint]) -> None:
         """Keeps the run as it is before frame `position`, where one is due."""
-        if position % self.interval or position in self._kept:
+        if position % self.interval or position in self._by_position:
             return
-        checkpoint = self._kept[position] = make()
+        checkpoint = self._by_position[position] = make()
         self.used_bytes += size_bytes(checkpoint, self._seen)
         self._thin()
 
     def nearest(self, position: int) -> Checkpoint | None:
         """The last one at or before a position."""
-        return next((self._kept[p] for p in reversed(self._kept) if p <= position), None)
+        return next((self._by_position[p] for p in reversed(self._by_position) if p <= position), None)
 
     def until(self, position: int) -> Checkpoints:
         """Another's: these up to a position, for a run that is the same up to there."""
-        kept = (checkpoint for at, checkpoint in self._kept.items() if at <= position)
-        return Checkpoints(self._budget_bytes, self.interval, kept)
+        checkpoints = (checkpoint for at, checkpoint in self._by_position.items() if at <= position)
+        return Checkpoints(self._budget_bytes, self.interval, checkpoints)
 
     def limit(self, budget_bytes: int) -> None:
         """Another budget from now on; what does not fit is given up."""
@@ -67,18 +67,18 @@ class Checkpoints:
         self._thin()
 
     def _thin(self) -> None:
-        while self.used_bytes > self._budget_bytes and len(self._kept) > 1:
+        while self.used_bytes > self._budget_bytes and len(self._by_position) > 1:
             at_least = float(self.used_bytes)  # of which each halving leaves half, and all that they share
-            while at_least > self._budget_bytes and len(self._kept) > 1:
+            while at_least > self._budget_bytes and len(self._by_position) > 1:
                 at_least /= 2
                 self.interval *= 2
-                self._kept = {p: kept for p, kept in self._kept.items() if p % self.interval == 0}
+                self._by_position = {p: kept for p, kept in self._by_position.items() if p % self.interval == 0}
             self._count()
 
     def _count(self) -> None:
         self._seen: set[int] = set()
         """Ids of the objects that were counted; the checkpoints keep them alive."""
-        self.used_bytes = sum(size_bytes(kept, self._seen) for kept in self._kept.values())
+        self.used_bytes = sum(size_bytes(kept, self._seen) for kept in self._by_position.values())
         """Of memory, what they share counted once."""
 
 

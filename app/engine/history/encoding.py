@@ -127,5 +127,5 @@ def _classes() -> dict[str, type]:
 
 @cache
 def _field_names() -> dict[type, tuple[str, ...]]:
-    """Of those that are dataclasses: asking each value anew takes longer than writing it."""
+    """Of those that are dataclasses: looking it up for each value takes longer than writing it."""
     return {kind: tuple(f.name for f in fields(kind)) for kind in _classes().values() if is_dataclass(kind)}

@@ -35,7 +35,7 @@ class Records(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """The first `count` frames of another run, with what these methods said."""
+    """The first `count` frames of another run, with the results of these methods."""
 
     records: Records
     count: int
@@ -153,7 +153,7 @@ class _Blobs:
         self.first, self.size = first, 0
         self._starts = array("q")
         self._file = None
-        self._kept: dict[int, bytes] = {}
+        self._blobs: dict[int, bytes] = {}
         """What the disk did not take."""
 
     @property
@@ -172,12 +172,12 @@ class _Blobs:
 
     def keep(self, blob: bytes) -> None:
         """Keeps it in memory."""
-        self._kept[self.end] = blob
+        self._blobs[self.end] = blob
         self._starts.append(self.size)
 
     def read(self, number: int) -> bytes:
-        if number in self._kept or self._file is None:
-            return self._kept[number]
+        if number in self._blobs or self._file is None:
+            return self._blobs[number]
         at = number - self.first
         start = self._starts[at]
         stop = self._starts[at + 1] if at + 1 < len(self._starts) else self.size
@@ -186,8 +186,8 @@ class _Blobs:
 
 
 @dataclass(frozen=True)
-class Held:
-    """Of one run; all its frames are on disk, with poses, statuses and checks."""
+class HistoryUsage:
+    """Memory and states of one run. All its frames are on disk, with poses, statuses and checks."""
 
     in_memory: int = 0
     """The newest frames that are in memory as well."""
@@ -204,7 +204,7 @@ class Held:
 
     @property
     def sentence(self) -> str:
-        """Empty where nothing is held."""
+        """Describes the memory in use; empty where there is none."""
         if not self.interval:
             return ""
         newest = f"the newest {self.in_memory} in memory ({_mb(self.exposures_bytes)})"

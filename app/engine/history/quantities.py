@@ -1,4 +1,4 @@
-"""The quantities of a frame, by stable name: METHOD.KEY, in tables, break points, plots and comparisons alike.
+"""The quantities of a frame, by stable name: METHOD.KEY, the same in tables, break points, plots and comparisons.
 
 `monocular.inliers`, `stereo.status`: what each Step says (STEP_QUANTITIES), in the columns of steps.csv.
 `monocular.x`, `.moved`: its pose, in columns of steps.csv as well, and how far it is from the one before.
@@ -38,7 +38,7 @@ MOTION: Mapping[str, tuple[str, str]] = {
     "turned_deg": ("angle to its pose one step before", "deg"),
     "moved_usual": (f"mean of `moved` over about the {USUAL_STEPS:.0f} steps before this one that moved", ""),
 }
-"""By key, help and unit: what a step is beside the one before it."""
+"""By key, help and unit: the change of a step since the one before it."""
 EXPOSURE_QUANTITIES = (
     Quantity("", "exposure", "number", "counted from 0"),
     Quantity("", "time_s", "number", "in the clock of the source", "s"),
@@ -46,7 +46,7 @@ EXPOSURE_QUANTITIES = (
 
 
 def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
-    """By name: all that can be said at a frame of a run of these methods."""
+    """By name: all quantities of a frame in a run of these methods."""
     found = list(EXPOSURE_QUANTITIES)
     for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
@@ -84,25 +84,27 @@ def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
 
 def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
     """The row at a frame, of its steps: see `row_with`."""
-    said = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
-    return row_with(before, index, time_ns, said)
+    values_by_method = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
+    return row_with(before, index, time_ns, values_by_method)
 
 
-def row_with(before: Row, index: int, time_ns: int, said: Row) -> Row:
-    """The row at an exposure: of methods that did not step on it, what they said at their latest, but for MOMENTARY."""
+def row_with(before: Row, index: int, time_ns: int, values_by_method: Row) -> Row:
+    """The row at a frame. Methods without a step there keep their latest values, except MOMENTARY ones."""
     return {
         **{method: _over(values) for method, values in before.items()},
         "": {"exposure": index, "time_s": time_ns / 1e9},
-        **{method: {**values, **_motion(before.get(method, {}), values)} for method, values in said.items()},
+        **{
+            method: {**values, **_motion(before.get(method, {}), values)} for method, values in values_by_method.items()
+        },
     }
 
 
 def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, Value]:
-    """MOTION of a step, by what was said at it and at the method's step before it; over a restart there is none."""
+    """MOTION of a step, from its values and those of the method's step before it; none over a restart."""
     if now.get("restarted"):
         return dict.fromkeys(MOTION)
     usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
-    if moved:  # a pose that is held, or told again for another camera's frame, says nothing of the motion
+    if moved:  # a pose that is repeated, also for another camera's frame, has no motion
         usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
     was, here = (_numbers(values) for values in (before, now))
     if was is None or here is None:
@@ -123,12 +125,12 @@ def _number(value: Value) -> float | None:
 
 
 def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:
-    """At a later exposure: what happened at one is over."""
+    """The row at a later frame: what happened at one frame is over."""
     return {**values, **MOMENTARY} if any(values.get(key) for key in MOMENTARY) else values
 
 
 def by_method(steps: Iterable[Step]) -> dict[str, Step]:
-    """The asked methods' steps, and those of the estimators inside them that were not asked for themselves."""
+    """The steps of the run's methods, and of the estimators inside them that do not run by themselves."""
     found = {step.method: step for step in steps}
     for step in tuple(found.values()):
         for method, part in by_method(step.parts).items():

@@ -10,7 +10,7 @@ from ispom.types import Step
 
 Kind = Literal["number", "flag", "text"]
 Value = float | bool | str | None
-"""A finite number, a flag, a text; None where nothing was said."""
+"""A finite number, a flag, a text; None where there is no value."""
 
 
 @dataclass(frozen=True)

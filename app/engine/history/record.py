@@ -1,4 +1,4 @@
-"""One frame of a run as it is kept: everything that was said about it, except the images."""
+"""One frame of a run as it is stored: all results, without the images."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .quantities import Row, by_method, step_values
 
 @dataclass(frozen=True)
 class MethodStatus:
-    """How a method does at an exposure: that of its latest step up to there."""
+    """The status of a method at a frame: that of its latest step up to there."""
 
     status: Status
     error_m: float | None = None
@@ -58,7 +58,7 @@ class ExposureRecord:
         )
 
     @property
-    def said(self) -> Row:
+    def values_by_method(self) -> Row:
         """By method that stepped on it: the values by key."""
         if self.stored is not None:
             return self.stored

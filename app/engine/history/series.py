@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 
 from .quantities import NO_ROW, Row, quantities, row_with
 from .quantity import Quantity, Value
@@ -23,10 +23,10 @@ class Series:
     """Appended to by one thread, read by any up to its length then."""
 
     def __init__(self, methods: Iterable[str]) -> None:
-        self.quantities = quantities(with_asked(methods))
+        self.quantities = quantities(with_dependencies(methods))
         """By name."""
         self._columns = {name: array("d") for name in self.quantities}
-        """Flags as 0 and 1, texts as the place among their choices; NaN where nothing was said."""
+        """Flags as 0 and 1, texts as the place among their choices; NaN where there is no value."""
         self._stepped = {method: bytearray() for method in {q.method for q in self.quantities.values()}}
         """Of each method, whether it stepped on the frame."""
         self._row: Row = NO_ROW
@@ -42,12 +42,12 @@ class Series:
 
     def append(self, record: ExposureRecord) -> None:
         """The next frame."""
-        said = record.said
-        self._row = row_with(self._row, record.index, record.time_ns, said)
+        values_by_method = record.values_by_method
+        self._row = row_with(self._row, record.index, record.time_ns, values_by_method)
         for name, quantity in self.quantities.items():
             self._columns[name].append(_as_number(quantity, self._row.get(quantity.method, {}).get(quantity.key)))
         for method, stepped in self._stepped.items():
-            stepped.append(not method or method in said)
+            stepped.append(not method or method in values_by_method)
         self._length += 1
 
     def until(self, count: int, methods: Iterable[str]) -> Series:
@@ -62,15 +62,15 @@ class Series:
         found._row = found.row(count - 1, found.quantities.values())
         return found
 
-    def row(self, index: int, wanted: Iterable[Quantity]) -> Row:
+    def row(self, index: int, columns: Iterable[Quantity]) -> Row:
         """The values of these quantities at a frame; of one before the first, none."""
         found: dict[str, dict[str, Value]] = {}
-        for quantity in wanted if index >= 0 else ():
+        for quantity in columns if index >= 0 else ():
             found.setdefault(quantity.method, {})[quantity.key] = self.value(quantity, index)
         return found
 
     def value(self, quantity: Quantity, index: int) -> Value:
-        """What its method said of it at its latest step up to there; None where nothing was said."""
+        """The value at the method's latest step up to there; None where it has none."""
         number = self._columns[quantity.name][index]
         if math.isnan(number):
             return None
@@ -82,7 +82,7 @@ class Series:
         """(N,) a copy of a column, or of a stretch of it, as it is kept; KeyError for one that there is not."""
         return np.array(self._columns[name][start:stop])
 
-    def said(self, name: str, stop: int, start: int = 0) -> tuple[NDArray[np.int64], Array]:
+    def values_of(self, name: str, stop: int, start: int = 0) -> tuple[NDArray[np.int64], Array]:
         """(N,) the frames from `start` to before `stop` at which the quantity's method stepped, and (N,) its values.
 
         A step without a value has NaN. Raises KeyError for a quantity that the run does not have.
@@ -99,7 +99,7 @@ class Series:
     def median_seconds(self, method: str) -> float | None:
         """Median computing time of the frames on which a method stepped [s]; None where it never did."""
         name = f"{method}.seconds"
-        values = self.said(name, self._length)[1] if name in self.quantities else np.zeros(0)
+        values = self.values_of(name, self._length)[1] if name in self.quantities else np.zeros(0)
         known = values[np.isfinite(values)]
         return float(np.median(known)) if len(known) else None
 

@@ -81,9 +81,9 @@ def pair(looked: Looked) -> Rays | None:
         return None
     seen, world_from_left = found
     rig, tracks = looked.rig, seen.tracks
-    kept = np.flatnonzero((tracks.disparity_px > 0) & (tracks.status < TrackStatus.LOST))
-    kept = kept[_spread(len(kept))]
-    xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, tracks.uv[kept], tracks.disparity_px[kept])
+    usable = np.flatnonzero((tracks.disparity_px > 0) & (tracks.status < TrackStatus.LOST))
+    usable = usable[_spread(len(usable))]
+    xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, tracks.uv[usable], tracks.disparity_px[usable])
     right = world_from_left.apply(np.array([rig.baseline_m, 0.0, 0.0]))
     centres = np.stack([world_from_left.translation, right])
     return Rays(seen.step.method, (seen.index,), centres, world_from_left.apply(xyz))

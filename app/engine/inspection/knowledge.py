@@ -1,4 +1,4 @@
-"""What earlier frames tell of the tracks of one: how old they are, and how far away their points."""
+"""Ages of the tracks of a frame, and depths of their points, from the frames before it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Knowledge:
     ages: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) frames of the camera since they began; 0 where new."""
     xyz_in_world: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    """(N, 3) as said last; NaN where nothing was said."""
+    """(N, 3) the newest positions; NaN where there is none."""
     depths: Array = field(default_factory=lambda: np.zeros(0))
     """(N,) of the points in the camera, in the unit of the method; NaN where unknown."""
 
@@ -37,8 +37,8 @@ class Knowledge:
         ages[known], xyz[known] = self.ages[at[known]] + 1, self.xyz_in_world[at[known]]
         points = seen.step.landmarks
         by_id = np.argsort(points.ids, kind="stable")
-        said, at = _found(points.ids[by_id], ids)
-        xyz[said] = points.xyz_in_world[by_id][at[said]]
+        located, at = _found(points.ids[by_id], ids)
+        xyz[located] = points.xyz_in_world[by_id][at[located]]
         return Knowledge(ids, ages, xyz, _depths(seen, xyz, seen.tracks.disparity_px[order], rig))
 
     def values(self, tracks: Tracks, by: Colouring) -> Array:

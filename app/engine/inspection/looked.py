@@ -33,11 +33,11 @@ def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
     if life.method not in model.methods:
         return life
     found = []
-    for sighting in life.sightings:
-        pose = pose_at(model, life.method, sighting.time_ns, rig, life.camera)
-        known = sighting.world_from_camera is not None and pose is not None
-        found.append(replace(sighting, world_from_camera=pose) if known else sighting)
-    return replace(life, sightings=tuple(found))
+    for observation in life.observations:
+        pose = pose_at(model, life.method, observation.time_ns, rig, life.camera)
+        known = observation.world_from_camera is not None and pose is not None
+        found.append(replace(observation, world_from_camera=pose) if known else observation)
+    return replace(life, observations=tuple(found))
 
 
 def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: FrameName) -> Pose | None:
@@ -96,8 +96,8 @@ class Looked:
     def pictured(self) -> FrameName:
         """The camera whose picture is shown."""
         cameras = self.cameras or self._recorded_cameras
-        wanted = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
-        return "left" if wanted == "left" else "video"
+        camera = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
+        return "left" if camera == "left" else "video"
 
     @cached_property
     def index(self) -> int | None:

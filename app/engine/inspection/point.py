@@ -16,7 +16,7 @@ from ispom.numerics.reprojection import reprojected
 from ispom.solvers.multiview.structure import intersected
 from ispom.types import Rig, Trajectory
 
-from .sightings import Sighting, TrackLife
+from .sightings import Observation, TrackLife
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class PointEstimate:
     from_exposure: int | None
     """The frame that gave it as a landmark; None where it was intersected here from all observations."""
     residuals_px: Array
-    """(N,) distance from where it is seen, for each sighting; NaN where that has no pose or did not find it."""
+    """(N,) distance from where it is seen, for each observation; NaN where that has no pose or did not find it."""
 
 
 def ideal(lens: Lens, uv: Array) -> Array:
@@ -43,24 +43,24 @@ def estimate(life: TrackLife, lens: Lens, rig: Rig, sigma_px: float) -> PointEst
     """Its latest place as a landmark, or else where the observations put it; None where they do not. `sigma_px` is the
     standard deviation of an observed coordinate."""
     views = [s for s in life.seen if s.world_from_camera is not None]
-    given = next((s for s in reversed(life.sightings) if s.xyz_in_world is not None), None)
+    located = next((s for s in reversed(life.observations) if s.xyz_in_world is not None), None)
     baseline_m = rig.baseline_m if life.camera == "left" and rig.has_stereo else 0.0
-    xyz = _intersection(views, lens, baseline_m) if given is None else given.xyz_in_world
+    xyz = _intersection(views, lens, baseline_m) if located is None else located.xyz_in_world
     if xyz is None:
         return None
     disparities = np.array([s.disparity_px for s in views])
     spread = covariance(xyz, [_pose(s) for s in views], lens, sigma_px, disparities, baseline_m)
-    return PointEstimate(xyz, spread, given.index if given else None, residuals(life, lens, xyz))
+    return PointEstimate(xyz, spread, located.index if located else None, residuals(life, lens, xyz))
 
 
 def residuals(life: TrackLife, lens: Lens, xyz_in_world: Array) -> Array:
-    """(N,) [px] of each sighting."""
-    found = np.full(len(life.sightings), np.nan)
-    for i, sighting in enumerate(life.sightings):
-        if sighting.world_from_camera is not None and not sighting.status.dropped:
-            xyz = sighting.world_from_camera.inverse().apply(xyz_in_world)
+    """Returns (N,) [px] of each observation."""
+    found = np.full(len(life.observations), np.nan)
+    for i, observation in enumerate(life.observations):
+        if observation.world_from_camera is not None and not observation.status.dropped:
+            xyz = observation.world_from_camera.inverse().apply(xyz_in_world)
             if xyz[2] > 1e-9:
-                found[i] = np.linalg.norm(_project(lens, xyz) - ideal(lens, sighting.uv[None])[0])
+                found[i] = np.linalg.norm(_project(lens, xyz) - ideal(lens, observation.uv[None])[0])
     return found
 
 
@@ -96,7 +96,7 @@ def _project(lens: Lens, xyz_in_camera: Array) -> Array:
     return xyz_in_camera[:2] / xyz_in_camera[2] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
 
 
-def _intersection(views: list[Sighting], lens: Lens, baseline_m: float) -> Array | None:
+def _intersection(views: list[Observation], lens: Lens, baseline_m: float) -> Array | None:
     """The place (3,) whose projections are nearest to the observations; None where they leave its distance open."""
     if not views:
         return None
@@ -120,9 +120,10 @@ def _intersection(views: list[Sighting], lens: Lens, baseline_m: float) -> Array
     return least_squares(errors, start[0], method="lm").x
 
 
-def _pose(sighting: Sighting) -> Pose:
-    assert sighting.world_from_camera is not None
-    return sighting.world_from_camera
+def _pose(observation: Observation) -> Pose:
+    if observation.world_from_camera is None:
+        raise ValueError(f"the observation at frame {observation.index} has no pose: use those that have one")
+    return observation.world_from_camera
 
 
 DEPTHS = 64

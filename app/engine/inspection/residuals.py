@@ -34,9 +34,9 @@ def residuals_of(exposures: Iterable[Seen]) -> Residuals:
     uv, found = [np.zeros((0, 2))], [np.zeros(0)]
     for seen in exposures:
         tracks = seen.tracks
-        kept = np.isfinite(tracks.residual_px) & (tracks.status < TrackStatus.LOST)
-        uv.append(tracks.uv[kept].astype(float))
-        found.append(tracks.residual_px[kept].astype(float))
+        usable = np.isfinite(tracks.residual_px) & (tracks.status < TrackStatus.LOST)
+        uv.append(tracks.uv[usable].astype(float))
+        found.append(tracks.residual_px[usable].astype(float))
     return Residuals(np.concatenate(uv), np.concatenate(found))
 
 

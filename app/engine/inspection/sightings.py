@@ -30,12 +30,12 @@ class Seen:
 
     @property
     def moved(self) -> Tracks | None:
-        """Those that one other rigid motion explains; None where none is told."""
+        """Those that one other rigid motion explains; None where there is none."""
         return self.step.other_motion.get(self.camera)
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class Observation:
     """One track at one frame."""
 
     index: int
@@ -51,7 +51,7 @@ class Sighting:
     world_from_camera: Pose | None
     """As it was given then; None without a pose, and in a world that was given up since."""
     xyz_in_world: Array | None
-    """(3,) where this frame said where the point is."""
+    """(3,) the point, where this frame has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,19 +61,19 @@ class TrackLife:
     method: str
     camera: FrameName
     number: int
-    sightings: tuple[Sighting, ...]
+    observations: tuple[Observation, ...]
     """Oldest first; at least one."""
     whole: bool
     """Whether it goes back to where the track began."""
 
     @property
-    def last(self) -> Sighting:
-        return self.sightings[-1]
+    def last(self) -> Observation:
+        return self.observations[-1]
 
     @property
-    def seen(self) -> tuple[Sighting, ...]:
+    def seen(self) -> tuple[Observation, ...]:
         """Those that found it: without the frame that lost it."""
-        return tuple(s for s in self.sightings if not s.status.dropped)
+        return tuple(s for s in self.observations if not s.status.dropped)
 
 
 def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen | None:
@@ -114,28 +114,28 @@ def seen_before(
             yield found
 
 
-def life(records: Records, index: int, wanted: Selection, rig: Rig) -> TrackLife | None:
+def life(records: Records, index: int, selection: Selection, rig: Rig) -> TrackLife | None:
     """The track as known at frame `index`; None where it is not among the last SEARCHED frames up to there."""
-    method, camera, found, same_world, whole = wanted.method, "", list[Sighting](), True, False
+    method, camera, found, same_world, whole = selection.method, "", list[Observation](), True, False
     for seen in seen_before(records, index, method):
         if camera and seen.camera != camera:
             continue
-        rows = np.flatnonzero(seen.tracks.ids == wanted.number)
+        rows = np.flatnonzero(seen.tracks.ids == selection.number)
         if not len(rows):
             if found:
                 whole = True
                 break
             continue
         method, camera = seen.step.method, seen.camera
-        sighting = _sighting(seen, int(rows[0]), rig)
-        found.append(sighting if same_world else replace(sighting, world_from_camera=None, xyz_in_world=None))
+        observation = _observation(seen, int(rows[0]), rig)
+        found.append(observation if same_world else replace(observation, world_from_camera=None, xyz_in_world=None))
         same_world = same_world and not seen.step.restarted
-        if sighting.status == TrackStatus.NEW:
+        if observation.status == TrackStatus.NEW:
             whole = True
             break
     if not found:
         return None
-    return TrackLife(method, "video" if camera == "video" else "left", wanted.number, tuple(reversed(found)), whole)
+    return TrackLife(method, "video" if camera == "video" else "left", selection.number, tuple(reversed(found)), whole)
 
 
 def nearest(seen: Seen, uv: Array) -> int | None:
@@ -152,11 +152,11 @@ def camera_pose(step: Step, rig: Rig, camera: FrameName) -> Pose | None:
     return step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
 
 
-def _sighting(seen: Seen, row: int, rig: Rig) -> Sighting:
+def _observation(seen: Seen, row: int, rig: Rig) -> Observation:
     tracks, points = seen.tracks, seen.step.landmarks
     at = np.flatnonzero(points.ids == tracks.ids[row])
     xyz = points.xyz_in_world[at[0]] if len(at) and np.isfinite(points.xyz_in_world[at[0]]).all() else None
-    return Sighting(
+    return Observation(
         seen.index,
         seen.step.time_ns,
         tracks.uv[row].astype(float),

@@ -35,13 +35,13 @@ class DrawnSize:
 
 
 def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
-    """The true path where it can be drawn beside the estimates, if any: a single camera's own unit is no metre."""
+    """The true path where it can be drawn with the estimates, if any: a single camera's own unit is no metre."""
     units = {registered(method).unit for method in methods}
     return truth if not units or "metric" in units else None
 
 
 def unit_in_metres(method: str, placed_scale: float) -> float | None:
-    """Of a method's own world; None where nothing tells it."""
+    """Of a method's own world; None where it is not known."""
     return placed_scale if registered(method).unit == "metric" or placed_scale != 1.0 else None
 
 

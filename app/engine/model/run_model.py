@@ -128,7 +128,7 @@ def _with_step(poses: PoseHistory, times: Times, step: Step, index: int) -> Pose
 def _block_at(
     b: int, block: PoseBlock, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
 ) -> PoseBlock:
-    """The block as it was after an exposure: an earlier version, and the steps from there on."""
+    """The block as it was after a frame: an earlier version, and the steps from there on."""
     while block.changed > index and block.since > index and block.earlier is not None:
         block = block.earlier
     if block.changed <= index:
@@ -160,10 +160,10 @@ def _covariance_at(
 def _within(poses: PoseHistory, times: Times, step: Step, index: int, start_row: int) -> PoseHistory:
     """What a step says about the rows of one block."""
 
-    def of_block(said: Trajectory) -> tuple[NDArray[np.int64], Trajectory]:
-        rows = times.rows(said.times_ns) - start_row
+    def of_block(trajectory: Trajectory) -> tuple[NDArray[np.int64], Trajectory]:
+        rows = times.rows(trajectory.times_ns) - start_row
         chosen = (rows >= 0) & (rows < POSES_PER_BLOCK)
-        return rows[chosen], said.select(chosen)
+        return rows[chosen], trajectory.select(chosen)
 
     row = times.rows(np.array([step.time_ns]))[0] - start_row
     poses = poses.with_poses(*of_block(step.revised), index)

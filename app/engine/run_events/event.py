@@ -107,7 +107,7 @@ class EventKind:
     """At each frame: a sentence while it holds, False where it does not, None where the frame says nothing about it. An
     event begins where a sentence follows on False."""
     scope: Scope = "method"
-    """Asked for each step of a method, once for each frame, or made by a person."""
+    """Detected at each step of a method, once at each frame, or made by a person."""
     lasts: bool = False
     """Whether it goes on for a while, from a first frame to a last one; else it happens at one frame."""
     quiet_frames: int = 0

@@ -62,12 +62,12 @@ class EventLog:
 
     def until(self, count: int, methods: Iterable[str]) -> EventLog:
         """That of a run of these methods that is the same as this one for its first `count` frames."""
-        log, kept = EventLog(), {"", *methods}
+        log, shown_methods = EventLog(), {"", *methods}
         for event in self.events:
-            if event.frame < count and event.method in kept:
+            if event.frame < count and event.method in shown_methods:
                 log._begin(replace(event, until=None if event.until is None or event.until >= count else event.until))
         for method, frame, status in self._statuses:
-            if frame < count and method in kept:
+            if frame < count and method in shown_methods:
                 log._status_since(method, frame, status)
         return log
 

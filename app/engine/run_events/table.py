@@ -64,6 +64,6 @@ def read_events(path: Path) -> list[RunEvent]:
 def event_lines(events: Iterable[RunEvent], more: str) -> list[str]:
     """The warnings and losses, the first ones in words; `more` says where the rest is."""
     found = [e for e in events if e.severity.alarming]
-    said = [f"frame {e.frame}: {colours.label(e.method)}: {e.sentence}" if e.method else e.sentence for e in found]
+    sentences = [f"frame {e.frame}: {colours.label(e.method)}: {e.sentence}" if e.method else e.sentence for e in found]
     rest = len(found) - PRINTED
-    return said[:PRINTED] + ([f"... and {rest} more events in {more}"] if rest > 0 else [])
+    return sentences[:PRINTED] + ([f"... and {rest} more events in {more}"] if rest > 0 else [])

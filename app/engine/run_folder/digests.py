@@ -34,8 +34,8 @@ def _old(tracks: Tracks) -> np.ndarray:
     return tracks.status != TrackStatus.NEW
 
 
-def _of_tracks(step: Step, told: Callable[[Tracks], tuple[np.ndarray, ...]]) -> str:
-    groups = ((np.frombuffer(name.encode(), np.uint8), *told(tracks)) for name, tracks in step.tracks.items())
+def _of_tracks(step: Step, arrays_of: Callable[[Tracks], tuple[np.ndarray, ...]]) -> str:
+    groups = ((np.frombuffer(name.encode(), np.uint8), *arrays_of(tracks)) for name, tracks in step.tracks.items())
     return digest(*(array for group in groups for array in group)) if step.tracks else ""
 
 

@@ -1,4 +1,4 @@
-"""Where in the shared world each method's own world is, and since which exposure: what run.yaml keeps of it."""
+"""Where in the shared world each method's own world is, and since which frame, as run.yaml stores it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The results of a run: trajectories in the asked frame, and metrics."""
+"""The results of a run: trajectories in the frame of the option, and metrics."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Results:
 
 
 def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatistics) -> str:
-    """metrics.json. Without truth: only what can be said without it."""
+    """metrics.json. Without truth: only what can be computed without it."""
     truth = results.truth
     report: dict[str, Any] = {"sequence": results.sequence, "notes": list(results.notes)}
     report |= {"skipped": statistics.skipped, "methods": {}}

@@ -16,7 +16,7 @@ import yaml
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.mapping import read_mapping
-from ispom.methods import Config, in_order, method, names, with_asked
+from ispom.methods import Config, in_order, method, names, with_dependencies
 from ispom.settings import from_plain
 from ispom.types import Sequence
 
@@ -77,8 +77,8 @@ class RunFile:
     @property
     def methods(self) -> tuple[str, ...]:
         """Those of the run that this installation knows."""
-        asked = self.options.get("methods")
-        return tuple(name for name in names() if isinstance(asked, list) and name in asked)
+        listed = self.options.get("methods")
+        return tuple(name for name in names() if isinstance(listed, list) and name in listed)
 
     @property
     def text(self) -> str:
@@ -117,7 +117,7 @@ def run_file(
 
 def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
     """What a fork's file says of `run`, which it is as up to the stage's end; the frame `at` counts from 0."""
-    config = {name: asdict(stage.config.of(name)) for name in with_asked(stage.methods)}
+    config = {name: asdict(stage.config.of(name)) for name in with_dependencies(stage.methods)}
     return {"run": run, "at": stage.until, "methods": list(stage.methods), "config": config}
 
 

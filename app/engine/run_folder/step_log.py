@@ -1,4 +1,4 @@
-"""steps.csv and decisions.csv: what every method said about every frame, written while a run goes on."""
+"""steps.csv and decisions.csv: the values of every method at every frame, written during the run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEP_COLUMNS = (
     *("frame", *POSE, *DIGESTS),
 )
 """`error_m` and the pose (world_from_FRAME, in the method's own world and unit) are as given at that time; `stages` is
-`name=seconds;...`, `seconds` their sum. Numbers have all digits that tell them from others."""
+`name=seconds;...`, `seconds` their sum. Numbers have all digits."""
 DECISION_COLUMNS = (
     "exposure",
     "time_ns",
@@ -65,7 +65,7 @@ class StepLog:
 
 
 def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
-    """What the rows of steps.csv tell of times, losses and segments."""
+    """Times, losses and segments by the rows of steps.csv."""
     statistics = RunStatistics()
     for row in rows:
         with suppress(KeyError, ValueError, OverflowError):

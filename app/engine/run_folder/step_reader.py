@@ -34,13 +34,13 @@ RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
 @dataclass(frozen=True, eq=False)
 class StoredStep:
-    """What one method said at one frame, as the folder has it."""
+    """The values of one method at one frame, as the folder has them."""
 
     exposure: int
     time_ns: int
     method: str
     frame: FrameName
-    said: Mapping[str, Value]
+    values: Mapping[str, Value]
     """By key: quantities, checks, the pose as POSE (absent without one), and digests."""
     seconds: Mapping[str, float]
     """By stage."""
@@ -109,11 +109,11 @@ def _joined(folder: Path, steps: Iterator[Record], decisions: Iterator[Record]) 
 def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record]) -> StoredStep:
     path = folder / STEPS
     decisions = tuple(_decision(folder / DECISIONS, number, cells) for number, cells in made)
-    said = {key: _value(path, line, row, key) for key in (*KINDS, *DIGESTS)} | check_values(decisions)
+    values = {key: _value(path, line, row, key) for key in (*KINDS, *DIGESTS)} | check_values(decisions)
     if any(row[name] for name in POSE):
-        said |= {name: _number(path, line, row, name) for name in POSE}
-        _require_pose(path, line, row, [said[name] for name in POSE])
-    if said["status"] not in set(Status):
+        values |= {name: _number(path, line, row, name) for name in POSE}
+        _require_pose(path, line, row, [values[name] for name in POSE])
+    if values["status"] not in set(Status):
         raise _wrong(path, line, "status", row)
     if not NAME.fullmatch(row["frame"]):
         raise _wrong(path, line, "frame", row)
@@ -122,7 +122,7 @@ def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record
         name: _number(path, line, {"stages": value}, "stages") or 0.0
         for name, _, value in (pair.rpartition("=") for pair in filter(None, row["stages"].split(";")))
     }
-    return StoredStep(exposure, time_ns, row["method"], row["frame"], said, seconds, decisions)  # type: ignore[arg-type]
+    return StoredStep(exposure, time_ns, row["method"], row["frame"], values, seconds, decisions)  # type: ignore[arg-type]
 
 
 def _require_pose(path: Path, line: int, row: Mapping[str, str], numbers: list[Any]) -> None:

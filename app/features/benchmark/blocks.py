@@ -110,7 +110,7 @@ def rendering() -> Block:
 
 
 def logging(unit: Unit, folder: Path) -> Block:
-    """What the worker spends on each frame besides estimating: recording, tables, the map, the app's history."""
+    """Time of the worker per frame without the estimation: recording, tables, the map, the app's history."""
     from ...engine.history.record import ExposureRecord
     from ...engine.model.map_memory import MapCollectors
     from ...engine.playback import Playback

@@ -17,7 +17,7 @@ from ispom.stop import wait_or_stop
 ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
+"""For numerical libraries; OpenCV's is set in the process itself. The estimators compile nothing parallel."""
 
 
 END_S = 10.0

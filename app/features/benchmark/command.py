@@ -26,7 +26,7 @@ PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba")
 
 
 def bench(options: Bench) -> int:
-    """Measures, prints and writes what is asked; a source that is absent is one line. InputError for wrong options."""
+    """Measures, prints and writes the figures; an absent source is one line. Raises InputError for wrong options."""
     if not 1 <= options.runs <= 100:
         raise InputError(f"--runs is {options.runs}, give a value from 1 to 100")
     if options.json is not None and not options.json.parent.is_dir():

@@ -35,7 +35,7 @@ class Times:
     total: list[float] = field(default_factory=list)
     """CPU time of each step."""
     stages: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-    """Wall time, as the steps tell it."""
+    """Wall time, as the steps report it."""
 
 
 def measured(case: Case, method: str, runs: int, pair: tuple[Path, ...]) -> dict[str, Any]:
@@ -43,17 +43,17 @@ def measured(case: Case, method: str, runs: int, pair: tuple[Path, ...]) -> dict
     cv2.setNumThreads(1)
     sequence, unit = case.open(), Unit(pair)
     ensemble = ensemble_of(method, sequence.rig)
-    asked = _asked(sequence, method)
+    used_frames = _used_frames(sequence, method)
     found, trajectory, lost = [], Trajectory.empty(), 0
     for _ in range(runs):
         unit.measure()
-        times, trajectory, lost = _run(ensemble, method, sequence, asked)
+        times, trajectory, lost = _run(ensemble, method, sequence, used_frames)
         found.append(times)
     unit.measure()
     peak = peak_mb()
     accuracy = _accuracy(trajectory, sequence, method)
     if sequence.truth is not None and (pairs := registered(method).asks.get("stereo")):
-        _, stereo, _ = _run(ensemble_of(pairs, sequence.rig), pairs, sequence, _asked(sequence, pairs))
+        _, stereo, _ = _run(ensemble_of(pairs, sequence.rig), pairs, sequence, _used_frames(sequence, pairs))
         accuracy |= metrics.between_stereo(trajectory, stereo, sequence.truth)
     return {
         "unit_ms": unit.ms,
@@ -63,7 +63,9 @@ def measured(case: Case, method: str, runs: int, pair: tuple[Path, ...]) -> dict
         "peak_mb": peak,
         **accuracy,
         "poses": len(trajectory),
-        "asked": sequence.kinds[: asked[-1] + 1].count("video" if "video" in registered(method).sensors else "stereo"),
+        "asked": sequence.kinds[: used_frames[-1] + 1].count(
+            "video" if "video" in registered(method).sensors else "stereo"
+        ),
         "lost": lost,
     }
 
@@ -73,15 +75,15 @@ def ensemble_of(method: str, rig: Rig) -> Ensemble:
     return build(Config(), (method,), rig)
 
 
-def _asked(sequence: Sequence, method: str) -> list[int]:
+def _used_frames(sequence: Sequence, method: str) -> list[int]:
     """The frames that it uses; no others are decoded."""
     return [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).sensors]
 
 
-def _run(ensemble: Ensemble, method: str, sequence: Sequence, asked: list[int]) -> tuple[Times, Trajectory, int]:
+def _run(ensemble: Ensemble, method: str, sequence: Sequence, used_frames: list[int]) -> tuple[Times, Trajectory, int]:
     """One run, and how many steps were lost; each frame is decoded just before its step, outside the clock."""
     state, times, lost = ensemble.start(), Times(), 0
-    for i in asked:
+    for i in used_frames:
         exposure = sequence[i]
         start = cpu_clock()
         state, steps = ensemble.step(state, exposure)

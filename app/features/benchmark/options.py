@@ -10,7 +10,7 @@ from ...engine.options import Name
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Measures speed, memory and accuracy of every method, beside the figures of other programs."""
+    """Measures speed, memory and accuracy of every method, together with the figures of other programs."""
 
     data: Path = Path("data")
     """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; missing ones are skipped.

@@ -92,7 +92,7 @@ def found_below(case: Case, data: Path) -> Case | None:
 class Peer:
     name: str
     unit_ratio: str = "-"
-    """Median time per frame in U, on one thread where not told otherwise."""
+    """Median time per frame in U, on one thread where not stated otherwise."""
     t_err_percent: str = "-"
     ate_m: str = "-"
     note: str = ""

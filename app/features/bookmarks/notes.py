@@ -1,5 +1,5 @@
-"""A person's notes as a file, a note and bookmarks: notes.yaml in a run's folder, NAME.notes.yaml beside a recording,
-or one for each source beside all recordings."""
+"""A person's notes as a file, a note and bookmarks: notes.yaml in a run's folder, NAME.notes.yaml next to a recording,
+or one for each source next to all recordings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST, NOTE_LENGTH = 500, 200
 
 
 def notes_path(stored: Path | None, recordings: Path, source: str) -> Path:
-    """Where the bookmarks are: in the folder of a stored run, beside a recording, or of a `source` beside all
+    """Where the bookmarks are: in the folder of a stored run, next to a recording, or of a `source` next to all
     recordings."""
     if stored is not None:
         return notes_of(stored)
@@ -57,8 +57,8 @@ def put(
     entries = None if bookmarks is None else [asdict(bookmark) for bookmark in bookmarks]
     new = {"note": None if note is None else tidy(note), "about": about, "bookmarks": entries}
     with _alone(path.parent):
-        kept = _written(path)
-        _write(path, kept | {name: value for name, value in new.items() if value is not None})
+        written = _written(path)
+        _write(path, written | {name: value for name, value in new.items() if value is not None})
 
 
 def change_bookmark(path: Path, sequence: Sequence, exposure: int, mark: Bookmark | None) -> tuple[Bookmark, ...]:
@@ -68,14 +68,14 @@ def change_bookmark(path: Path, sequence: Sequence, exposure: int, mark: Bookmar
     InputError where the file is not as written, is full, or the disk does not take it.
     """
     with _alone(path.parent):
-        kept = _written(path)
-        entries = [_bookmark(path, entry) for entry in _entries(path, kept)]
+        written = _written(path)
+        entries = [_bookmark(path, entry) for entry in _entries(path, written)]
         others = [b for b in entries if (here := _placed(b, sequence)) is None or here.exposure != exposure]
         if mark is not None:
             if len(others) >= MOST:
                 raise InputError(f"{path} has {MOST} bookmarks: remove one first")
             others.append(mark)
-        _write(path, kept | {"bookmarks": [asdict(b) for b in sorted(others, key=lambda b: b.time_ns)]})
+        _write(path, written | {"bookmarks": [asdict(b) for b in sorted(others, key=lambda b: b.time_ns)]})
     return _fitting(others, sequence)
 
 
@@ -94,10 +94,10 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def _write(path: Path, kept: Mapping[Any, Any]) -> None:
+def _write(path: Path, content: Mapping[Any, Any]) -> None:
     try:
-        if any(kept.values()):
-            replace_whole(path, yaml.safe_dump(dict(kept), sort_keys=False, allow_unicode=True))
+        if any(content.values()):
+            replace_whole(path, yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True))
         else:
             path.unlink(missing_ok=True)
     except OSError as error:
@@ -105,15 +105,15 @@ def _write(path: Path, kept: Mapping[Any, Any]) -> None:
 
 
 def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
-    """Those of a file that fit the exposures: at their number or, where the source was opened otherwise, at their time.
+    """Those of a file that fit the frames: at their number or, where the source was opened otherwise, at their time.
 
     InputError where the file is not as written.
     """
     return _fitting([_bookmark(path, entry) for entry in _entries(path, _written(path))], sequence)
 
 
-def _entries(path: Path, kept: Mapping[Any, Any]) -> list[object]:
-    entries = kept.get("bookmarks", [])
+def _entries(path: Path, content: Mapping[Any, Any]) -> list[object]:
+    entries = content.get("bookmarks", [])
     if not isinstance(entries, list) or len(entries) > MOST:
         raise InputError(f"{path} has no bookmarks as the app writes them: correct or remove it")
     return entries
@@ -134,8 +134,8 @@ def _written(path: Path) -> dict[Any, Any]:
 
 
 def _bookmark(path: Path, entry: object) -> Bookmark:
-    given = entry if isinstance(entry, dict) else {}
-    exposure, time_ns, note = (given.get(name) for name in ("exposure", "time_ns", "note"))
+    values = entry if isinstance(entry, dict) else {}
+    exposure, time_ns, note = (values.get(name) for name in ("exposure", "time_ns", "note"))
     if not isinstance(exposure, int) or not isinstance(time_ns, int) or not isinstance(note, str):
         raise InputError(f"{path} says of a bookmark {str(entry)[:60]!r}: correct or remove it")
     return Bookmark(exposure, time_ns, tidy(note))

@@ -47,10 +47,10 @@ class BookmarksPanel:
             return
         before, self._bookmarks = self._bookmarks, state[Bookmarks].marks
         new = [b for b in state[Bookmarks].marks if b not in before]
-        kept = [b for b in state[Bookmarks].marks if _label(b) == self._choice.value]
+        selected = [b for b in state[Bookmarks].marks if _label(b) == self._choice.value]
         self._choice.options = tuple(map(_label, state[Bookmarks].marks)) or NONE
         self._choice.value = (
-            _label((new or kept or list(state[Bookmarks].marks))[-1]) if state[Bookmarks].marks else NONE[0]
+            _label((new or selected or list(state[Bookmarks].marks))[-1]) if state[Bookmarks].marks else NONE[0]
         )
         if new:
             self._note.value = ""

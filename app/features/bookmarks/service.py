@@ -23,7 +23,7 @@ class Bookmarks(FeatureState):
 
 
 class BookmarkService(Service):
-    """They belong to the exposures: all branches have the same."""
+    """They belong to the frames: all branches have the same."""
 
     place = 40
 
@@ -50,8 +50,8 @@ class BookmarkService(Service):
         before = marks.get(displayed.index)
         if before is None and len(marks) >= MOST:
             raise InputError(f"there are {MOST} bookmarks: remove one first")
-        kept = before.note if before is not None else ""
-        marks[displayed.index] = Bookmark(displayed.index, displayed.time_ns, kept if note is None else tidy(note))
+        old_note = before.note if before is not None else ""
+        marks[displayed.index] = Bookmark(displayed.index, displayed.time_ns, old_note if note is None else tidy(note))
         self._keep(marks, displayed.index)
 
     def toggle(self) -> None:

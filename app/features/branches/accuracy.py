@@ -17,7 +17,7 @@ import numpy as np
 from ispom.evaluation.trajectory_error import TrajectoryError, alignment_of, error_against_truth
 from ispom.methods import method as registered
 
-from ...engine.external_trajectories.placed import Beside
+from ...engine.external_trajectories.placed import ExternalTrajectory
 from ...session.current_run import CurrentRun
 from ...session.store import Store
 from ..external_paths.state import ExternalPaths
@@ -61,7 +61,7 @@ class Accuracy:
         if stale:
             self._store.put(replace(known, all=branches))
         if others.all:
-            errors = errors_beside(others.all, shown) if shown is not None else {}
+            errors = errors_of_external(others.all, shown) if shown is not None else {}
             self._store.put(replace(others, errors=errors))
         spent_s = time.monotonic() - began_s
         self._due_s = began_s + max(LEAST_S, spent_s / SHARE)
@@ -80,16 +80,16 @@ def measured(run: CurrentRun) -> Measured:
     """The error and the time of each method of a run, as known now."""
     truth, rig = run.opened.truth, run.opened.sequence.rig
     errors: dict[str, TrajectoryError] = {}
-    for method, trajectory in run.trajectories().items() if truth is not None else ():
-        assert truth is not None
-        kind = alignment_of(registered(method).unit == "metric")
-        if (error := error_against_truth(trajectory, truth, rig, kind)) is not None:
-            errors[method] = error
+    if truth is not None:
+        for method, trajectory in run.trajectories().items():
+            kind = alignment_of(registered(method).unit == "metric")
+            if (error := error_against_truth(trajectory, truth, rig, kind)) is not None:
+                errors[method] = error
     seconds = {m: s for m in run.opened.methods if (s := run.series.median_seconds(m)) is not None}
     return Measured(errors, seconds)
 
 
-def errors_beside(others: Iterable[Beside], run: CurrentRun) -> dict[str, TrajectoryError]:
+def errors_of_external(others: Iterable[ExternalTrajectory], run: CurrentRun) -> dict[str, TrajectoryError]:
     """Of trajectories of other programs, over the frames that the run has computed."""
     count = len(run.history)
     if run.opened.truth is None or not count:

@@ -8,9 +8,9 @@ from typing import Any
 
 from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Similarity
-from ispom.methods import Config, with_asked
+from ispom.methods import Config, with_dependencies
 
-from ...engine.history.history import Held
+from ...engine.history.history import HistoryUsage
 from ...engine.model.run_model import RunModel, Tally
 from ...presentation.colours import Rgb
 
@@ -21,7 +21,7 @@ STORED = "stored run"
 COLOURS = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
 """Of the branches, in turn."""
 MOST = 12
-"""Branches kept beside each other; each holds memory and files."""
+"""Limit on the number of branches; each needs memory and files."""
 NAME_LENGTH = 40
 
 
@@ -54,7 +54,7 @@ class Branch:
     """Frames, those of its parent included."""
     tally: Tally = Tally()
     measured: Measured = NOTHING
-    held: Held = Held()
+    history_usage: HistoryUsage = HistoryUsage()
     hidden: bool = False
     """Whether it is not drawn while another is shown."""
     reproducible: bool = False
@@ -66,8 +66,8 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """What is known of a branch at the frame at which another is shown."""
+class BranchInView:
+    """A branch as it is drawn at the frame at which another branch is shown."""
 
     model: RunModel
     placements: Mapping[str, Similarity]
@@ -80,7 +80,7 @@ def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...]
     (old_methods, old), (new_methods, new) = before, after
     switched = [f"{m} off" for m in old_methods if m not in new_methods]
     switched += [f"{m} on" for m in new_methods if m not in old_methods]
-    for name in with_asked(new_methods):
+    for name in with_dependencies(new_methods):
         switched += differences(name, old.of(name), new.of(name))
     return tuple(switched)
 

@@ -35,7 +35,7 @@ class Comparison:
     methods: tuple[str, ...]
     done: int = 0
     """The next frame to compare."""
-    apart: int = 0
+    differing_frames: int = 0
     """Frames at which they differ, so far."""
     thinned: int = 0
     """Frames whose tracks and landmarks a history gave up: there the rest is compared."""
@@ -61,7 +61,7 @@ def begin(branches: tuple[Branch, ...], shown: int, other: int, a: CurrentRun, b
 
 
 def forked_at(branches: tuple[Branch, ...], a: int, b: int) -> int:
-    """The frame from which on two branches were computed apart; 0 where a branch between them was deleted."""
+    """The frame from which on two branches were computed separately; 0 where a branch between them was deleted."""
     path_a, path_b = (_path(branches, number) for number in (a, b))
     common = next((number for number in path_a if number in path_b), None)
     left = [] if common is None else [path[common] for path in (path_a, path_b)]
@@ -97,7 +97,7 @@ def _after(now: Comparison, a: CurrentRun, b: CurrentRun) -> Comparison:
     return replace(
         now,
         done=now.done + 1,
-        apart=now.apart + (found is not None),
+        differing_frames=now.differing_frames + (found is not None),
         thinned=now.thinned + thinned,
         first=(*now.first, news) if news is not None else now.first,
     )

@@ -10,7 +10,7 @@ import viser
 from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import in_order
 
-from ...engine.external_trajectories.placed import Beside
+from ...engine.external_trajectories.placed import ExternalTrajectory
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
 from ...session.state import State
@@ -74,11 +74,11 @@ class BranchesPanel:
         labels, chosen, moved = _labels(state), self._chosen, state[Branches].shown != self._shown
         self._branches, self._shown = state[Branches].all, state[Branches].shown
         if moved or labels != tuple(self._choice.options):
-            kept = next((b for b in state[Branches].all if chosen is not None and b.number == chosen.number), None)
-            if moved or kept is None:
-                kept = _counterpart(state)
+            selected = next((b for b in state[Branches].all if chosen is not None and b.number == chosen.number), None)
+            if moved or selected is None:
+                selected = _counterpart(state)
             self._choice.options = labels
-            self._choice.value = _label(kept) if kept is not None else "-"
+            self._choice.value = _label(selected) if selected is not None else "-"
             self._fill()
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
             control.visible = len(state[Branches].all) > 1
@@ -109,17 +109,17 @@ def _text(state: State, has_truth: Callable[[Branch], bool]) -> str:
     errors = [error for b in state[Branches].all for error in b.measured.errors.values()]
     unit = length_unit(e.ate_m for e in (*errors, *state[ExternalPaths].errors.values()))
     branches = [_entry(branch, state, unit, has_truth(branch)) for branch in state[Branches].all]
-    others = [_other(beside, state, unit) for beside in state[ExternalPaths].all]
+    others = [_other(external, state, unit) for external in state[ExternalPaths].all]
     return render("branches.html", branches=branches, others=others)
 
 
-def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
+def _other(external: ExternalTrajectory, state: State, unit: Unit) -> dict[str, Any]:
     """The trajectory of another program, over the frames that the branch shown has computed."""
-    placed = beside.of_truth
-    known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
+    placed = external.of_truth
+    known = {"name": external.name, "colour": external.colour, "file": external.option.file.path.name}
     if placed is None:
         return known | {"ate": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
-    error = state[ExternalPaths].errors.get(beside.name)
+    error = state[ExternalPaths].errors.get(external.name)
     ate = "" if error is None else _ate(error, unit)
     return known | {"ate": ate, "missing": placed.missing(state.computed), "alignment": placed.alignment}
 
@@ -131,7 +131,12 @@ def _entry(branch: Branch, state: State, unit: Unit, has_truth: bool) -> dict[st
         changes = "; ".join(branch.changes) or "nothing changed"
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from frame {branch.at} on: {changes}. {origin}"
     rows = [_row(name, branch, unit, has_truth) for name in in_order(branch.tally.methods)]
-    known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
+    known = {
+        "name": branch.name,
+        "colour": branch.colour,
+        "hidden": branch.hidden,
+        "held": branch.history_usage.sentence,
+    }
     return known | {"shown": branch.number == state[Branches].shown, "origin": origin, "methods": rows}
 
 

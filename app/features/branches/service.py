@@ -161,6 +161,6 @@ class BranchService(Service):
         return self._runs[number]
 
 
-def _name(given: str) -> str:
+def _name(name: str) -> str:
     """Plain, on one line, not too long."""
-    return " ".join(given.split())[:NAME_LENGTH]
+    return " ".join(name.split())[:NAME_LENGTH]

@@ -12,7 +12,7 @@ from ispom.geometry import Similarity
 from ...session.state import State
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
-from .branches import Beside
+from .branches import BranchInView
 from .service import BranchService
 from .state import Branches
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 
-def branches_beside(session: Session, state: State) -> dict[int, Beside]:
-    """By number, those that are not hidden, as of the shown frame or their last before it."""
-    found = {}
+def visible_branches(session: Session, state: State) -> dict[int, BranchInView]:
+    """Returns the other branches that are not hidden, by number, at the shown frame or their last before it."""
+    visible = {}
     for branch in state[Branches].all:
         run = session.service(BranchService).run_of(branch.number)
         last = run.history.last if run is not None else None
         if run is not None and last is not None and branch.number != state[Branches].shown and not branch.hidden:
             model = run.known_at(min(state.index, last.index))
-            found[branch.number] = Beside(model, last.placements, branch.colour)
-    return found
+            visible[branch.number] = BranchInView(model, last.placements, branch.colour)
+    return visible
 
 
 WIDTH_PX = 0.75
 """Half width of the lines on the screen."""
 
 
-def trajectories(branches: Mapping[int, Beside], hidden: frozenset[str]) -> Iterator[Entry]:
+def trajectories(branches: Mapping[int, BranchInView], hidden: frozenset[str]) -> Iterator[Entry]:
     """A line for each branch and method, in the branch's colour; without the hidden methods."""
     for number, branch in branches.items():
         for method, known in branch.model.methods.items():

@@ -28,8 +28,8 @@ class Branches(FeatureState):
                 return replace(self, all=(Branch(0, FIRST),))
             case Resumed():
                 return replace(self, shown=event.branch)
-            case Computed(record, tally, held):
-                known = {"computed": record.index + 1, "tally": tally, "held": held}
+            case Computed(record, tally, history_usage):
+                known = {"computed": record.index + 1, "tally": tally, "history_usage": history_usage}
                 return replace(self, all=tuple(replace(b, **known) if b.number == self.shown else b for b in self.all))  # type: ignore[arg-type]
             case _:
                 return self

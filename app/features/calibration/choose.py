@@ -22,8 +22,8 @@ NEW = 6.0
 WINDOW = 5
 """Among so many frames that follow each other, or fewer where there are not many, the sharpest stands for all."""
 
-BESIDE = 2
-"""Images before, and as many after, an image that tell how the camera moved in it,"""
+NEIGHBOURS = 2
+"""Images before an image, and as many after it, that show how the camera moved in it,"""
 MOST_MOVING = 40
 """for so many of the images."""
 
@@ -54,23 +54,26 @@ def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: No
 
 
 def near(video: Source, left: Source, within_s: float) -> Source:
-    """The images of a video that are so near in time to one of the left camera's."""
-    assert video.times_ns is not None
-    assert left.times_ns is not None
+    """Returns the images of a video whose times differ from one of the left camera's by at most `within_s`.
+
+    Raises ValueError where one of them has no times.
+    """
+    if video.times_ns is None or left.times_ns is None:
+        raise ValueError("images without times cannot be near each other in time: give images with time stamps")
     away_ns = np.abs(left.times_ns[nearest(left.times_ns, video.times_ns)] - video.times_ns)
     return video.select(np.flatnonzero(away_ns <= within_s * 1e9).tolist())
 
 
 def around(source: Source, chosen: Source) -> Source | None:
-    """The images right before and after some of those that were chosen of a source, and these: they tell how the camera
-    moved. None where times are not known, or lie too far apart for that."""
+    """The images right before and after some of those that were chosen of a source, and these: they show how the camera
+    moved. None where times are not known, or differ too much for that."""
     if source.times_ns is None or chosen.times_ns is None or len(source) < 2 or not len(chosen):
         return None
     if float(np.median(np.diff(source.times_ns))) * 1e-9 > LONGEST_S:
         return None
     some = np.unique(np.linspace(0, len(chosen) - 1, min(len(chosen), MOST_MOVING)).astype(int))
     at = np.searchsorted(source.times_ns, chosen.times_ns[some])
-    index = np.unique(np.clip(at[:, None] + np.arange(-BESIDE, BESIDE + 1), 0, len(source) - 1))
+    index = np.unique(np.clip(at[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS + 1), 0, len(source) - 1))
     return source.select(index.tolist())
 
 

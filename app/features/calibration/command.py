@@ -36,7 +36,7 @@ NEAR_S = 0.3
 
 
 def calibrate(options: Calibrate) -> int:
-    """Calibrates, prints and writes; InputError where the images or the target are not what they are said to be."""
+    """Calibrates, prints and writes; Raises InputError where the images or the target are not as stated."""
     if options.what == "convert":
         return convert(options)
     with terminable() as signals:
@@ -59,12 +59,12 @@ def _calibrate(options: Calibrate, signals: Signals) -> int:
     sources = made.sources if made is not None else _opened(options, target, signals)
     for note in (note for source in sources for note in source.notes):
         sys.stderr.write(printable(f"note: {note}") + "\n")
-    given = sources
-    sources = _chosen(given, options)
+    all_sources = sources
+    sources = _chosen(all_sources, options)
     views = detected(target, sources)
     require_target(target, sources, views)
     try:
-        found = _solved(target, views, options, moving_views(target, given, sources))
+        found = _solved(target, views, options, moving_views(target, all_sources, sources))
     except Redo as redo:
         sys.stdout.write(printable(f"redo: {redo}") + "\n")
         if options.json is not None:
@@ -91,7 +91,7 @@ def _from_motion(options: Calibrate) -> int:
         if options.what == "video":
             judged, lines = lens_from_motion(options)
             print_lens(judged, lines)
-            _say_written(options, judged.level != "redo")
+            _print_written(options, judged.level != "redo")
             return REDO if judged.level == "redo" else 0
         found = moved_rig(options)
     except Redo as redo:
@@ -108,14 +108,14 @@ def _from_motion(options: Calibrate) -> int:
     if options.out is not None and verdict.level != "redo":
         about = f"{verdict.level}, from the motion in {found.sequence.name}"
         save(found.rig, clock_of(found.found), about, options.out, options.format)
-    _say_written(options, verdict.level != "redo")
+    _print_written(options, verdict.level != "redo")
     return REDO if verdict.level == "redo" else 0
 
 
-def _say_written(options: Calibrate, written: bool) -> None:
+def _print_written(options: Calibrate, written: bool) -> None:
     if options.out is not None:
-        said = f"written: {options.out}" if written else f"{options.out} is not written: film again"
-        sys.stdout.write(printable(said) + "\n")
+        message = f"written: {options.out}" if written else f"{options.out} is not written: film again"
+        sys.stdout.write(printable(message) + "\n")
 
 
 def _require_range(options: Calibrate) -> None:
@@ -172,7 +172,7 @@ def _best(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]
 
 
 def _require_outputs(options: Calibrate) -> None:
-    """A mistake is told before minutes of work."""
+    """Raises InputError for a mistake before minutes of work."""
     if options.report is not None:
         if options.report.suffix.lower() not in (".html", ".htm"):
             raise InputError(f"--report is {options.report}: give a file name that ends in .html")
@@ -184,7 +184,7 @@ def _require_outputs(options: Calibrate) -> None:
 
 
 def _write(found: Calibration, options: Calibrate) -> None:
-    """What is asked, and the verdict on standard output."""
+    """Writes the files of the options, and prints the verdict."""
     written = found.verdict.level != "redo"
     if options.out is not None and written:
         about = f"{found.verdict.level}, reprojection error {found.solution.rms_px:.3f} px"
@@ -194,4 +194,4 @@ def _write(found: Calibration, options: Calibrate) -> None:
     if options.report is not None:
         write_file(options.report, page(found), GENERATOR)
     sys.stdout.write(printed(found))
-    _say_written(options, written)
+    _print_written(options, written)

@@ -95,10 +95,10 @@ def _images(source: Source, index: Sequence[int]) -> Iterator[Image]:
             yield source.read(index[n])
 
 
-def moving_views(target: Target, given: tuple[Source, ...], chosen: tuple[Source, ...]) -> Views | None:
+def moving_views(target: Target, all_sources: tuple[Source, ...], chosen: tuple[Source, ...]) -> Views | None:
     """What a single camera saw around the images that were chosen of those given; None where that is not known."""
-    beside = around(given[0], chosen[0]) if len(given) == 1 else None
-    return None if beside is None else detected(target, (beside,))[0]
+    neighbours = around(all_sources[0], chosen[0]) if len(all_sources) == 1 else None
+    return None if neighbours is None else detected(target, (neighbours,))[0]
 
 
 def _one_size(source: Source, sizes: list[tuple[int, int] | None]) -> tuple[int, int]:

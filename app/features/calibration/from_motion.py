@@ -144,7 +144,7 @@ def _refined(sequence: Sequence, rough: HandEye) -> list[Part]:
 def _run(
     ensemble: Ensemble, sequence: Sequence, first: int, end: int, what: str
 ) -> tuple[dict[str, Trajectory], list[int]]:
-    """Trajectories, and the times at which a method began anew."""
+    """Trajectories, and the times at which a method started again."""
     breaks: list[int] = []
 
     def look(steps: tuple[Step, ...]) -> None:

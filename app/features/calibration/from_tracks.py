@@ -67,10 +67,10 @@ def parameters_of(found: TrackedLens) -> tuple[Parameter, ...]:
 
 
 def _verdict(found: TrackedLens) -> Verdict:
-    said = (f"video: its focal length is uncertain by {100 * found.sigma[0]:.1f} %",)
+    reasons = (f"video: its focal length is uncertain by {100 * found.sigma[0]:.1f} %",)
     if found.sigma[0] > RELIABLE_SIGMA:
-        return Verdict("redo", said, (ADVICE,))
-    return Verdict("usable", said, (ADVICE,)) if found.sigma[0] > GOOD else Verdict("good", (), ())
+        return Verdict("redo", reasons, (ADVICE,))
+    return Verdict("usable", reasons, (ADVICE,)) if found.sigma[0] > GOOD else Verdict("good", (), ())
 
 
 def _numbers_text(found: TrackedLens, listed: tuple[Parameter, ...], guess: Guess, verdict: Verdict) -> str:

@@ -29,7 +29,7 @@ _ALIASES = {"video": ("video", "mono"), "left": ("left", "cam0", "image_0"), "ri
 
 
 SAME_NS = 100_000
-"""Images with stamps no farther apart were taken at once, by one trigger."""
+"""Images whose stamps differ by no more were taken at once, by one trigger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Source:
     read: Callable[[int], Image]
     """Image i (H, W), grey."""
     is_film: bool = False
-    """Many images that are alike: the best are chosen."""
+    """Many similar images: the best are chosen."""
     notes: tuple[str, ...] = ()
     """Sentences about how they are read."""
 
@@ -53,25 +53,27 @@ class Source:
 
     def select(self, index: list[int]) -> Source:
         times = None if self.times_ns is None else self.times_ns[index]
-        kept = tuple(self.names[i] for i in index)
-        return Source(self.camera, self.place, kept, times, lambda i: self.read(index[i]), self.is_film, self.notes)
+        chosen = tuple(self.names[i] for i in index)
+        return Source(self.camera, self.place, chosen, times, lambda i: self.read(index[i]), self.is_film, self.notes)
 
 
-def open_sources(what: str, given: tuple[Path, ...]) -> tuple[Source, ...]:
+def open_sources(what: str, image_paths: tuple[Path, ...]) -> tuple[Source, ...]:
     """One for each camera; InputError says what is missing."""
-    wanted = CAMERAS[what]
-    paths = [expanded(path) for path in given]
+    cameras = CAMERAS[what]
+    paths = [expanded(path) for path in image_paths]
     if not paths:
-        raise InputError(f"no images were given: name a folder of images or a video file for {_listed(wanted)}")
+        raise InputError(f"no images were given: name a folder of images or a video file for {_listed(cameras)}")
     if what == "video" and len(paths) > 1:
         return (_of_files("video", paths[0].parent, paths),)
-    if len(paths) == len(wanted):
+    if len(paths) == len(cameras):
         if len(set(paths)) < len(paths):
-            raise InputError(f"{paths[0]} is given twice: give the images of {_listed(wanted)} apart")
-        return tuple(_source(camera, path) for camera, path in zip(wanted, paths, strict=True))
+            raise InputError(f"{paths[0]} is given twice: give the images of {_listed(cameras)} apart")
+        return tuple(_source(camera, path) for camera, path in zip(cameras, paths, strict=True))
     if len(paths) == 1 and is_folder(paths[0]):
-        return tuple(_inside(camera, paths[0]) for camera in wanted)
-    raise InputError(f"{len(paths)} places were given for {_listed(wanted)}: give one for each, or one folder with all")
+        return tuple(_inside(camera, paths[0]) for camera in cameras)
+    raise InputError(
+        f"{len(paths)} places were given for {_listed(cameras)}: give one for each, or one folder with all"
+    )
 
 
 def own_clock(sources: tuple[Source, ...]) -> bool:
@@ -102,15 +104,15 @@ def paired(sources: tuple[Source, ...]) -> tuple[Source, ...]:
         return sources
     keys = [[_key(name, source.camera) for name in source.names] for source in sources]
     common = set(keys[0]).intersection(*keys[1:])
-    alike = all(len(set(own)) == len(own) for own in keys)
-    if alike and len(common) >= 2:
+    unique = all(len(set(own)) == len(own) for own in keys)
+    if unique and len(common) >= 2:
         chosen = [[own.index(key) for key in keys[0] if key in common] for own in keys]
         return tuple(source.select(index) for source, index in zip(sources, chosen, strict=True))
     counts = {len(source) for source in sources}
     if len(counts) == 1:
         return sources
-    said = ", ".join(f"{source.camera} has {len(source)}" for source in sources)
-    raise InputError(f"the cameras' images do not pair ({said}): give as many of each, or the same names")
+    counts_text = ", ".join(f"{source.camera} has {len(source)}" for source in sources)
+    raise InputError(f"the cameras' images do not pair ({counts_text}): give as many of each, or the same names")
 
 
 def _inside(camera: str, folder: Path) -> Source:

@@ -26,8 +26,8 @@ MOST_VIEWS = 60
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is to be calibrated, as somebody typed it."""
+class CalibrationRequest:
+    """The fields of the form: what is to be calibrated."""
 
     what: str
     images: tuple[str, ...]
@@ -36,11 +36,11 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """How far it is."""
+    """The state of a calibration."""
 
     number: int = 0
     """Counts calibrations; 0 before the first."""
-    asked: Asked | None = None
+    request: CalibrationRequest | None = None
     doing: str = ""
     """Empty once it is over."""
     sources: tuple[Source, ...] = ()
@@ -73,59 +73,59 @@ class Job:
         self._bounds = bounds
         self._thread: Thread | None = None
 
-    def start(self, asked: Asked) -> None:
+    def start(self, request: CalibrationRequest) -> None:
         """InputError where another one is at work."""
         with self._lock:
             if self._thread is not None and self._thread.is_alive():
                 raise InputError("a calibration is at work: wait for its end")
-            self.progress = Progress(self.progress.number + 1, asked, "opening the images")
-            self._thread = Thread(target=self._run, args=(asked,), name="calibration", daemon=True)
+            self.progress = Progress(self.progress.number + 1, request, "opening the images")
+            self._thread = Thread(target=self._run, args=(request,), name="calibration", daemon=True)
             self._thread.start()
 
     def wait(self, timeout_s: float) -> None:
         if self._thread is not None:
             self._thread.join(timeout_s)
 
-    def _run(self, asked: Asked) -> None:
+    def _run(self, request: CalibrationRequest) -> None:
         try:
             with self._bounds():
-                self._calibrate(asked)
+                self._calibrate(request)
         except (InputError, Redo) as fault:
-            self._tell(fault=str(fault))
+            self._update(fault=str(fault))
         except Exception as fault:
             log.exception("the calibration failed")
-            self._tell(fault=f"internal fault, please report it: {type(fault).__name__}: {fault}")
+            self._update(fault=f"internal fault, please report it: {type(fault).__name__}: {fault}")
         finally:
-            self._tell(doing="")
+            self._update(doing="")
 
-    def _calibrate(self, asked: Asked) -> None:
+    def _calibrate(self, request: CalibrationRequest) -> None:
         """As `ispom calibrate`."""
-        if asked.what not in CAMERAS:
-            raise InputError(f"{asked.what[:40]!r} cannot be calibrated: choose one of {', '.join(CAMERAS)}")
-        target = parse_target(asked.target)
-        given = tuple(Path(text) for text in asked.images)
+        if request.what not in CAMERAS:
+            raise InputError(f"{request.what[:40]!r} cannot be calibrated: choose one of {', '.join(CAMERAS)}")
+        target = parse_target(request.target)
+        given = tuple(Path(text) for text in request.images)
         if is_simulated(given):
-            made = simulated(asked.what, given[0], target)
+            made = simulated(request.what, given[0], target)
             sources = made.sources
-            self._tell(truth=made.truth)
+            self._update(truth=made.truth)
         else:
-            for text in asked.images:
+            for text in request.images:
                 self._check(text)
-            sources = tuple(self._bounded(source) for source in open_sources(asked.what, given))
-        self._tell(doing="choosing images")
+            sources = tuple(self._bounded(source) for source in open_sources(request.what, given))
+        self._update(doing="choosing images")
         given = paired(sources)
         index = best_frames(given[0], MOST_VIEWS)
         sources = tuple(source.select(index) for source in given)
-        self._tell(doing=f"detecting the target in {sum(map(len, sources))} images", sources=sources)
+        self._update(doing=f"detecting the target in {sum(map(len, sources))} images", sources=sources)
         views = detected(target, sources)
-        self._tell(views=views)
+        self._update(views=views)
         require_target(target, sources, views)
         order = sorted(views, key=lambda each: each.name == "video")
-        beside = moving_views(target, given, sources)
-        found = calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing), around=beside)
-        self._tell(found=found)
+        neighbours = moving_views(target, given, sources)
+        found = calibrate(target, tuple(order), progress=lambda doing: self._update(doing=doing), around=neighbours)
+        self._update(found=found)
         if self.folder is not None:
-            self._tell(kept=keep(found, self.folder))
+            self._update(kept=keep(found, self.folder))
 
     def _bounded(self, source: Source) -> Source:
         """The same images, read within the bounds in whatever thread."""
@@ -136,5 +136,5 @@ class Job:
 
         return replace(source, read=read)
 
-    def _tell(self, **values: object) -> None:
+    def _update(self, **values: object) -> None:
         self.progress = replace(self.progress, **values)  # type: ignore[arg-type]

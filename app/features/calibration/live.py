@@ -1,4 +1,4 @@
-"""Filming a target with a camera: views that show something new are kept, and what is missing is said at once."""
+"""Filming a target with a camera: views that show something new are stored, and what is missing is reported at once."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ LEAST_VIEWS = 3
 _DEVICE = re.compile(r"camera:(\d{1,3})")
 
 
-def is_camera(given: tuple[Path, ...]) -> bool:
-    return len(given) == 1 and _DEVICE.fullmatch(str(given[0])) is not None
+def is_camera(paths: tuple[Path, ...]) -> bool:
+    return len(paths) == 1 and _DEVICE.fullmatch(str(paths[0])) is not None
 
 
 @contextmanager
 def camera_frames(name: str) -> Iterator[Callable[[], Image | None]]:
     """What reads the next frame (H, W) of `camera:N`; None where it gives no more. InputError where it is not there."""
     found = _DEVICE.fullmatch(name)
-    assert found is not None
+    if found is None:
+        raise InputError(f"{name} is no camera: give camera:NUMBER, as camera:0")
     with silenced():
         device = cv2.VideoCapture(int(found[1]))
     if not device.isOpened():
@@ -55,40 +56,40 @@ def camera_frames(name: str) -> Iterator[Callable[[], Image | None]]:
 
 
 def filmed(
-    target: Target, name: str, read: Callable[[], Image | None], tell: Callable[[str], None], most: int
+    target: Target, name: str, read: Callable[[], Image | None], report: Callable[[str], None], most: int
 ) -> Source:
     """Films until nothing is missing any more, `most` views are kept, the camera ends, or Ctrl-C is pressed.
 
-    `tell` hears, after each frame, what was seen, how much is covered, and what to film next.
+    `report` gets, after each frame, what was seen, how much is covered, and what to film next.
     """
-    kept: list[Image] = []
+    images: list[Image] = []
     seen: list[Detection] = []
-    said = f"show the target {target.spec} to the camera"
-    tell(said)
+    advice = f"show the target {target.spec} to the camera"
+    report(advice)
     try:
-        while len(kept) < most and (image := read()) is not None:
-            if kept and image.shape != kept[0].shape:
+        while len(images) < most and (image := read()) is not None:
+            if images and image.shape != images[0].shape:
                 raise InputError(f"{name} changed the size of its images: film again")
             found = detect(target, image)
             if found.reason or len(found) < LEAST_POINTS:
-                tell(f"{found.reason or 'too few points'}; {said}")
+                report(f"{found.reason or 'too few points'}; {advice}")
                 continue
             if not is_new(found, seen, image.shape[1]):
-                tell(f"seen already; {said}")
+                report(f"seen already; {advice}")
                 continue
-            kept.append(image)
+            images.append(image)
             seen.append(found)
             now = covered(target, seen, (image.shape[1], image.shape[0]))
-            said = words(len(kept), now)
-            tell(said)
+            advice = words(len(images), now)
+            report(advice)
             if now is not None and not now.advice:
                 break
     except KeyboardInterrupt:
-        tell(f"{len(kept)} views kept; solving")
-    names = tuple(f"view {i}" for i in range(len(kept)))
-    if not kept:
+        report(f"{len(images)} views kept; solving")
+    names = tuple(f"view {i}" for i in range(len(images)))
+    if not images:
         raise InputError(f"{name}: the target was never seen: give the target that is filmed as --target")
-    return Source("video", Path(name), names, None, lambda i: kept[int(i)])
+    return Source("video", Path(name), names, None, lambda i: images[int(i)])
 
 
 def is_new(found: Detection, seen: list[Detection], width: int) -> bool:

@@ -24,7 +24,7 @@ class Calibrate:
     """A folder of images or a video file for each camera (video, left, right, in this order), or one folder that holds
     folders video, left and right (or cam0 and cam1), or images whose names begin with left and right. To convert: the
     file (its format is recognised), or a file for each camera. Or sim:calibration?views=30&seed=1&alike&blur_ms=20:
-    rendered views of the target, whose truth is told; or camera:0, to film now: it says what to show next, until
+    rendered views of the target, whose truth is printed; or camera:0, to film now: it says what to show next, until
     nothing is missing or Ctrl-C is pressed."""
     target: str | None = None
     """What was filmed, in metres: chessboard:9x6:0.0242 (inner corners), aprilgrid:6x6:0.088:0.3,

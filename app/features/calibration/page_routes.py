@@ -16,7 +16,7 @@ from ispom.types import Image
 
 from ...engine.run_folder.thumbnail import jpeg
 from ...views.web.files import NOT_KEPT, SECURITY, STATIC, found, number_of, send_file, send_json, send_one_of
-from .job import Asked, Job, Progress
+from .job import CalibrationRequest, Job, Progress
 from .kept import files_of, kept_in
 from .report import camera_values
 from .simulated import truth_words
@@ -39,7 +39,7 @@ def shown(progress: Progress) -> dict[str, Any]:
     found = progress.found
     out: dict[str, Any] = {"number": progress.number, "doing": progress.doing, "fault": progress.fault}
     out["kept"] = progress.kept
-    out["asked"] = vars(progress.asked) if progress.asked is not None else None
+    out["asked"] = vars(progress.request) if progress.request is not None else None
     out["cameras"] = [_camera(progress, each.name) for each in progress.views]
     if found is None:
         return out
@@ -141,7 +141,8 @@ class CalibrationPage:
 
     @property
     def _folder(self) -> Path:
-        assert self._job.folder is not None
+        if self._job.folder is None:
+            raise web.HTTPNotFound(text="Calibrations of this page are not stored.")
         return self._job.folder
 
     async def _kept(self, request: web.Request) -> web.StreamResponse:
@@ -152,11 +153,11 @@ class CalibrationPage:
         if not self._may_drive(request):
             raise web.HTTPForbidden(text="Onlookers change nothing.")
         # In the address: a body is taken from nobody.
-        given = {name: request.query.get(name, "") for name in ("what", "images", "target")}
-        images = tuple(path.strip() for path in given["images"].splitlines())
-        asked = Asked(given["what"], tuple(filter(None, images)), given["target"])
+        fields = {name: request.query.get(name, "") for name in ("what", "images", "target")}
+        images = tuple(path.strip() for path in fields["images"].splitlines())
+        calibration_request = CalibrationRequest(fields["what"], tuple(filter(None, images)), fields["target"])
         try:
-            self._job.start(asked)
+            self._job.start(calibration_request)
         except InputError as fault:
             raise web.HTTPConflict(text=str(fault)) from fault
         return send_json({"number": self._job.progress.number})

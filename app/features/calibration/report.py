@@ -42,7 +42,7 @@ def page(found: Calibration) -> str:
 
 
 def camera_values(found: Calibration, each: CameraResult, c: int) -> dict[str, object]:
-    """What is drawn and said of one camera, by name; drawings are SVG."""
+    """Drawings (SVG) and texts of one camera, by name."""
     solution, size = found.solution, (each.camera.width, each.camera.height)
     mine = solution.seen.camera == c
     uv, residual = solution.seen.uv[mine], solution.residuals_px[mine]

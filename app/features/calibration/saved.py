@@ -1,4 +1,4 @@
-"""`--out`: the calibration in the format that is asked."""
+"""`--out`: the calibration in the format of `--format`."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _is_left(rig: Rig) -> bool:
 
 
 def _is_level(rig: Rig) -> bool:
-    """Whether the cameras stand beside each other: the frame of others would be turned along with their baseline."""
+    """Whether the cameras are side by side: the frame of others would be turned along with their baseline."""
     return not pair_fault(rig.rig_from_left.inverse() @ rig.rig_from_right)
 
 

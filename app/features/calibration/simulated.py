@@ -31,13 +31,13 @@ class Simulated:
     truth: Rig
 
 
-def is_simulated(given: tuple[Path, ...]) -> bool:
-    return len(given) == 1 and str(given[0]).startswith("sim:")
+def is_simulated(paths: tuple[Path, ...]) -> bool:
+    return len(paths) == 1 and str(paths[0]).startswith("sim:")
 
 
-def simulated(what: str, given: Path, target: Target) -> Simulated:
+def simulated(what: str, source: Path, target: Target) -> Simulated:
     """The images of `sim:calibration?views=30&alike&blur_ms=20`; InputError for another name or setting."""
-    name, _, settings = str(given).partition("?")
+    name, _, settings = str(source).partition("?")
     if name != NAME:
         raise InputError(f"{name} is no simulated calibration: give {NAME}, or {NAME}?views=30&seed=1&alike&blur_ms=20")
     how = _how(settings)
@@ -72,17 +72,17 @@ def truth_words(found: Calibration, truth: Rig) -> list[str]:
     for each in found.cameras:
         camera = truth.camera(each.views.name)  # type: ignore[arg-type]
         true = dict(zip(parameter_names(model_of(camera)), vector_of(camera).tolist(), strict=True))
-        said = []
+        deviations = []
         for parameter in found.parameters:
             if parameter.camera == each.views.name and parameter.name in true and parameter.standard_error > 0:
                 off = parameter.value - true[parameter.name]
-                said.append(f"{parameter.name} {off:+.3g} ({abs(off) / parameter.standard_error:.1f} sigma)")
-        lines.append(f"{each.views.name} minus its truth: {', '.join(said)}")
+                deviations.append(f"{parameter.name} {off:+.3g} ({abs(off) / parameter.standard_error:.1f} sigma)")
+        lines.append(f"{each.views.name} minus its truth: {', '.join(deviations)}")
     first = found.cameras[0].views.name
     for each in found.cameras[1:]:
         ways = [_between(rig, first, each.views.name) for rig in (found.rig, truth)]
-        apart = ways[0] @ ways[1].inverse()
-        turn, shift = np.degrees(np.linalg.norm(apart.rotvec)), ways[0].translation - ways[1].translation
+        difference = ways[0] @ ways[1].inverse()
+        turn, shift = np.degrees(np.linalg.norm(difference.rotvec)), ways[0].translation - ways[1].translation
         lines.append(
             f"{each.views.name} on the rig: {turn:.4f} deg and {1000 * np.linalg.norm(shift):.2f} mm from its truth"
         )

@@ -41,9 +41,9 @@ def facts(found: Calibration) -> list[str]:
         out.append(line_delay_words(found.line_delay))
     if found.halves_pose is not None:
         turn = np.degrees(np.linalg.norm(found.halves_pose.rotvec))
-        apart = 1000 * float(np.linalg.norm(found.halves_pose.translation))
+        distance_mm = 1000 * float(np.linalg.norm(found.halves_pose.translation))
         second = found.cameras[1].views.name
-        out.append(f"two halves of the views place the {second} camera {apart:.2f} mm and {turn:.3f} deg apart")
+        out.append(f"two halves of the views place the {second} camera {distance_mm:.2f} mm and {turn:.3f} deg apart")
     return out
 
 
@@ -81,7 +81,7 @@ def parameter_words(parameter: Parameter) -> str:
 
 
 def model_words(each: CameraResult) -> str:
-    """The model that was chosen, beside the others: focal lengths compare within one model only."""
+    """The chosen model, compared with the others: focal lengths compare within one model only."""
     from ispom.calibration.adjust.lens import model_of
 
     tried = "; ".join(f"{trial.model} {trial.held_out_px:.3f}, {trial.camera.fx:.1f}" for trial in each.trials)
@@ -93,11 +93,11 @@ def used_words(found: Calibration, each: CameraResult) -> str:
     lost = [r for r in found.rejected if r.camera == each.views.name and r.point is None]
     points = sum(r.camera == each.views.name and r.point is not None for r in found.rejected)
     count = len(each.views.images)
-    said = f"{count - len(lost)} of {count} images used"
+    text = f"{count - len(lost)} of {count} images used"
     reasons = Counter(r.reason for r in lost)
     if reasons:
-        said += " (" + ", ".join(f"{n} {reason}" for reason, n in reasons.most_common(4)) + ")"
-    return f"{said}, {points} single points rejected" if points else said
+        text += " (" + ", ".join(f"{n} {reason}" for reason, n in reasons.most_common(4)) + ")"
+    return f"{text}, {points} single points rejected" if points else text
 
 
 def _because(found: Calibration) -> str:

@@ -108,11 +108,11 @@ def run_rows(folder: Path) -> Iterator[Iterator[MethodRow]]:
 
 
 def _row(step: StoredStep) -> MethodRow:
-    values = in_order(step.said, step.decisions, stored_pose(step.said))
+    values = in_order(step.values, step.decisions, stored_pose(step.values))
     return MethodRow(step.exposure, step.time_ns, step.method, values)
 
 
-APART = 1
+EXIT_DIFFERENT = 1
 """The exit code where the runs differ; 0 where they do not."""
 
 
@@ -128,20 +128,24 @@ def diff(options: Diff) -> int:
     if not methods:
         raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
     settings = differing(*runs, methods)
-    apart, seen, first = 0, frozenset[str](), list[Divergence]()
+    differing_frames, seen, first = 0, frozenset[str](), list[Divergence]()
     for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), options.tolerance):
-        apart += divergence.exposure is not None
+        differing_frames += divergence.exposure is not None
         news, seen = divergence.without(seen), seen | divergence.names
         if news is not None and (len(first) < options.count or news.exposure is None):
             first.append(news)
     if options.json:
         report = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
-        report |= {"settings": [asdict(s) for s in settings], "apart": apart, "first": [asdict(d) for d in first]}
+        report |= {
+            "settings": [asdict(s) for s in settings],
+            "apart": differing_frames,
+            "first": [asdict(d) for d in first],
+        }
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
     else:
-        text = [*_notes(a, b, settings), *_text(first, apart, methods)]
+        text = [*_notes(a, b, settings), *_text(first, differing_frames, methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))
-    return APART if first else 0
+    return EXIT_DIFFERENT if first else 0
 
 
 def _found(
@@ -160,8 +164,8 @@ def _notes(a: Path, b: Path, settings: list[Setting]) -> Iterator[str]:
     yield from (f"setting {s.name}: {shown(s.a)} | {shown(s.b)}" for s in settings)
 
 
-def _text(first: list[Divergence], apart: int, methods: tuple[str, ...]) -> Iterator[str]:
+def _text(first: list[Divergence], differing_frames: int, methods: tuple[str, ...]) -> Iterator[str]:
     for divergence in first:
         yield from lines(divergence)
     of = ", ".join(methods)
-    yield f"apart at {apart} frames: {of}" if first else f"alike: {of}"
+    yield f"apart at {differing_frames} frames: {of}" if first else f"alike: {of}"

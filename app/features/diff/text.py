@@ -13,7 +13,7 @@ FEW, LOSSLESS = 4, 17
 
 
 def lines(divergence: Divergence) -> Iterator[str]:
-    """The frame, and what differs there first; how far the positions are apart, whatever comes before them."""
+    """The frame, and what differs there first; the distance of the positions, whatever comes before them."""
     at = "final" if divergence.exposure is None else f"frame {divergence.exposure}"
     yield f"{at} ({divergence.time_ns / 1e9:.3f} s)"
     first, rest = divergence.differences[:MOST], divergence.differences[MOST:]
@@ -45,7 +45,7 @@ def _line(difference: Difference) -> str:
 
 
 def distinct(a: object, b: object) -> tuple[str, str]:
-    """Both sides, with as many digits as it takes to tell them apart, and a few at least."""
+    """Both sides, with as many digits as show the difference, and a few at least."""
     both = ((shown(a, digits), shown(b, digits)) for digits in range(FEW, LOSSLESS + 1))
     return next((pair for pair in both if pair[0] != pair[1]), (shown(a), shown(b)))
 

@@ -1,1 +1,1 @@
-"""`ispom evaluate`: trajectories of any program beside a reference."""
+"""`ispom evaluate`: compares trajectories of any program with a reference."""

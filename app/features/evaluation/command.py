@@ -1,4 +1,4 @@
-"""`ispom evaluate`: estimates beside a reference, in numbers that come with their protocol."""
+"""`ispom evaluate`: compares estimates with a reference, in numbers that come with their protocol."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .options import Evaluate
 from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
 
 MAX_DIFFERENCE_S = 3600.0
-"""Poses farther apart in time than this are never of the same moment."""
+"""Poses whose times differ by more than this are never of the same moment."""
 
 
 def evaluate(options: Evaluate) -> int:
-    """Compares, prints and writes what is asked; InputError where that cannot be."""
+    """Compares, prints and writes the numbers. Raises InputError where that is not possible."""
     if options.plots is not None and find_spec("matplotlib") is None:
         raise InputError("--plots needs Matplotlib, which is not installed: run 'pip install matplotlib'")
     if not options.estimates:

@@ -1,4 +1,4 @@
-"""What was compared with the reference, and the names that tell several apart."""
+"""What was compared with the reference, and the names that distinguish several."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .options import Evaluate
 
 
 def frame_of(file: TrajectoryFile) -> str | None:
-    """Whose poses a file holds, where that is known: EuRoC's truth is of the body; `ispom run` says it beside."""
+    """Whose poses a file holds, where known: EuRoC's truth is of the body; `ispom run` writes it next to the file."""
     if file.format == "EuRoC":
         return "body"
     try:
@@ -58,7 +58,7 @@ def _kind(file: TrajectoryFile) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """One estimate, by the name that tells it from the others."""
+    """One estimate, by a name that no other has."""
 
     name: str
     file: TrajectoryFile
@@ -90,7 +90,7 @@ def repeated_note(name: str, file: TrajectoryFile) -> list[str]:
 
 
 def distinct_names(paths: Sequence[Path]) -> list[str]:
-    """The file names, with as many of their folders as it takes to tell all apart."""
+    """The file names, with as many of their folders as make all of them different."""
     for depth in range(1, max(len(p.parts) for p in paths) + 1):
         names = ["/".join(p.parts[-depth:]) for p in paths]
         if len(set(names)) == len(names):

@@ -28,7 +28,7 @@ class NextEvent(Goal):
     def reached(self, run: CurrentRun) -> str | None:
         frame = len(run.series) - 1
         found = nearest(run.events.events, frame - 1, forwards=True, alarming=self.alarming)
-        return told(found) if found else None
+        return event_sentences(found) if found else None
 
     def missed(self, run: CurrentRun) -> str:
         return none_left(run.events.events, len(run.series), forwards=True, alarming=self.alarming)
@@ -47,14 +47,14 @@ def to_event(state: State, run: CurrentRun | None, *, forwards: bool, alarming: 
     if found:
         shown = changed(playing=False, target=None), Displayed(run.history[found[0].frame])
         # The list of events shows the sentences of the others.
-        return (*shown, NoticeAdded(told(found), "info")) if alarming else shown
+        return (*shown, NoticeAdded(event_sentences(found), "info")) if alarming else shown
     if forwards and state.computed <= run.last:
         return (changed(playing=False, target=run.last, until=NextEvent(alarming)),)
     return (NoticeAdded(none_left(known, state.index, forwards=forwards, alarming=alarming), "info"),)
 
 
-def told(events: Iterable[RunEvent]) -> str:
-    """What happened at the frame that is shown, in words."""
+def event_sentences(events: Iterable[RunEvent]) -> str:
+    """Returns the events of one frame as sentences."""
     found = list(events)
     sentences = " ".join(f"{colours.label(e.method)}: {e.sentence}" if e.method else e.sentence for e in found)
     return f"Frame {found[0].frame} · {sentences}"

@@ -1,7 +1,7 @@
-"""An experiment in a process of its own, for whoever started it (`app/features/sweep/process.py` reads what it tells).
+"""An experiment in a process of its own, for whoever started it (`app/features/sweep/process.py` reads its messages).
 
 Its first line of standard input is the task in JSON: `plan`, the content of a plan's file; `out`, a new folder;
-`workers`. It answers with lines of JSON: `{"at": [RUN, EXPOSURES, OF]}` while a run goes on, `{"row": RUN, ...}` when
+`workers`. It answers with lines of JSON: `{"at": [RUN, FRAMES, OF]}` while a run goes on, `{"row": RUN, ...}` when
 it is over, each by its place in the plan counted from 0, and `{"problem": SENTENCE}`. The end of its standard input
 ends it, with what was computed so far written.
 """
@@ -35,23 +35,23 @@ from .row import Row
 
 PLAN = "sweep.yaml"
 """In the folder: `ispom experiment FOLDER/sweep.yaml --out FOLDER` goes on with it."""
-TELL_S = 0.2
-"""Between two lines about the frames of a run."""
+REPORT_INTERVAL_S = 0.2
+"""Interval between two messages about the frames of a run."""
 
 
-class Told:
-    """Watches the runs, and says so."""
+class ReportedRuns:
+    """Sends a message for each run that is over, and for the frames of those that go on."""
 
-    def __init__(self, plan: Plan, out: Path, say: Callable[[dict[str, Any]], None]) -> None:
-        self._out, self._say = out, say
+    def __init__(self, plan: Plan, out: Path, send: Callable[[dict[str, Any]], None]) -> None:
+        self._out, self._send = out, send
         self._places = {run: place for place, run in enumerate(plan.runs())}
 
     def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
         for row in rows:
             median_ms, _ = milliseconds(row.run, self._out / row.run.folder)
             finite = {name: v for name, v in (row.values or {}).items() if v is None or math.isfinite(v)}
-            said = {"folder": row.run.folder.as_posix(), "failure": row.failure, "values": finite, "ms": median_ms}
-            self._say({"row": self._places[row.run], **said})
+            result = {"folder": row.run.folder.as_posix(), "failure": row.failure, "values": finite, "ms": median_ms}
+            self._send({"row": self._places[row.run], **result})
             yield row
 
     def of_run(self, run: Run) -> Progress:
@@ -63,22 +63,22 @@ class Told:
                 nonlocal count, due_s
                 count += 1
                 if time.monotonic() >= due_s:
-                    due_s = time.monotonic() + TELL_S
-                    self._say({"at": [self._places[run], count, total or count]})
+                    due_s = time.monotonic() + REPORT_INTERVAL_S
+                    self._send({"at": [self._places[run], count, total or count]})
 
             yield advance
 
         return progress
 
 
-def carry_out(task: dict[str, Any], say: Callable[[dict[str, Any]], None]) -> None:
+def carry_out(task: dict[str, Any], send: Callable[[dict[str, Any]], None]) -> None:
     """InputError for what is wrong with the task. A signal ends it as it ends the command."""
     out = Path(task["out"])
     claim_folder(out, COMMAND)
     write_whole(out / PLAN, task["plan"])
     options = Experiment(plan=str(out / PLAN), out=out, workers=task["workers"])
     plan = read_plan(options)
-    completed(options, plan, build, Told(plan, out, say))
+    completed(options, plan, build, ReportedRuns(plan, out, send))
 
 
 def main() -> None:
@@ -87,24 +87,24 @@ def main() -> None:
         os.nice(5)  # where there is such a thing: the page is to stay quick
     answers = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     os.dup2(2, 1)  # what anything else prints is no answer
-    asked = os.fdopen(os.dup(0), "rb", buffering=0)
-    task: dict[str, Any] = json.loads(asked.readline())
+    requests = os.fdopen(os.dup(0), "rb", buffering=0)
+    task: dict[str, Any] = json.loads(requests.readline())
 
     def watch() -> None:
         with suppress(OSError):
-            while asked.read(4096):
+            while requests.read(4096):
                 pass
         os.kill(os.getpid(), signal.SIGTERM)
 
     threading.Thread(target=watch, name="end-with-parent", daemon=True).start()
 
-    def say(told: dict[str, Any]) -> None:
-        answers.write(json.dumps(told, allow_nan=False) + "\n")
+    def send(message: dict[str, Any]) -> None:
+        answers.write(json.dumps(message, allow_nan=False) + "\n")
 
     try:
-        carry_out(task, say)
+        carry_out(task, send)
     except InputError as problem:
-        say({"problem": str(problem)})
+        send({"problem": str(problem)})
         sys.exit(2)
 
 

@@ -1,4 +1,4 @@
-"""Runs beside each other by Dask: on workers of this machine, or on a cluster that is there.
+"""Parallel runs by Dask: on workers of this machine, or on a cluster that is there.
 
 A task is a run, in a folder that all workers see; a worker that dies leaves an incomplete one, which the next attempt
 replaces.
@@ -64,7 +64,7 @@ class Workers:
         self.last_death = ""
 
     def keep(self) -> None:
-        """Starts those anew that have died. InputError where none lives long enough to do anything."""
+        """Restarts workers that have died. Raises InputError where none lives long enough to do anything."""
         for n, child in enumerate(self._children):
             if not child.running:
                 self.last_death = self._cause(child)
@@ -141,22 +141,22 @@ def rows(
         local = None if scheduler is not None else _local(stack, workers, memory_gb, ATTEMPTS * len(runs) + workers)
         client = _client(stack, scheduler) if local is None else stack.enter_context(local.cluster.get_client())
         first, waiting = _leaders(runs)
-        asked: dict[Any, Run] = {}
+        submitted: dict[Any, Run] = {}
 
         def submit(some: Sequence[Run]) -> None:
-            asked.update({client.submit(_alone, task, plan, r, folder, recording, pure=False): r for r in some})
+            submitted.update({client.submit(_alone, task, plan, r, folder, recording, pure=False): r for r in some})
 
         submit(first)
-        while asked:
+        while submitted:
             check_stop()
             if local is not None:
                 local.keep()
             try:
-                done: Any = wait(list(asked), timeout=LOOK_S, return_when="FIRST_COMPLETED")
+                done: Any = wait(list(submitted), timeout=LOOK_S, return_when="FIRST_COMPLETED")
             except TimeoutError:
                 continue
             for future in done.done:
-                run = asked.pop(future)
+                run = submitted.pop(future)
                 # What waited for the images of this run finds them on the disk now.
                 submit(waiting.pop((run.source, run.seed), []))
                 yield _row(run, future, local.last_death if local is not None else "ended")

@@ -106,14 +106,14 @@ def _scheduled(
 
 
 class Watcher(Protocol):
-    """Who is told how far an experiment is."""
+    """Receives the progress of an experiment."""
 
     def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
         """The same rows, of which `before` were known already."""
         ...
 
     def of_run(self, run: Run) -> OfRun:
-        """Who is told of the frames of a run, where it is computed in this process."""
+        """Receives the progress of a run that is computed in this process."""
         ...
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.io.whole import require_no_links
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 
 from ...engine.options import settings_of
 from ...engine.playback import Builder
@@ -45,7 +45,8 @@ def execute(
         return Row(run, str(error))
     except Exception as error:
         return Row(run, printable(f"{type(error).__name__}: {error}"))
-    assert row is not None  # a run that came to its end is complete
+    if row is None:
+        raise RuntimeError(f"{folder} is incomplete, though its run came to its end")
     return row
 
 
@@ -59,16 +60,16 @@ def finished_before(plan: Plan, run: Run, out: Path) -> Row | None:
     if row is None:
         return None
     written, config = read_run_file(folder), config_of(run.line)
-    asked = {
+    expected = {
         "source": run.source,
         "seed": run.seed,
         "stereo_every": plan.stereo_every,
         "video_scale": plan.video_scale,
         "max_exposures": plan.max_exposures,
-        "config": {name: asdict(config.of(name)) for name in with_asked([run.line.method])},
+        "config": {name: asdict(config.of(name)) for name in with_dependencies([run.line.method])},
     }
-    given = {"source": written.source, **written.options, "config": dict(written.config)}
-    if other := next((name for name, value in asked.items() if given.get(name) != value), None):
+    earlier = {"source": written.source, **written.options, "config": dict(written.config)}
+    if other := next((name for name, value in expected.items() if earlier.get(name) != value), None):
         raise InputError(f"{folder} holds a run with another {other}: give a new --out, or remove that folder")
     now = versions()
     if other := next((name for name, value in now.items() if written.versions.get(name) != value), None):

@@ -70,7 +70,7 @@ FORMATS = ("png", "svg")
 WIDTH_IN = 9.0
 MOST_LINES = 12
 """Of paths in one figure; of more lines only the quantities are drawn."""
-UNITS_APART = 30
+LOGARITHMIC_RATIO = 30
 """Values that differ by more than this factor are drawn on a logarithmic axis."""
 
 
@@ -159,10 +159,10 @@ def _quantity(axes: Axes, plan: Plan, rows: Sequence[Row], quantity: str) -> Non
         own = [v for r in rows if r.run.line.name == line.name and (v := value_of(r, quantity)) is not None]
         values += own
         if own:
-            apart = 0.5 * (np.arange(len(own)) + 0.5) / len(own) - 0.25  # in the order of the seeds
-            axes.plot(n + apart, own, "o", color=look[line.name].colour, markersize=4, alpha=0.75)
+            offsets = 0.5 * (np.arange(len(own)) + 0.5) / len(own) - 0.25  # in the order of the seeds
+            axes.plot(n + offsets, own, "o", color=look[line.name].colour, markersize=4, alpha=0.75)
             axes.plot([n - 0.35, n + 0.35], [np.median(own)] * 2, color=look[line.name].colour, linewidth=2.2)
-    if values and min(values) > 0 and max(values) > UNITS_APART * min(values):
+    if values and min(values) > 0 and max(values) > LOGARITHMIC_RATIO * min(values):
         axes.set_yscale("log")
         axes.yaxis.set_minor_formatter(NullFormatter())
     elif values:

@@ -1,4 +1,4 @@
-"""The page of an experiment: one HTML file with its figures, beside the folders of the runs that it links to."""
+"""The page of an experiment: one HTML file with its figures, next to the folders of the runs that it links to."""
 
 from __future__ import annotations
 
@@ -72,17 +72,19 @@ def _medians(plan: Plan, spreads: Sequence[Spread]) -> list[tuple[str, str, list
 
 
 def _bounds(outcome: Outcome) -> str:
-    said = outcome.statement
-    what = f"{label(said.quantity)} of {said.line}"
-    if said.source is not None:
-        what += f" on {said.source}"
-    if said.over_line is not None or said.over_source is not None:
-        what += f", over that of {said.over_line or said.line}"
-        what += f" on {said.over_source}" if said.over_source is not None else ""
-    limits = [f"≤ {said.at_most:g}"] if said.at_most is not None else []
-    limits += [f"≥ {said.at_least:g}"] if said.at_least is not None else []
-    limits += ["or none"] if said.or_fails else []
-    return f"{what}: {' '.join(limits)}" + (f" in {100 * said.share:g} % of the runs" if said.share < 1 else "")
+    statement = outcome.statement
+    what = f"{label(statement.quantity)} of {statement.line}"
+    if statement.source is not None:
+        what += f" on {statement.source}"
+    if statement.over_line is not None or statement.over_source is not None:
+        what += f", over that of {statement.over_line or statement.line}"
+        what += f" on {statement.over_source}" if statement.over_source is not None else ""
+    limits = [f"≤ {statement.at_most:g}"] if statement.at_most is not None else []
+    limits += [f"≥ {statement.at_least:g}"] if statement.at_least is not None else []
+    limits += ["or none"] if statement.or_fails else []
+    return f"{what}: {' '.join(limits)}" + (
+        f" in {100 * statement.share:g} % of the runs" if statement.share < 1 else ""
+    )
 
 
 def _values_text(outcome: Outcome) -> str:

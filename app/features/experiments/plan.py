@@ -1,4 +1,4 @@
-"""What an experiment is: which runs it takes, and what is asked of their results."""
+"""What an experiment is: its runs, and the statements about their results."""
 
 from __future__ import annotations
 

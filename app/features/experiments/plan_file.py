@@ -13,7 +13,7 @@ import msgspec
 from ispom.errors import InputError
 from ispom.io.files import exists, expanded
 from ispom.io.mapping import parse_yaml, read_mapping
-from ispom.methods import method, with_asked
+from ispom.methods import method, with_dependencies
 from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
 
@@ -54,23 +54,25 @@ def built_in() -> dict[str, Any]:
 
 def read_plan(options: Experiment) -> Plan:
     """The plan that the command asks for; InputError with the place in the file for what is wrong with it."""
-    known, asked = built_in(), options.plan
-    if asked in known:
-        plan = _plan(asked, asked, parse_yaml(asked, known[asked].read_text(encoding="utf-8")))
-    elif exists(expanded(asked)):
-        plan = _plan(Path(asked).stem, asked, read_mapping(expanded(asked)))
+    known, plan_name = built_in(), options.plan
+    if plan_name in known:
+        plan = _plan(plan_name, plan_name, parse_yaml(plan_name, known[plan_name].read_text(encoding="utf-8")))
+    elif exists(expanded(plan_name)):
+        plan = _plan(Path(plan_name).stem, plan_name, read_mapping(expanded(plan_name)))
     else:
-        raise InputError(f"{asked} is no plan of an experiment: give {', '.join(known)}, or a YAML file")
+        raise InputError(f"{plan_name} is no plan of an experiment: give {', '.join(known)}, or a YAML file")
     plan = replace(plan, sources=options.sources or plan.sources)
     plan = replace(plan, seeds=plan.seeds if options.seeds is None else _seeds("--seeds", options.seeds))
     if options.max_exposures is not None:
         plan = replace(plan, max_exposures=options.max_exposures)
     runs = len(plan.sources) * len(plan.seeds) * len(plan.lines)
     if runs > MAX_RUNS:
-        raise InputError(f"{asked} asks for {runs} runs, more than {MAX_RUNS}: split it")
+        raise InputError(f"{plan_name} asks for {runs} runs, more than {MAX_RUNS}: split it")
     folders = [run.folder for run in plan.runs()]
     if len(set(folders)) < len(folders):
-        raise InputError(f"{asked} has two lines or sources of almost the same name: give them names that differ more")
+        raise InputError(
+            f"{plan_name} has two lines or sources of almost the same name: give them names that differ more"
+        )
     return plan
 
 
@@ -80,8 +82,8 @@ def _plan(name: str, where: str, content: Any) -> Plan:
     except msgspec.ValidationError as error:
         raise InputError(f"{where}: {error}: correct it") from None
     lines = _lines(where, entry)
-    for said in entry.statements:
-        for line in filter(None, (said.line, said.over_line)):
+    for statement in entry.statements:
+        for line in filter(None, (statement.line, statement.over_line)):
             if line not in {item.name for item in lines}:
                 raise InputError(
                     f"{where}: a statement is about line {line!r}, which is none of the plan's: correct it"
@@ -110,10 +112,10 @@ def _lines(where: str, entry: PlanEntry) -> tuple[Line, ...]:
         for name, line in entry.lines.items()
     ]
     for key in entry.settings:
-        if not any(_owner(key) in with_asked([method(name).name]) for name in entry.methods):
+        if not any(_owner(key) in with_dependencies([method(name).name]) for name in entry.methods):
             raise InputError(f"{where}: settings has {key!r}, which is no setting of its methods: METHOD.SETTING")
     for name in entry.methods:
-        keys = [key for key in entry.settings if _owner(key) in with_asked([name])]
+        keys = [key for key in entry.settings if _owner(key) in with_dependencies([name])]
         for values in product(*(entry.settings[key] for key in keys)):
             chosen = dict(zip(keys, values, strict=True))
             words = [f"{key.removeprefix(f'{name}.')} {_text(value)}" for key, value in chosen.items()]
@@ -123,7 +125,7 @@ def _lines(where: str, entry: PlanEntry) -> tuple[Line, ...]:
 
 def _settings(where: str, name: str, values: dict[str, Value]) -> tuple[tuple[str, Value], ...]:
     """Checked: each a setting of the method or of one that it asks, of the right type and within its range."""
-    allowed, found = with_asked([method(name).name]), []
+    allowed, found = with_dependencies([method(name).name]), []
     for key, value in values.items():
         owner, setting = _owner(key), key.rpartition(".")[2].replace("-", "_")
         if owner not in allowed:
@@ -142,9 +144,9 @@ def _text(value: Value) -> str:
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
 
 
-def _seeds(where: str, given: int | str | list[int]) -> tuple[int, ...]:
+def _seeds(where: str, seeds: int | str | list[int]) -> tuple[int, ...]:
     """0-9 or 3,5,8 or a list; each once, in order."""
-    words = [str(v) for v in given] if isinstance(given, list) else str(given).split(",")
+    words = [str(v) for v in seeds] if isinstance(seeds, list) else str(seeds).split(",")
     found: set[int] = set()
     for word in words:
         first, _, last = word.strip().partition("-")

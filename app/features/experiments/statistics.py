@@ -105,20 +105,22 @@ def paired(plan: Plan, rows: Sequence[Row]) -> list[Paired]:
 def outcomes(plan: Plan, rows: Sequence[Row]) -> list[Outcome]:
     """Of the plan's statements."""
     found = []
-    for said in plan.statements:
+    for statement in plan.statements:
         values, missing = [], 0
-        for source in plan.sources if said.source is None else (said.source,):
-            own = _by_seed(rows, said.line, source, said.quantity)
+        for source in plan.sources if statement.source is None else (statement.source,):
+            own = _by_seed(rows, statement.line, source, statement.quantity)
             over = None
-            if said.over_line is not None or said.over_source is not None:
-                over = _by_seed(rows, said.over_line or said.line, said.over_source or source, said.quantity)
-            seeds = {r.run.seed for r in rows if r.run.line.name == said.line and r.run.source == source}
+            if statement.over_line is not None or statement.over_source is not None:
+                over = _by_seed(
+                    rows, statement.over_line or statement.line, statement.over_source or source, statement.quantity
+                )
+            seeds = {r.run.seed for r in rows if r.run.line.name == statement.line and r.run.source == source}
             for seed in sorted(seeds):
                 value = _ratio(own, over, seed)
                 missing += value is None
                 values += [value] if value is not None else []
-        holding = sum(_within(said, value) for value in values)
-        found.append(Outcome(said, tuple(values), missing, holding + (missing if said.or_fails else 0)))
+        holding = sum(_within(statement, value) for value in values)
+        found.append(Outcome(statement, tuple(values), missing, holding + (missing if statement.or_fails else 0)))
     return found
 
 
@@ -139,8 +141,10 @@ def _ratio(own: dict[int, float], over: dict[int, float] | None, seed: int) -> f
     return own[seed] if over is None else own[seed] / over[seed]
 
 
-def _within(said: Statement, value: float) -> bool:
-    return (said.at_most is None or value <= said.at_most) and (said.at_least is None or value >= said.at_least)
+def _within(statement: Statement, value: float) -> bool:
+    return (statement.at_most is None or value <= statement.at_most) and (
+        statement.at_least is None or value >= statement.at_least
+    )
 
 
 def _paired(source: str, quantity: str, a: str, b: str, of_line: dict[str, dict[int, float]]) -> Paired | None:

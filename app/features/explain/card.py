@@ -135,12 +135,12 @@ def cards(
 
 def _own(record: ExposureRecord) -> list[Step]:
     """Each method's step once, the parts of a step after it: a part that is a step of its own as well is that step."""
-    asked = {step.method for step in record.steps}
+    stepped_methods = {step.method for step in record.steps}
     found: dict[str, Step] = {}
     for step in record.steps:
         found[step.method] = step
         for part in step.parts:
-            if part.method not in asked:
+            if part.method not in stepped_methods:
                 found.setdefault(part.method, part)
     return list(found.values())
 
@@ -151,7 +151,7 @@ def _css(method: str) -> str:
 
 def _card(step: Step, record: ExposureRecord, shown: int) -> Card:
     own = registered(step.method)
-    found = verdict(step, record.index, record.said.get(step.method, {}))
+    found = verdict(step, record.index, record.values_by_method.get(step.method, {}))
     rows = [_check(step.method, d, own.checks) for d in found.failed]
     others = tuple(row for d, row in zip(found.failed, rows, strict=True) if d is not found.decisive)
     failed = found.decisive if found.decisive in found.failed else None

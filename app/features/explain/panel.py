@@ -80,13 +80,13 @@ class ExplainPanel:
             return {}
         stepped = {step.method for step in state.displayed.steps}
         places = {m: run.series.last_step(m, state.index) for m in state.methods if m not in stepped}
-        kept = {(run, at) for at in places.values() if at is not None}
-        self._latest = {key: self._latest.get(key) or run.history[key[1]] for key in kept}
+        keys = {(run, at) for at in places.values() if at is not None}
+        self._latest = {key: self._latest.get(key) or run.history[key[1]] for key in keys}
         return {method: self._latest[run, at] for method, at in places.items() if at is not None}
 
 
 def report(state: State) -> str:
-    """All that is said of the frame shown, but the events, as HTML."""
+    """The explanation of the frame shown, without the events, as HTML."""
     values = report_values(state, {}, ())
     return "".join(render(t, **values | {"ongoing": {}}) for t in ("verdicts.html", *FOLDERS))
 

@@ -10,7 +10,7 @@ from ...engine.model.drawn_size import drawn_truth, true_size
 from ...session.current_run import CurrentRun
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
-from ...views.rerun.beside import BesideLog
+from ...views.rerun.external_trajectories import ExternalTrajectoryLog
 
 
 def shows_recording(run: CurrentRun) -> bool:
@@ -25,4 +25,4 @@ def paths_of_others(run: CurrentRun, index: int) -> Iterator[Entry]:
     rig = opened.sequence.rig
     has_camera = (rig.video or rig.left) is not None
     outlines = entities.outlines(rig, "rig", size, main_camera=True) if has_camera else np.zeros((0, 2, 3))
-    yield from BesideLog(opened).at(index, record.time_ns, run.known_at(index), record.placements, outlines)
+    yield from ExternalTrajectoryLog(opened).at(index, record.time_ns, run.known_at(index), record.placements, outlines)

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, replace
 from ispom.evaluation.trajectory_error import TrajectoryError
 
 from ...engine.events import Opened
-from ...engine.external_trajectories.placed import Beside
+from ...engine.external_trajectories.placed import ExternalTrajectory
 from ...session.state import Event, FeatureState, Resumed
 
 
 @dataclass(frozen=True, eq=False)
 class ExternalPaths(FeatureState):
-    all: tuple[Beside, ...] = ()
+    all: tuple[ExternalTrajectory, ...] = ()
     errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
     """By name, over the frames that are computed."""
 
     def reduce(self, event: Event) -> ExternalPaths:
         opened = event.opened if isinstance(event, Resumed) else event
-        return replace(self, all=opened.beside) if isinstance(opened, Opened) else self
+        return replace(self, all=opened.external_trajectories) if isinstance(opened, Opened) else self

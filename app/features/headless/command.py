@@ -1,4 +1,4 @@
-"""The command: what is asked for is checked, run, written and printed."""
+"""The command: checks the options, runs, writes and prints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.features.pair_look import MIXED_UP
-from ispom.methods import default_methods, in_order, require_sensors, with_asked
+from ispom.methods import default_methods, in_order, require_sensors, with_dependencies
 from ispom.sequences.address import without_secrets
 from ispom.types import FRAME_KINDS, Sequence
 
@@ -43,19 +43,19 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
 def completed(
     options: Run, builder: Builder = build, origin: Origin | None = None, progress: Progress = progress
 ) -> Job:
-    """The same without printing; `progress` is told of each frame. The folder of the job that it gives is
+    """The same without printing; `progress` is called at each frame. The folder of the job that it gives is
     complete."""
     condition = until(options.until)
     if options.methods:
-        require_run(condition, with_asked(in_order(options.methods)))
+        require_run(condition, with_dependencies(in_order(options.methods)))
     sequence = options.open(options.source)
     try:
-        methods = _asked(options, sequence)
-        require_run(condition, with_asked(methods))
+        methods = _chosen_methods(options, sequence)
+        require_run(condition, with_dependencies(methods))
         # An integration is measured between the stereo poses that it asks for; those are computed anyway.
         earlier = origin.stages if origin is not None else ()
         _require_inside(earlier, sequence)
-        playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
+        playback = Playback(sequence, with_dependencies(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable() as signals, _folder(options.out, sequence.name) as folder:
             job = Job(options, methods, origin, playback, Until(condition), folder, progress)
@@ -66,8 +66,8 @@ def completed(
     return job
 
 
-def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
-    """The methods to run; InputError where the rig lacks the camera of the asked frame."""
+def _chosen_methods(options: Run, sequence: Sequence) -> tuple[str, ...]:
+    """Returns the methods to run. Raises InputError where the rig lacks the camera of `--frame`."""
     methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
     require_sensors(methods, sequence.rig)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:

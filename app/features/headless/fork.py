@@ -9,7 +9,7 @@ import tyro
 
 from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 
 from ...engine.options import config_of, settings_of
 from ...engine.playback import Builder, Stage
@@ -31,7 +31,7 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
     if options.at < 0:
         raise InputError(f"--at is {options.at}: give a frame of the run, counted from 0")
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)
-    here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_asked(run.methods), config))
+    here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_dependencies(run.methods), config))
     stages = (*stages, replace(here, until=options.at))
     again = Run(
         source=source_of(run, options.source),

@@ -34,7 +34,7 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One run: what was asked for, and what changes while it goes on."""
+    """One run: its options, and what changes while it goes on."""
 
     options: Run
     methods: tuple[str, ...]
@@ -44,6 +44,6 @@ class Job:
     watch: Until
     folder: RunFolder
     progress: Progress = progress
-    """Who is told of each frame."""
+    """Called at each frame."""
     placements: PlacementLog = field(default_factory=PlacementLog)
     events: EventRecorder = field(default_factory=EventRecorder)

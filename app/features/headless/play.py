@@ -24,7 +24,7 @@ from .output import write_results
 
 
 class NoRecording:
-    """Where none is asked for."""
+    """The default."""
 
     failure: str | None = None
     """Why the recording ended early, one sentence; None where it did not."""

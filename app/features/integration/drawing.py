@@ -19,7 +19,7 @@ from ...views.rerun.batch import Entry
 from ...views.rerun.eye import extent
 
 VIDEO, STEREO = colours.METHOD["monocular"], colours.METHOD["stereo"]
-"""Colours of what each camera said."""
+"""Colours of each camera's results."""
 BRACKET: Rgb = (230, 159, 0)
 MISSING: Rgb = (198, 40, 40)
 """Of the way from the segment's end to where it has to be."""

@@ -148,10 +148,10 @@ class IntegrationPanel:
             self._text = gui.add_html("", visible=False)
 
     def _chosen(self, _: object) -> None:
-        wanted = next((m for m in _methods(self._state) if colours.label(m) == self._method.value), "")
+        method = next((m for m in _methods(self._state) if colours.label(m) == self._method.value), "")
         shown = self._state[IntegrationSteps].shown
-        if wanted != (shown.method if shown is not None else ""):
-            self._session.post(ShowIntegration(wanted))
+        if method != (shown.method if shown is not None else ""):
+            self._session.post(ShowIntegration(method))
 
     def _clicked(self, _: object) -> None:
         self._session.post(StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
@@ -173,10 +173,10 @@ class IntegrationPanel:
 
     def _look_up(self, shown: Integration | None, state: State) -> None:
         run: CurrentRun | None = self._session.run
-        asked = (run, shown.method if shown is not None else "", state.index)
-        if asked != self._found[0]:
+        key = (run, shown.method if shown is not None else "", state.index)
+        if key != self._found[0]:
             found = latest_fit(run, shown.method, state.index) if run is not None and shown is not None else None
-            self._found = asked, found
+            self._found = key, found
 
 
 def _methods(state: State) -> tuple[str, ...]:

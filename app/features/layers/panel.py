@@ -27,8 +27,8 @@ METHOD_HINT = "Draws what the method made: path, camera, keyframes, points."
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._showing, self._seen = session, False, session.state[Layers].undrawn
-        self._asked: set[frozenset[str]] = set()
-        """What was asked for here, and is not shown yet."""
+        self._requested_layers: set[frozenset[str]] = set()
+        """The choices made here that are not shown yet."""
         self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT) for m in names()}
         drawn = {name: name not in OPTIONAL for name in LAYERS}
         self._boxes |= {name: gui.add_checkbox(LAYERS[name], on, hint=HINTS[name]) for name, on in drawn.items()}
@@ -44,15 +44,15 @@ class ViewPanel:
     def _clicked(self, name: str) -> None:
         if not self._showing:
             undrawn = self.undrawn
-            self._asked.add(undrawn)
+            self._requested_layers.add(undrawn)
             self._session.post(Choose(OPTIONAL - undrawn) if name in OPTIONAL else Hide(undrawn - OPTIONAL))
 
     def show(self, state: State) -> None:
         undrawn = state[Layers].undrawn
         if undrawn != self._seen:
             self._seen = undrawn
-            if undrawn in self._asked:
-                self._asked.clear()
+            if undrawn in self._requested_layers:
+                self._requested_layers.clear()
             else:
                 self._follow(undrawn)
         for name, box in self._boxes.items():

@@ -27,5 +27,6 @@ def depth_of(pair: int, state: State, run: CurrentRun) -> Iterable[Entry]:
         exposure = run.opened.sequence[pair]
     except UnreadableImage:
         return ()
-    assert is_stereo(exposure)
+    if not is_stereo(exposure):
+        raise ValueError(f"frame {pair} is no stereo pair: it has no depth")
     return depth_entries(exposure, run.history[pair].steps, run.opened.sequence.rig, state[Layers].hidden)

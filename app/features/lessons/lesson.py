@@ -61,7 +61,7 @@ OWN = "this"
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunRequest:
     """A run that a step needs."""
 
     source: str
@@ -94,7 +94,7 @@ class Choose:
 
 class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     value: str
-    """Of the step's values, the one that is asked for."""
+    """The name of the step's value that is the answer."""
     unit: str = ""
     within: float = 0.0
     """An answer this near is right."""
@@ -134,7 +134,7 @@ class Step:
     """Markdown: what there is to see, and the question."""
     after: str
     """Markdown: what the run showed, `{value:.2f}` in the place of a value."""
-    own: Asked
+    own: RunRequest
     ask: Ask
     at: int = 0
     """The frame up to which its run has come, and which is shown, when it asks."""
@@ -144,8 +144,8 @@ class Step:
     """Layers and methods that are not drawn until then."""
     tools: bool = False
     """Whether the panels can be used while it asks: only where the answer is to be found in them."""
-    runs: Mapping[str, Asked] = field(default_factory=dict)
-    """By name, further runs: branches beside its own when it reveals."""
+    runs: Mapping[str, RunRequest] = field(default_factory=dict)
+    """Further runs by name: branches next to its own when it reveals."""
     values: Mapping[str, Fact | Expression] = field(default_factory=dict)
     """By name, each from facts, or from the quantities and values before it."""
     claims: tuple[Expression, ...] = ()

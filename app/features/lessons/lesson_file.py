@@ -19,7 +19,7 @@ from ...engine.conditions.parser import Expression, parse, parse_number
 from ...engine.history.quantities import quantities
 from ...engine.history.quantity import Quantity
 from . import facts
-from .lesson import OWN, TRACK, Ask, Asked, Choose, Draw, Fact, Lesson, Number, Option, Point, Step
+from .lesson import OWN, TRACK, Ask, Choose, Draw, Fact, Lesson, Number, Option, Point, RunRequest, Step
 
 FRONT = re.compile(r"---\r?\n(.*?)\r?\n---\r?\n(.*)", re.DOTALL)
 SECTION = re.compile(r"^## +", re.MULTILINE)
@@ -35,7 +35,7 @@ class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class RunEntry(_Entry, frozen=True):
-    """What is not said is as in the lesson's front matter."""
+    """Missing entries are as in the lesson's front matter."""
 
     source: str | None = None
     methods: list[str] | None = None
@@ -108,15 +108,15 @@ def _step(where: str, front: FrontEntry, section: str) -> Step:
         raise InputError(f"{where} has {len(blocks) if count == 1 else count} blocks ```step: give it one")
     entry = _convert(where, blocks[0][1], StepEntry)
     base = RunEntry(source=front.source, methods=front.methods, settings=front.settings)
-    own = _asked(where, base, entry)
-    runs = {key: _asked(f"{where}, run {key}", _over(base, entry), run) for key, run in entry.runs.items()}
+    own = _run_request(where, base, entry)
+    runs = {key: _run_request(f"{where}, run {key}", _over(base, entry), run) for key, run in entry.runs.items()}
     values, known = _values(where, entry, {OWN: own, **runs})
     step = Step(
         title.strip(),
         body[: blocks[0].start()].strip(),
         body[blocks[0].end() :].strip(),
         own,
-        _ask(where, entry, known, {OWN, *runs}),
+        _question(where, entry, known, {OWN, *runs}),
         entry.at,
         entry.to,
         frozenset(entry.hidden),
@@ -147,19 +147,20 @@ def _over(base: RunEntry, entry: RunEntry) -> RunEntry:
     return RunEntry(source=entry.source or base.source, methods=entry.methods or base.methods, settings=settings)
 
 
-def _asked(where: str, base: RunEntry, entry: RunEntry) -> Asked:
-    said = _over(base, entry)
+def _run_request(where: str, base: RunEntry, entry: RunEntry) -> RunRequest:
+    merged = _over(base, entry)
     config = Config()
-    for name, chosen in (said.settings or {}).items():
+    for name, chosen in (merged.settings or {}).items():
         settings = from_plain(method(name).config, chosen, f"{where}: settings.{name}")
         check(settings, f"{name}.")
         config = config.with_settings(name, settings)
-    assert said.source is not None and said.methods is not None
-    return Asked(said.source, in_order(tuple(method(name).name for name in said.methods)), config)
+    if merged.source is None or merged.methods is None:
+        raise InputError(f"{where} has no source or no methods: give both")
+    return RunRequest(merged.source, in_order(tuple(method(name).name for name in merged.methods)), config)
 
 
 def _values(
-    where: str, entry: StepEntry, runs: Mapping[str, Asked]
+    where: str, entry: StepEntry, runs: Mapping[str, RunRequest]
 ) -> tuple[dict[str, Fact | Expression], dict[str, Quantity]]:
     """The values, and all that conditions over them may name: they and the quantities of the step's own run."""
     values: dict[str, Fact | Expression] = {}
@@ -194,11 +195,11 @@ def _parsed(where: str, parser: Any, text: str, known: Mapping[str, Quantity]) -
         raise InputError(f"{where}: {text!r}: {error}") from None
 
 
-def _ask(where: str, entry: StepEntry, known: Mapping[str, Quantity], runs: set[str]) -> Ask:
-    asked = [kind for kind in (entry.choose, entry.number, entry.point, entry.draw) if kind is not None]
-    if len(asked) != 1:
-        raise InputError(f"{where} asks {len(asked)} questions: give one of choose, number, point, draw")
-    match asked[0]:
+def _question(where: str, entry: StepEntry, known: Mapping[str, Quantity], runs: set[str]) -> Ask:
+    questions = [kind for kind in (entry.choose, entry.number, entry.point, entry.draw) if kind is not None]
+    if len(questions) != 1:
+        raise InputError(f"{where} asks {len(questions)} questions: give one of choose, number, point, draw")
+    match questions[0]:
         case Number() as number:
             if number.value not in entry.values:
                 raise InputError(f"{where}: {number.value!r}, which is asked for, is none of the step's values")

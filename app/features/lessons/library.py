@@ -76,7 +76,7 @@ def built_in() -> tuple[Lesson, ...]:
     return tuple(read_lesson(name, texts[name]) for name in ORDER if name in texts)
 
 
-def own_lesson(given: str) -> Lesson | None:
+def own_lesson(lesson_path: str) -> Lesson | None:
     """Of a Markdown file; None where what is given is the name of another lesson. InputError for a wrong file."""
-    path = expanded(given)
+    path = expanded(lesson_path)
     return read_lesson(path.stem, read_text(path, MAX_BYTES)) if path.suffix == ".md" else None

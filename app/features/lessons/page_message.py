@@ -17,7 +17,7 @@ from ...views.viser.drawing import in_view, picture
 from ...views.web.answers import Answers
 from ..tracks.track_picture import image_of
 from .lesson import Ask, Choose, Draw, Number, Point
-from .reveal import Revealed, places, sampled
+from .reveal import Revealed, places, true_heights
 from .state import Learning, Lessons
 
 
@@ -71,14 +71,14 @@ def lesson_message(learning: Learning, sequence: Sequence | None) -> dict[str, A
         "before": html(step.before),
         "phase": learning.phase,
         "covers": learning.covers,
-        "ask": _asked(step.ask, learning, sequence),
+        "ask": _question(step.ask, learning, sequence),
         "after": None if found is None else html(step.after, found.values),
         "doubt": NOT_SO if found is not None and found.broken else "",
         "truth": None if found is None else _truth(step.ask, found),
     }
 
 
-def _asked(ask: Ask, learning: Learning, sequence: Sequence | None) -> dict[str, Any]:
+def _question(ask: Ask, learning: Learning, sequence: Sequence | None) -> dict[str, Any]:
     match ask:
         case Choose(options):
             return {"kind": "choose", "options": [option.text for option in options]}
@@ -91,7 +91,7 @@ def _asked(ask: Ask, learning: Learning, sequence: Sequence | None) -> dict[str,
 
 
 def _picture(learning: Learning, sequence: Sequence | None) -> dict[str, Any]:
-    """The image and its tracks, all alike; nothing before the question is asked, or where the image cannot be read."""
+    """The image and its tracks, drawn the same; nothing before the question is open, or without the image."""
     pointed = learning.pictured
     image = None if pointed is None or sequence is None else image_of(sequence, pointed[0])
     if pointed is None or image is None:
@@ -111,5 +111,4 @@ def _truth(ask: Ask, found: Revealed) -> Any:
         case Number(value):
             return found.values[value]
         case Draw():
-            assert found.curve is not None
-            return sampled(found.curve, places(ask)).tolist()
+            return true_heights(found, ask).tolist()

@@ -89,20 +89,20 @@ Answer = int | float | tuple[float, ...]
 """The place of an option or the id of a track, a number, or the (SAMPLES,) heights of a curve."""
 
 
-def accepted(ask: Ask, given: Any, tracks: Sequence[int] = ()) -> Answer | None:
+def accepted(ask: Ask, answer: Any, tracks: Sequence[int] = ()) -> Answer | None:
     """What somebody sent, where it is an answer to this; else None. `tracks` are the ids of those in the picture."""
-    if isinstance(given, bool):
+    if isinstance(answer, bool):
         return None
     match ask:
         case Choose(options):
-            return given if isinstance(given, int) and 0 <= given < len(options) else None
+            return answer if isinstance(answer, int) and 0 <= answer < len(options) else None
         case Point():
-            return given if isinstance(given, int) and given in tracks else None
+            return answer if isinstance(answer, int) and answer in tracks else None
         case Number():
-            return float(given) if isinstance(given, int | float) and math.isfinite(given) else None
+            return float(answer) if isinstance(answer, int | float) and math.isfinite(answer) else None
         case Draw():
-            good = isinstance(given, list) and len(given) == SAMPLES and all(map(_is_height, given))
-            return tuple(map(float, given)) if good else None
+            good = isinstance(answer, list) and len(answer) == SAMPLES and all(map(_is_height, answer))
+            return tuple(map(float, answer)) if good else None
 
 
 def _is_height(value: object) -> bool:
@@ -114,13 +114,20 @@ def is_right(ask: Ask, found: Revealed, answer: Answer) -> bool:
         case Choose() | Point():
             return answer in found.right
         case Number(value, _, within, percent):
-            assert isinstance(answer, int | float)
+            if not isinstance(answer, int | float):
+                raise TypeError(f"the answer to a number is {answer!r}: take answers from accepted()")
             true = found.values[value]
             return abs(answer - true) <= max(within, abs(true) * percent / 100)
         case Draw(within=within):
-            assert found.curve is not None and isinstance(answer, tuple)
-            shown = np.clip(sampled(found.curve, places(ask)), *ask.y_range)
+            shown = np.clip(true_heights(found, ask), *ask.y_range)
             return float(np.abs(np.array(answer) - shown).mean()) <= within
+
+
+def true_heights(found: Revealed, ask: Draw) -> Array:
+    """Returns (SAMPLES,) the heights of the true curve at `places`. Raises ValueError where the step has no curve."""
+    if found.curve is None:
+        raise ValueError("the step has no curve to compare with: reveal it with the runs of its question")
+    return sampled(found.curve, places(ask))
 
 
 def places(ask: Draw) -> Array:

@@ -19,7 +19,7 @@ from ..layers.commands import ColourBy
 from ..layers.state import Layers
 from ..plots.commands import Plots
 from ..tracks.commands import Inspection, LookAt, Pick, Select
-from .lesson import OWN, Asked, Lesson, Point
+from .lesson import OWN, Lesson, Point, RunRequest
 from .library import Library
 from .ran import Ran
 from .reveal import pictured, revealed
@@ -37,8 +37,8 @@ class LessonService(Service):
         self.library = session.extra(Library)
         self._jobs: deque[Job] = deque()
         self._runs: dict[str, CurrentRun] = {}
-        self._asked: Asked | None = None
-        """What the step's own run was asked as."""
+        self._own_request: RunRequest | None = None
+        """The request that the step's own run was made from."""
         self.store.put(Lessons(progress=self.library.progress.steps))
 
     @property
@@ -160,17 +160,17 @@ class LessonService(Service):
         yield partial(self._obey, do.Seek(step.at))
         yield partial(self._ask, learning)
 
-    def _show_own(self, asked: Asked) -> None:
-        """The run of the step: the one that is shown, where it was asked in the same words."""
+    def _show_own(self, request: RunRequest) -> None:
+        """Shows the run of the step: the shown one, where its request is the same."""
         shown = self.run
-        if shown is None or not self._is_shown(asked):
-            shown = self.session.computed_run(asked.source, None, asked.methods, asked.config)
-            self.session.open_run(shown, asked.source)
-        self._asked, self._runs = asked, {OWN: shown}
+        if shown is None or not self._is_shown(request):
+            shown = self.session.computed_run(request.source, None, request.methods, request.config)
+            self.session.open_run(shown, request.source)
+        self._own_request, self._runs = request, {OWN: shown}
 
-    def _is_shown(self, asked: Asked) -> bool:
+    def _is_shown(self, request: RunRequest) -> bool:
         shown = self.run
-        return shown is not None and asked == self._asked and shown is self._runs.get(OWN)
+        return shown is not None and request == self._own_request and shown is self._runs.get(OWN)
 
     def _ask(self, learning: Learning) -> None:
         ask, at = learning.step.ask, learning.step.at
@@ -180,15 +180,15 @@ class LessonService(Service):
     def _revealing(self, learning: Learning) -> Iterator[Job]:
         step, number = learning.step, self.state[Branches].shown
         yield partial(self._run_on, step.to)
-        for name, asked in step.runs.items():
-            yield partial(self._add, name, asked)
+        for name, request in step.runs.items():
+            yield partial(self._add, name, request)
             yield partial(self._run_on, step.to)
         if step.runs:
             yield partial(self.session.service(BranchService).show, number)
         yield partial(self._reveal, learning)
 
-    def _add(self, name: str, asked: Asked) -> None:
-        found = self.session.computed_run(asked.source, None, asked.methods, asked.config)
+    def _add(self, name: str, request: RunRequest) -> None:
+        found = self.session.computed_run(request.source, None, request.methods, request.config)
         self.session.service(BranchService).add(found, name, 0, (name,), reproducible=True)
         self._runs[name] = found
 

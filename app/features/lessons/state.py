@@ -41,7 +41,7 @@ class Learning:
 
     @property
     def covers(self) -> bool:
-        """Whether numbers, checks and settings are out of sight."""
+        """Whether numbers, checks and settings are hidden."""
         return self.open and not self.step.tools
 
 
@@ -57,7 +57,7 @@ class Lessons(FeatureState):
 
     @property
     def covers(self) -> bool:
-        """Whether numbers, checks and settings are out of sight."""
+        """Whether numbers, checks and settings are hidden."""
         return self.now is not None and self.now.covers
 
 

@@ -39,7 +39,7 @@ from .options import Map
 MESH, CLOUD, GLTF, MEASURED = "mesh.ply", "cloud.ply", "mesh.glb", "points.csv"
 LASER_PICTURE = "laser.png"
 PREVIEW_TRIANGLES = 150_000
-"""Of what the page draws beside everything else."""
+"""Limit for what the page draws in addition to everything else."""
 SHOWN_POINTS = 300_000
 """Of a laser's cloud in the Rerun viewer, evenly; the files have all."""
 POINT_M = 0.02
@@ -140,7 +140,7 @@ def _make_map(options: Map) -> int:
             points = dict(placed(ran, laser, options.interpolate, advance))
         write_laser(folder, laser.points, points)
         if laser.unmeasured:
-            _say(laser.unmeasured)
+            _print_line(laser.unmeasured)
         _draw(options, points)
     write_recording(folder, options.run, method, found, points)
     write_numbers(folder, _numbers(method, options, settings, found, points))
@@ -165,7 +165,7 @@ def _draw(options: Map, points: dict[str, Placed]) -> None:
     if not any(each.true_world is not None for each in points.values()):
         return
     if find_spec("matplotlib") is None:
-        _say("no picture of the laser's points: it is drawn with Matplotlib, run 'pip install matplotlib'")
+        _print_line("no picture of the laser's points: it is drawn with Matplotlib, run 'pip install matplotlib'")
         return
     from .laser import picture
 
@@ -194,7 +194,7 @@ def _numbers(
 def _print(options: Map, method: str, found: Dense | None, points: dict[str, Placed]) -> None:
     if found is not None:
         skipped = f", {found.skipped} skipped" if found.skipped else ""
-        _say(
+        _print_line(
             f"{found.fused} {LOOKS[options.depth_from]} with the poses of {method}{skipped}: "
             f"{len(found.mesh)} triangles, {len(found.cloud)} points"
         )
@@ -207,8 +207,8 @@ def _print(options: Map, method: str, found: Dense | None, points: dict[str, Pla
             errors = [f"{100 * values[k]:.1f} cm" if k in values else "" for k in ("rmse_m", "median_m", "p95_m")]
             table.add_row(name, f"{each.poses_hz:.1f}", str(len(each.points)), *errors)
         Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH).print(table)
-    _say(f"in {options.out or options.run / MAP}")
+    _print_line(f"in {options.out or options.run / MAP}")
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{printable(line)}\n")

@@ -33,15 +33,18 @@ class Ran:
     paths: Mapping[str, Trajectory]
     """world_from_rig of each metric method, at least one; without the poses that it only held while it was lost."""
 
-    def method(self, asked: str | None) -> str:
-        """The one asked for, or that whose poses are best; InputError for one that has no metric poses in the run."""
-        if asked is None:
+    def method(self, method_name: str | None) -> str:
+        """Returns the method of this name, by default that with the best poses.
+
+        Raises InputError for one that has no metric poses in the run."""
+        if method_name is None:
             return next((name for name in PREFERRED if name in self.paths), next(iter(self.paths)))
-        if asked not in self.paths:
+        if method_name not in self.paths:
             raise InputError(
-                f"{self.folder} has no metric poses of {asked[:40]}: give --method as one of {', '.join(self.paths)}"
+                f"{self.folder} has no metric poses of {method_name[:40]}: "
+                f"give --method as one of {', '.join(self.paths)}"
             )
-        return asked
+        return method_name
 
 
 def _lost(folder: Path, methods: Iterable[str]) -> dict[str, list[int]]:
@@ -49,7 +52,7 @@ def _lost(folder: Path, methods: Iterable[str]) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {method: [] for method in methods}
     with stored_steps(folder) as steps:
         for step in steps:
-            if step.method in found and step.said.get("status") == Status.LOST:
+            if step.method in found and step.values.get("status") == Status.LOST:
                 found[step.method].append(step.time_ns)
     return found
 

@@ -60,7 +60,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the laser said."""
+    """The laser's measurements."""
 
     points: TimedPoints
     rig_from_laser: Pose
@@ -141,11 +141,12 @@ def picture(found: Mapping[str, Placed]) -> bytes:
     norm, colours = Normalize(0, 100 * WORST_M), colormaps["viridis"]
     middle = float(np.median(np.concatenate([each.true_world[:, 2] for each in shown.values()])))  # type: ignore[index]
     for axes, (name, each) in zip(places, shown.items(), strict=True):
-        assert each.true_world is not None and each.distances_m is not None
-        xyz = each.true_world
+        xyz, distances_m = each.true_world, each.distances_m
+        if xyz is None or distances_m is None:
+            raise ValueError(f"the points of {name} have no true places or no distances: compare them first")
         seen = (abs(xyz[:, 2] - middle) < LENGTH_M / 2) & (xyz[:, 0] < -2) & (xyz[:, 0] > -DEPTH_M) & (xyz[:, 1] < 0.1)
         axes.scatter(
-            xyz[seen, 2], -xyz[seen, 1], c=100 * each.distances_m[seen], norm=norm, cmap=colours, s=0.4, linewidths=0
+            xyz[seen, 2], -xyz[seen, 1], c=100 * distances_m[seen], norm=norm, cmap=colours, s=0.4, linewidths=0
         )
         numbers = each.numbers
         who = "the true poses" if name == TRUE else f"{label(name)}, {each.poses_hz:.0f} poses/s"

@@ -60,7 +60,7 @@ Making = Callable[[], Look | None]
 
 
 def looks(sequence: Sequence, path: Trajectory, settings: DenseSettings) -> list[Making]:
-    """Of the cameras asked for, with poses world_from_rig; InputError where there are none."""
+    """Of the cameras in the settings, with poses world_from_rig; InputError where there are none."""
     out: list[Making] = []
     if settings.depth_from != "video":
         out += _of_pairs(sequence, path, settings)
@@ -97,9 +97,8 @@ def _of_pairs(sequence: Sequence, path: Trajectory, settings: DenseSettings) -> 
     def making(n: int) -> Making:
         def made() -> Look | None:
             pair = _read(sequence, int(exposures[n]))
-            if pair is None:
+            if pair is None or not is_stereo(pair):
                 return None
-            assert is_stereo(pair)
             depth = DenseStereo().depth(pair.left, pair.right, camera, rig.baseline_m, settings.max_depth_m)
             return Look(pair.left, depth, camera, poses.pose(n) @ rig.rig_from_left)
 
@@ -136,7 +135,7 @@ def _of_video(sequence: Sequence, path: Trajectory, settings: DenseSettings) -> 
     out: list[Making] = []
     for at in np.arange(max(OTHERS_BASELINES), way[-1] - max(OTHERS_BASELINES) if len(way) else 0, EVERY_BASELINES):
         n = int(np.searchsorted(way, at))
-        others = [np.searchsorted(way, way[n] + sign * apart) for apart in OTHERS_BASELINES for sign in (-1, 1)]
+        others = [np.searchsorted(way, way[n] + sign * baseline) for baseline in OTHERS_BASELINES for sign in (-1, 1)]
         out.append(making(n, np.clip(others, 0, len(way) - 1)))
     if not out:
         raise InputError(f"{sequence.name}: the video camera moved too little for depth: give --depth-from stereo")

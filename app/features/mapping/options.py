@@ -32,11 +32,11 @@ class Map:
     dense: bool = True
     """Make the mesh and the cloud."""
     depth_from: From = "stereo"
-    """Whose images tell the depth: stereo pairs, or the video's, by the motion between them (plane sweep), or both."""
+    """Whose images give the depth: stereo pairs, or the video's, by the motion between them (plane sweep), or both."""
     voxel_m: float | None = None
     """Size of a voxel [m]; default: a tenth of the baseline."""
     max_depth_m: float | None = None
-    """Depth beyond which a pair tells too little [m]; default: 25 baselines."""
+    """Depth beyond which a pair is too inaccurate [m]; default: 25 baselines."""
     memory_gb: float = 4.0
     """Most that voxels may take [GB]."""
     source: str | None = None

@@ -1,4 +1,4 @@
-"""Methods: which of them run, any beside each other, and their settings."""
+"""Methods: which of them run, in any combination, and their settings."""
 
 from __future__ import annotations
 

@@ -102,17 +102,17 @@ class PlotNews:
         values = list(self._values(run.series, grows))
         return news | ({"values": values} if values else {}) or None
 
-    def _values(self, series: Series, wanted: set[str]) -> Iterator[tuple[str, list[int], list[float | None]]]:
+    def _values(self, series: Series, curves: set[str]) -> Iterator[tuple[str, list[int], list[float | None]]]:
         computed, self.behind = len(series), False
-        self._sent = {curve: count for curve, count in self._sent.items() if curve in wanted}
-        for curve in sorted(wanted):
+        self._sent = {curve: count for curve, count in self._sent.items() if curve in curves}
+        for curve in sorted(curves):
             first = self._sent.get(curve, 0)
             last = min(computed, first + SLICE)
             if last == first:
                 continue
             self._sent[curve] = last
             self.behind |= last < computed
-            frames, values = series.said(curve, last, first)
+            frames, values = series.values_of(curve, last, first)
             yield curve, frames.tolist(), [_rounded(value) for value in values.tolist()]
 
 
@@ -146,10 +146,10 @@ def error_curves(state: State) -> Iterator[tuple[Curve, TrajectoryError]]:
                 label, colour = f"{branch.name}: {label}", branch.colour
             curve = f"{method}.{ERROR}" if is_shown else f"{method}.{ERROR}/{branch.number}"
             yield Curve(curve, f"{label} ({ALIGNED[error.alignment]})", colours.css(colour)), error
-    for beside in state[ExternalPaths].all:
-        if (found := state[ExternalPaths].errors.get(beside.name)) is not None:
-            label = f"{beside.name} ({ALIGNED[found.alignment]})"
-            yield Curve(f"beside.{beside.name}.{ERROR}", label, colours.css(beside.colour)), found
+    for external in state[ExternalPaths].all:
+        if (found := state[ExternalPaths].errors.get(external.name)) is not None:
+            label = f"{external.name} ({ALIGNED[found.alignment]})"
+            yield Curve(f"beside.{external.name}.{ERROR}", label, colours.css(external.colour)), found
 
 
 def error_plot(curves: list[tuple[Curve, TrajectoryError]]) -> Plot | None:

@@ -1,4 +1,4 @@
-"""The recordings folder: what is in it and lies beside a recording, and what a new one may be called."""
+"""The recordings folder: its files, those that belong to a recording, and names for a new one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ...engine.run_folder.thumbnail import thumbnail
 from ...session.sources.folders import run_name
 from ...session.state import State
 from ..bookmarks.notes import notes_of, put, tidy
-from .state import Kept
+from .state import ListedRun
 
 log = logging.getLogger(__name__)
 
@@ -66,10 +66,10 @@ def recording_path(folder: Path, name: str, sequence: str) -> Path:
     return path
 
 
-def list_recordings(folder: Path) -> tuple[Kept, ...]:
+def list_recordings(folder: Path) -> tuple[ListedRun, ...]:
     """The finished runs and recordings, newest first. What cannot be looked at, such as a link that leads nowhere, what
     no page can name, and what is still being written is not among them."""
-    found: list[tuple[float, Kept]] = []
+    found: list[tuple[float, ListedRun]] = []
     if not folder.is_dir():
         return ()
     files = {path for path in folder.rglob("*") if path.suffix == ".rrd" or path.name == RUN}
@@ -89,9 +89,9 @@ def _ended(run: Path) -> bool:
     return (run / RECORDING).exists() or not (run / MARKER).exists()
 
 
-def _run(folder: Path, path: Path) -> Kept:
+def _run(folder: Path, path: Path) -> ListedRun:
     recording, picture = path / RECORDING, path / THUMBNAIL
-    kept = Kept(
+    listed = ListedRun(
         _name(folder, path),
         sum(file.stat().st_size for file in path.iterdir() if file.is_file()),
         _name(folder, recording) if recording.exists() else "",
@@ -101,9 +101,9 @@ def _run(folder: Path, path: Path) -> Kept:
     try:
         run = described(path, (path / RUN).stat().st_mtime_ns)
     except InputError:
-        return kept
+        return listed
     exposures = sum(n for n in run.exposures.values() if isinstance(n, int))
-    return replace(kept, source=run.sequence, exposures=exposures, duration_s=run.duration_s)
+    return replace(listed, source=run.sequence, exposures=exposures, duration_s=run.duration_s)
 
 
 @lru_cache(MOST_READ)
@@ -112,11 +112,11 @@ def described(path: Path, _changed_ns: int) -> RunFile:
     return read_run_file(path)
 
 
-def _recording(folder: Path, path: Path) -> Kept:
+def _recording(folder: Path, path: Path) -> ListedRun:
     picture, found = picture_of(path), _notes(notes_of(path))
     about = found["about"] if isinstance(found.get("about"), dict) else {}
     source, exposures, duration_s = (about.get(name) for name in ("source", "exposures", "duration_s"))
-    return Kept(
+    return ListedRun(
         _name(folder, path),
         path.stat().st_size,
         _name(folder, path),

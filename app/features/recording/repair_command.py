@@ -67,8 +67,8 @@ def _finish_recordings(folder: Path) -> Found:
         check_stop()
         try:
             done = finish(path)
-            said = f"{done}: recording finished, up to where its writer came" if done else f"{path}: empty, removed"
-            lines.append(said)
+            message = f"{done}: recording finished, up to where its writer came" if done else f"{path}: empty, removed"
+            lines.append(message)
         except InputError as problem:
             problems.append(str(problem))
     return lines, problems

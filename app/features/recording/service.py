@@ -151,7 +151,7 @@ class RecordingService(Service):
         self.show()
 
     def repair(self) -> None:
-        """Makes what was never finished readable, beside all else."""
+        """Makes unfinished recordings readable, in a thread of its own."""
         self._repairs.start()
 
     def show(self) -> None:

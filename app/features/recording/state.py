@@ -21,7 +21,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Kept:
+class ListedRun:
     """A finished run, or a recording alone, in the recordings folder."""
 
     name: str
@@ -42,7 +42,7 @@ class Kept:
 @dataclass(frozen=True)
 class Recordings(FeatureState):
     current: Recording | None = None
-    listed: tuple[Kept, ...] = ()
+    listed: tuple[ListedRun, ...] = ()
     """The finished runs and recordings of the folder, newest first."""
     unfinished: tuple[str, ...] = ()
     """Recordings that a stopped app left unfinished; none that is being written."""

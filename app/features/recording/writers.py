@@ -133,7 +133,7 @@ class Writers:
         return writers[0].info if writers else None
 
     def ended(self) -> list[RecordingWriter]:
-        """Those whose files were closed since this was asked last."""
+        """Those whose files were closed since the last call."""
         found = [writer for writer in [self._open, *self._closing] if writer is not None and writer.done]
         self._closing = [writer for writer in self._closing if writer not in found]
         self._open = None if self._open in found else self._open

@@ -28,7 +28,7 @@ WINDOW_NS = 1_000_000_000
 MIN_MOTION_M = 0.05
 """A true motion shorter than this says nothing about scale."""
 ROUTINE = 0.8
-"""A test that passes more rarely than this is asked for its answer, not for trouble."""
+"""A test that passes more rarely than this asks a question; its failure is no trouble."""
 
 
 @dataclass(frozen=True, eq=False)

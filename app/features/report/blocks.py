@@ -11,7 +11,7 @@ from ...presentation import colours
 
 @dataclass(frozen=True)
 class MethodName:
-    """A cell: a method's name, with its colour beside it."""
+    """A cell: a method's name with its colour."""
 
     name: str
 
@@ -26,7 +26,7 @@ class MethodName:
 
 @dataclass(frozen=True)
 class Compared:
-    """A cell: a value beside those of other runs."""
+    """A cell: a value compared with those of other runs."""
 
     value: Any
     difference: float | None = None

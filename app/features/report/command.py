@@ -27,7 +27,7 @@ from .results import provenance, results
 from .traces import Figure, points_per_line
 
 RECORDINGS = Path("recordings")
-"""Where runs are written to unless something else is asked."""
+"""The default folder of runs."""
 
 
 def report(options: Report) -> int:

@@ -31,7 +31,7 @@ HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a report tells of one run."""
+    """The content of a report about one run."""
 
     path: Path
     label: str
@@ -57,7 +57,7 @@ class Run:
 
     @property
     def first_ns(self) -> int:
-        """When the first frame was, as far as the folder tells."""
+        """The time of the first frame, where the folder has it."""
         times = [s.times_ns[:1] for s in self.steps.values()]
         times += [t.times_ns[:1] for t in (*self.trajectories.values(), self.truth) if t is not None]
         return int(min((t[0] for t in times if len(t)), default=0))

@@ -91,22 +91,22 @@ def _with_unit(value: float, unit: str) -> str:
 
 def with_images(run: Run, moments: list[Moment]) -> tuple[list[Moment], str]:
     """The moments with small JPEGs, and where those are from, or why there are none."""
-    wanted = {moment.exposure for moment in moments}
-    if not wanted:
+    indices = {moment.exposure for moment in moments}
+    if not indices:
         return moments, ""
     try:
-        found, origin = _recorded(run.path / RECORDING, wanted), f"from {RECORDING}"
+        found, origin = _recorded(run.path / RECORDING, indices), f"from {RECORDING}"
     except (OSError, RuntimeError, ValueError, cv2.error) as error:
         found, origin = {}, f"{RECORDING} cannot be read ({type(error).__name__})"
     if not found:
         try:
-            found, origin = _reread(run, wanted), f"read again from {run.manifest['source']}"
+            found, origin = _reread(run, indices), f"read again from {run.manifest['source']}"
         except (InputError, OSError, ValueError, TypeError) as error:
             return moments, f"No images: {origin}, and the source cannot be opened ({error})."
     return [replace(m, jpeg=found.get(m.exposure)) for m in moments], f"Images {origin}."
 
 
-def _recorded(path: Path, wanted: set[int]) -> dict[int, bytes]:
+def _recorded(path: Path, indices: set[int]) -> dict[int, bytes]:
     """Images and tracks of a recording, by frame."""
     if not path.exists():
         return {}
@@ -115,35 +115,35 @@ def _recorded(path: Path, wanted: set[int]) -> dict[int, bytes]:
     images: dict[int, Image] = {}
     marks: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for camera in ("video", "left"):
-        for row in _rows(RrdReader(path), f"/{camera}/image", wanted, ("EncodedImage:blob",)):
+        for row in _rows(RrdReader(path), f"/{camera}/image", indices, ("EncodedImage:blob",)):
             image = cv2.imdecode(np.array(row[1][0], np.uint8), cv2.IMREAD_COLOR)
             if image is not None:
                 images[row[0]] = np.asarray(image, np.uint8)
         columns = ("Points2D:positions", "Points2D:class_ids")
-        for exposure, (uv, status) in _rows(RrdReader(path), f"/{camera}/tracks", wanted, columns):
+        for exposure, (uv, status) in _rows(RrdReader(path), f"/{camera}/tracks", indices, columns):
             if uv and status and len(uv) == len(status):
                 marks[exposure] = np.array(uv, float) - 0.5, np.array(status, int)
     return {exposure: _small(image, marks.get(exposure)) for exposure, image in images.items()}
 
 
-def _rows(reader: Any, entity: str, wanted: set[int], columns: tuple[str, ...]) -> Iterator[tuple[int, tuple]]:
+def _rows(reader: Any, entity: str, indices: set[int], columns: tuple[str, ...]) -> Iterator[tuple[int, tuple]]:
     for chunk in reader.stream().filter(content=entity):
         batch = chunk.to_record_batch()
         if "exposure" not in batch.schema.names or not set(columns) <= set(batch.schema.names):
             continue
         for i, exposure in enumerate(batch.column("exposure").to_pylist()):
-            if exposure in wanted:
+            if exposure in indices:
                 yield exposure, tuple(batch.column(name)[i].as_py() for name in columns)
 
 
-def _reread(run: Run, wanted: set[int]) -> dict[int, bytes]:
+def _reread(run: Run, indices: set[int]) -> dict[int, bytes]:
     source = run.manifest["source"]
-    if not source.startswith("sim:") and not Path(source).expanduser().exists():  # no camera or address is asked
+    if not source.startswith("sim:") and not Path(source).expanduser().exists():  # no camera or address is opened
         raise InputError(f"{source} is not here")
     options = {name: run.manifest["options"][name] for name in OPENING if name in run.manifest["options"]}
     sequence = open_sequence(source, **options)
     found = {}
-    for index in sorted(wanted):
+    for index in sorted(indices):
         if 0 <= index < len(sequence):
             shown = main_image(sequence[index])
             if shown is None:

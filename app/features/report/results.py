@@ -1,4 +1,4 @@
-"""The table of results: a group of columns per kind of method, the runs beside each other in it."""
+"""The table of results: a group of columns per kind of method, the runs side by side in it."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _badness(best: Best, value: float) -> float:
 
 
 def provenance(runs: list[Run]) -> list[Block]:
-    """What tells the runs apart first; all options, versions, settings and hashes to be opened."""
+    """The differences of the runs first; all options, versions, settings and hashes to be opened."""
     head = ["", *(run.label for run in runs)]
     rows: list[list[Any]] = [
         ["folder", *(str(run.path) for run in runs)],

@@ -1,4 +1,4 @@
-"""What the methods said in a run, as columns and rows: its steps.csv and decisions.csv."""
+"""The results of the methods in a run, as columns and rows: its steps.csv and decisions.csv."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ NUMBERS = ("error_m", "scale", "inliers", "residual_median_px", "alive", "new", 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What one method said, frame by exposure: N rows."""
+    """The results of one method at its N frames."""
 
     exposures: np.ndarray
     times_ns: np.ndarray
     status: tuple[str, ...]
     key_frame: np.ndarray
     columns: Mapping[str, np.ndarray]
-    """By name of NUMBERS: (N,), NaN where nothing was said."""
+    """By name of NUMBERS: (N,), NaN where there is no value."""
     stages: Mapping[str, np.ndarray]
     """By stage: (N,) seconds, 0 where it was not run."""
 
@@ -60,7 +60,7 @@ def read_steps(folder: Path) -> tuple[dict[str, Steps], tuple[DecisionRow, ...]]
                 raise InputError(f"{folder / STEPS} names a method {step.method[:40]!r} that is not installed")
             found[step.method].append(step)
             decisions += (DecisionRow(step.exposure, step.time_ns, step.method, d) for d in step.decisions)
-    return {name: _columns(said) for name, said in found.items() if said}, tuple(decisions)
+    return {name: _columns(rows) for name, rows in found.items() if rows}, tuple(decisions)
 
 
 def _columns(steps: list[StoredStep]) -> Steps:
@@ -68,14 +68,14 @@ def _columns(steps: list[StoredStep]) -> Steps:
     return Steps(
         np.array([step.exposure for step in steps], np.int64),
         np.array([step.time_ns for step in steps], np.int64),
-        tuple(str(step.said["status"]) for step in steps),
-        np.array([step.said["key_frame"] for step in steps], bool),
+        tuple(str(step.values["status"]) for step in steps),
+        np.array([step.values["key_frame"] for step in steps], bool),
         {name: np.array([_number(step, name) for step in steps]) for name in NUMBERS},
         {stage: np.array([step.seconds.get(stage, 0.0) for step in steps]) for stage in stages},
     )
 
 
 def _number(step: StoredStep, name: str) -> float:
-    """NaN where nothing was said."""
-    value = step.said[name]
+    """NaN where there is no value."""
+    value = step.values[name]
     return math.nan if value is None else float(value)

@@ -10,7 +10,7 @@ from .service import RunsService
 
 
 class OpenSource(PageCommand, frozen=True):
-    """Open another source as the command line said, and play it: `sim:NAME`, an address, or a path."""
+    """Open another source with the options of the command line, and play it: `sim:NAME`, an address, or a path."""
 
     source: str
 

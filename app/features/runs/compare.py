@@ -1,4 +1,4 @@
-"""What the mode Compare shows of two runs of the session: errors, the first differences, and how far they are apart."""
+"""The mode Compare, of two runs of the session: errors, first differences, and distances of their positions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def comparison_message(
         "frames": [comparison.start, comparison.stop - 1],
         "done": comparison.done - comparison.start,
         "finished": comparison.finished,
-        "apart": comparison.apart,
+        "apart": comparison.differing_frames,
         "thinned": comparison.thinned,
         "curves": curves,
         "total": state.total,
@@ -83,8 +83,8 @@ def _line(difference: Difference) -> str:
     """`Monocular new tracks: 0 vs 147 (Δ 147)`."""
     if difference.name.endswith(POSITION) and difference.by is not None:
         method = difference.name.removesuffix(f".{POSITION}")
-        apart = length(difference.by) if registered(method).unit == "metric" else f"{difference.by:.3g} (own unit)"
-        return f"{colours.label(method)} position: {apart} apart"
+        distance = length(difference.by) if registered(method).unit == "metric" else f"{difference.by:.3g} (own unit)"
+        return f"{colours.label(method)} position: {distance} apart"
     method = next((m for m in _prefixes(difference.name) if m in names()), difference.name.partition(".")[0])
     key = difference.name.removeprefix(f"{method}.")
     key = WORDS.get(key, key.replace("_", " ").replace(".", " "))
@@ -109,14 +109,14 @@ def distances(a: Branch, b: Branch, runs: Sequence[CurrentRun], methods: Iterabl
     for method in methods:
         errors = [branch.measured.errors.get(method) for branch in (a, b)]
         if errors[0] is not None and errors[1] is not None:
-            frames, apart = _between(errors[0].aligned, errors[1].aligned, runs[0].playback.sequence.times_ns)
+            frames, distances_m = _between(errors[0].aligned, errors[1].aligned, runs[0].playback.sequence.times_ns)
             how = ALIGNED[errors[0].alignment]
         elif registered(method).unit == "metric":
             count = min(len(run.series) for run in runs)
             xyz = [_positions(run.series, method, count) for run in runs]
-            apart = np.linalg.norm(xyz[0] - xyz[1], axis=1)
-            frames, how = np.flatnonzero(np.isfinite(apart)), ALIGNED["none"]
-            apart = apart[frames]
+            distances_m = np.linalg.norm(xyz[0] - xyz[1], axis=1)
+            frames, how = np.flatnonzero(np.isfinite(distances_m)), ALIGNED["none"]
+            distances_m = distances_m[frames]
         else:
             continue
         if len(frames):
@@ -127,16 +127,16 @@ def distances(a: Branch, b: Branch, runs: Sequence[CurrentRun], methods: Iterabl
                 "colour": colours.css(colours.of(method)),
                 "how": how,
                 "frames": frames[starts].tolist(),
-                "values": [float(f"{value:.6g}") for value in np.maximum.reduceat(apart, starts).tolist()],
+                "values": [float(f"{value:.6g}") for value in np.maximum.reduceat(distances_m, starts).tolist()],
             }
 
 
 def _between(a: Trajectory, b: Trajectory, times_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
     """(N,) the frames at which both have a pose, and (N,) the distances between them."""
     common, in_a, in_b = np.intersect1d(a.times_ns, b.times_ns, return_indices=True)
-    apart = np.linalg.norm(a.translations[in_a] - b.translations[in_b], axis=1)
+    distances_m = np.linalg.norm(a.translations[in_a] - b.translations[in_b], axis=1)
     known = np.isin(common, times_ns)
-    return np.searchsorted(times_ns, common[known]), apart[known]
+    return np.searchsorted(times_ns, common[known]), distances_m[known]
 
 
 def _positions(series: Series, method: str, count: int) -> Array:
@@ -144,6 +144,6 @@ def _positions(series: Series, method: str, count: int) -> Array:
     found = np.full((count, 3), np.nan)
     for i, key in enumerate("xyz"):
         if f"{method}.{key}" in series.quantities:
-            frames, values = series.said(f"{method}.{key}", count)
+            frames, values = series.values_of(f"{method}.{key}", count)
             found[frames, i] = values
     return found

@@ -18,7 +18,7 @@ from ...engine.run_folder.run_folder import EVENTS, METRICS, RUN
 from ...presentation.texts import size
 from ..experiments.command import PLAN
 from ..recording.listing import described, list_recordings
-from ..recording.state import Kept
+from ..recording.state import ListedRun
 from . import table
 from .table import Row
 
@@ -43,21 +43,21 @@ class RecordedRuns:
     def rows(self) -> list[Row]:
         """Of all finished runs, recordings, sweeps and experiments."""
         with bounded((self._folder,)):
-            kept = [each for each in list_recordings(self._folder) if not _linked(self._folder, each.name)][:MOST]
-            found = {each.name: self._row(each) for each in kept}
+            newest = [each for each in list_recordings(self._folder) if not _linked(self._folder, each.name)][:MOST]
+            found = {each.name: self._row(each) for each in newest}
             self._known = {name: entry for name, entry in self._known.items() if name in found}
             rows = [self._with_parent(row, found) for row in found.values()]
             groups = [path.parent for path in self._folder.glob(f"*/{PLAN}") if not path.parent.is_symlink()]
             rows = table.under_groups(rows, (path.name for path in groups))
             return [*rows, *(row for path in groups if (row := _group(path, rows)) is not None)]
 
-    def _row(self, kept: Kept) -> Row:
-        path = self._folder / kept.name
+    def _row(self, listed: ListedRun) -> Row:
+        path = self._folder / listed.name
         files = (path / RUN, path / METRICS, path / EVENTS) if path.is_dir() else (path,)
-        version = (kept, tuple(map(_changed_ns, files)))
-        if (known := self._known.get(kept.name)) is None or known[0] != version:
-            known = version, _read(path, kept, max(filter(None, version[1]), default=0) / 1e9)
-            self._known[kept.name] = known
+        version = (listed, tuple(map(_changed_ns, files)))
+        if (known := self._known.get(listed.name)) is None or known[0] != version:
+            known = version, _read(path, listed, max(filter(None, version[1]), default=0) / 1e9)
+            self._known[listed.name] = known
         return known[1]
 
     def _with_parent(self, row: Row, keys: Mapping[str, Row]) -> Row:
@@ -65,12 +65,12 @@ class RecordedRuns:
         return replace(row, parent=table.forked_parent(row.parent, (key for key in keys if key != row.key)))
 
 
-def _read(path: Path, kept: Kept, when_s: float) -> Row:
+def _read(path: Path, listed: ListedRun, when_s: float) -> Row:
     """A damaged run is still a row: it is there, and can be removed."""
-    picture = f"pictures/{quote(kept.picture)}" if kept.picture else ""
-    row = Row(kept.name, "run", kept.source, path.name, note=kept.note, when_s=when_s, picture=picture)
-    recording = f"recordings/{quote(kept.recording)}" if kept.recording else ""
-    row = replace(row, recording=recording, size=size(kept.size_bytes))
+    picture = f"pictures/{quote(listed.picture)}" if listed.picture else ""
+    row = Row(listed.name, "run", listed.source, path.name, note=listed.note, when_s=when_s, picture=picture)
+    recording = f"recordings/{quote(listed.recording)}" if listed.recording else ""
+    row = replace(row, recording=recording, size=size(listed.size_bytes))
     if not path.is_dir():
         return replace(row, kind="recording")
     try:

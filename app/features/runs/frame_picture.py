@@ -37,9 +37,11 @@ def _tracks(run: CurrentRun, index: int, method: str, camera: FrameName, image: 
     """Those of the method, or else those that the recording has of the camera."""
     found = tracks_of(run.history[index], method, camera)
     if found is None and run.recorded is not None:
-        kept = run.recorded.tracks(camera, index)
-        if kept is not None:
-            return Tracks.of(np.arange(len(kept.uv)), kept.uv_in(image), status=kept.classes.astype(np.uint8))
+        recorded = run.recorded.tracks(camera, index)
+        if recorded is not None:
+            return Tracks.of(
+                np.arange(len(recorded.uv)), recorded.uv_in(image), status=recorded.classes.astype(np.uint8)
+            )
     return found
 
 

@@ -64,9 +64,9 @@ def _located(series: Series, methods: tuple[str, ...]) -> dict[str, float]:
     tracking, found = tuple(Status).index(Status.TRACKING), {}
     for method in methods:
         if f"{method}.status" in series.quantities:
-            said = series.said(f"{method}.status", len(series))[1]
-            if len(said):
-                found[method] = float(np.mean(said == tracking))
+            statuses = series.values_of(f"{method}.status", len(series))[1]
+            if len(statuses):
+                found[method] = float(np.mean(statuses == tracking))
     return found
 
 

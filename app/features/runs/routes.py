@@ -78,13 +78,13 @@ class RunsRoutes:
         """What can be opened in the folder `in`, or where the app was started."""
         if not self._may_drive(request):
             raise web.HTTPForbidden(text="Onlookers change nothing.")
-        asked = request.query.get("in", "")
-        return send_json(await found(lambda: self._entries(asked)))
+        folder_path = request.query.get("in", "")
+        return send_json(await found(lambda: self._entries(folder_path)))
 
-    def _entries(self, asked: str) -> dict[str, Any]:
+    def _entries(self, folder_path: str) -> dict[str, Any]:
         folders = self._session.folders
-        folder = Path(asked) if asked else folders.home
-        if not folder.is_absolute() or "\0" in asked:
+        folder = Path(folder_path) if folder_path else folders.home
+        if not folder.is_absolute() or "\0" in folder_path:
             raise InputError("give the whole path of a folder")
         above = folders.above(folder)
         entries = [{"name": e.path.name, "path": str(e.path), "source": e.source} for e in folders.entries(folder)]

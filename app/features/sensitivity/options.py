@@ -22,7 +22,7 @@ class Perturb(Programs):
     """Folder that `ispom run` wrote."""
     wrong: Annotated[Perturbation, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Perturbation)
     rerun: bool = False
-    """Run again with the wrong calibration, and show that beside the prediction."""
+    """Run again with the wrong calibration, and show that together with the prediction."""
     source: str | None = None
     """Where the run's source is now, if it has been moved."""
     out: Path | None = None

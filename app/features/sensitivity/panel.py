@@ -17,7 +17,7 @@ from ...views.viser.panels import Panel, renderer
 from .commands import Predict, RunPerturbed
 from .rerun import CLOSE, Compared
 from .service import CalibrationEffect
-from .words import cell, said, unit_of
+from .words import cell, perturbation_text, unit_of
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -36,7 +36,7 @@ class EffectPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._run = session, -1
         with gui.add_folder(TITLE, expand_by_default=False):
-            # Above the sliders: what they do stays in sight while they are drawn.
+            # Above the sliders: what they do stays visible while they are drawn.
             self._text = gui.add_html(_text(session.state))
             self._form = ConfigForm(gui, Perturbation(), lambda wrong: session.post(Predict(wrong)))
             self._rerun = gui.add_button(RERUN, icon=viser.Icon.GIT_FORK, hint=RERUN_HINT, disabled=True)
@@ -86,14 +86,14 @@ def _text(state: State) -> str:
         }
         for each in effect.predictions
     ]
-    shown = {"said": said(effect.wrong), "computed": effect.computed, "rerun": effect.rerun, "rows": rows}
+    shown = {"said": perturbation_text(effect.wrong), "computed": effect.computed, "rerun": effect.rerun, "rows": rows}
     return render("effect.html", effect=shown | {"ended": bool(outcomes), "close": round(100 * CLOSE)})
 
 
 def _outcome(outcome: Compared | None, unit: Unit) -> dict[str, Any]:
     if outcome is None:
         return {"rerun": "", "rerun_ate": "", "held": True}
-    return {"rerun": cell(outcome.shift_m, unit), "rerun_ate": cell(outcome.ate_m, unit), "held": outcome.held}
+    return {"rerun": cell(outcome.shift_m, unit), "rerun_ate": cell(outcome.ate_m, unit), "held": outcome.agrees}
 
 
 PANELS = (Panel("Branches", 450, EffectPanel),)

@@ -17,7 +17,7 @@ from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.io.rig import rig_text
 from ispom.io.trajectories import tum_text
 from ispom.io.whole import write_whole
-from ispom.methods import with_asked
+from ispom.methods import with_dependencies
 from ispom.settings import check
 from ispom.types import Trajectory
 
@@ -33,7 +33,7 @@ from .options import Perturb
 from .predictor import Prediction, Predictor
 from .ran import ran_in
 from .rerun import Compared, compared
-from .words import UNIT_STEPS, cell, said, unit_of
+from .words import UNIT_STEPS, cell, perturbation_text, unit_of
 
 WIDTH = 120
 
@@ -70,7 +70,7 @@ def _rerun(options: Perturb, builder: Builder) -> dict[str, Trajectory]:
     """The final trajectories with the wrong calibration."""
     run = read_run_file(options.run)
     sequence = options.wrong.of_sequence(source_options(run).open(source_of(run, options.source)))
-    methods = with_asked(run.methods)
+    methods = with_dependencies(run.methods)
     playback = Playback(sequence, methods, run.configs(), builder)
     warmup.start(methods, run.configs())
     wait_for_compiler()
@@ -83,7 +83,7 @@ def _rerun(options: Perturb, builder: Builder) -> dict[str, Trajectory]:
 
 def _of(predictions: Iterable[Prediction], outcomes: dict[str, Compared], wrong: Perturbation) -> Table:
     """One perturbation: a row for each method."""
-    table = Table(title=said(wrong))
+    table = Table(title=perturbation_text(wrong))
     names = ["method", "moves by", "ATE of the run", "predicted ATE", "linear"]
     for name in names + ["rerun moves by", "its ATE", "predicted / rerun"] * bool(outcomes):
         table.add_column(name, justify="left" if name == "method" else "right")
@@ -110,7 +110,7 @@ def _each(predictor: Predictor) -> Table:
     shifts = [[each.shift_m for each in predictor.predict(wrong)] for wrong in wrongs]
     unit = length_unit(shift for row in shifts for shift in row)
     for wrong, row in zip(wrongs, shifts, strict=True):
-        table.add_row(said(wrong), *(length(shift, unit) for shift in row))
+        table.add_row(perturbation_text(wrong), *(length(shift, unit) for shift in row))
     return table
 
 
@@ -126,7 +126,7 @@ def _numbers(each: Prediction, outcome: Compared | None) -> dict[str, Any]:
         "nonlinearity": each.nonlinearity,
     }
     if outcome is not None:
-        found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.ate_m, "held": outcome.held}
+        found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.ate_m, "held": outcome.agrees}
     return found
 
 

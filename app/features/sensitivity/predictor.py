@@ -72,7 +72,7 @@ class Predictor:
         return Predictor(ran, found)
 
     def predict(self, wrong: Perturbation) -> tuple[Prediction, ...]:
-        """Of each method of which something can be said, in their order."""
+        """Of each method that a prediction is possible for, in their order."""
         found: dict[str, Prediction] = {}
         for method in self.ran.methods:
             run = self.ran.trajectories[method]

@@ -11,7 +11,7 @@ from ispom.io.files import exists
 from ispom.io.maps import SceneMap, read_maps
 from ispom.io.rig import read_rig
 from ispom.io.trajectories import read_tum
-from ispom.methods import Config, with_asked
+from ispom.methods import Config, with_dependencies
 from ispom.types import Rig, Trajectory
 
 from ...engine.events import Finished, Opened
@@ -42,7 +42,7 @@ class Ran:
 def ran_in(folder: Path) -> Ran:
     """Of a run's folder; InputError where it has no poses or points."""
     run, rig = read_run_file(folder), read_rig(folder / RIG)
-    methods = tuple(m for m in with_asked(run.methods) if exists(folder / trajectory_file(m)))
+    methods = tuple(m for m in with_dependencies(run.methods) if exists(folder / trajectory_file(m)))
     if not methods:
         raise InputError(f"{folder} has no trajectory of any method: run it first")
     trajectories = {m: read_tum(folder / trajectory_file(m), run.frame) for m in methods}

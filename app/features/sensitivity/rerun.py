@@ -34,7 +34,7 @@ class Compared:
         return self.prediction.shift_m / self.shift_m if self.shift_m > 0 else float("inf")
 
     @property
-    def held(self) -> bool:
+    def agrees(self) -> bool:
         return abs(self.ratio - 1) <= CLOSE
 
 

@@ -14,7 +14,7 @@ from ispom.io.trajectories import TrajectoryFile
 from ispom.settings import check
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.placed import Beside, Given, beside_run
+from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.playback import Playback, truth_from_start
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
@@ -24,7 +24,7 @@ from ..branches.service import BranchService
 from .predictor import Prediction, Predictor
 from .ran import Ran, ran_here, ran_in
 from .rerun import Compared, at_own_stamps, compared
-from .words import said
+from .words import perturbation_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ class CalibrationEffect(FeatureState):
 
 
 PREDICTED = "predicted-"
-"""The beginning of the names of predictions beside a rerun."""
+"""The beginning of the names of predictions in a rerun."""
 
 
 class EffectService(Service):
-    """Keeps what is linearised of a run, for as long as that is the one asked about."""
+    """Stores the linearisation of a run, for as long as predictions are about that run."""
 
     place = 20
 
@@ -73,7 +73,7 @@ class EffectService(Service):
     def predict(self, wrong: Perturbation) -> None:
         """Of the frames computed by now. InputError where they say too little, or a value is out of its range."""
         check(wrong, "")
-        run, predictor = self._asked(), self._predictor
+        run, predictor = self._predicted_run(), self._predictor
         now = run, len(run.history)
         if predictor is None or self._of != now:
             self.store.busy("linearising the run")
@@ -89,13 +89,15 @@ class EffectService(Service):
         effect = self.state[CalibrationEffect].effect
         if effect is None or not effect.wrong.nonzero:
             raise InputError("nothing is wrong with the calibration yet: move a slider first")
-        run = self._asked()
+        run = self._predicted_run()
         run.require_source()
         before = run.playback
         sequence = effect.wrong.of_sequence(before.sequence)
-        shown = tuple(_beside(n, each, run, sequence, effect.wrong) for n, each in enumerate(effect.predictions))
+        shown = tuple(
+            _as_external_trajectory(n, each, run, sequence, effect.wrong) for n, each in enumerate(effect.predictions)
+        )
         playback = Playback(sequence, before.methods, before.config, before.builder, before.earlier, shown)
-        again, name = CurrentRun(playback, self.session.history_bytes), said(effect.wrong)
+        again, name = CurrentRun(playback, self.session.history_bytes), perturbation_text(effect.wrong)
         self.session.service(BranchService).add(again, name, 0, (name,))
         self._again = again
         self.store.put(CalibrationEffect(replace(effect, rerun=True, outcomes=())))
@@ -111,15 +113,17 @@ class EffectService(Service):
             outcomes = compared(predictor, effect.predictions, found, effect.wrong)
             self.store.put(CalibrationEffect(replace(effect, outcomes=outcomes)))
 
-    def _asked(self) -> CurrentRun:
-        """The run that is asked about: while the branch with the wrong calibration is shown, the one before it."""
+    def _predicted_run(self) -> CurrentRun:
+        """Returns the run to predict: while the branch with the wrong calibration is shown, the one before it.
+
+        Raises InputError where there is none, or it is still recording."""
         run = self.run
         if run is None:
             raise InputError("there is no run yet: open a source first")
         if run.live:
             raise InputError("a live source is still recording: wait for its end")
-        beside = run.playback.beside
-        if self._of is not None and any(each.name.startswith(PREDICTED) for each in beside):
+        external = run.playback.external_trajectories
+        if self._of is not None and any(each.name.startswith(PREDICTED) for each in external):
             return self._of[0]
         return run
 
@@ -131,12 +135,14 @@ def _ran(run: CurrentRun) -> Ran:
     return ran_here(run.opened, run.finish(), run.history)
 
 
-def _beside(number: int, each: Prediction, run: CurrentRun, sequence: Sequence, wrong: Perturbation) -> Beside:
-    """A prediction as a trajectory beside the rerun, in the shared world and at the stamps of the rerun."""
+def _as_external_trajectory(
+    number: int, each: Prediction, run: CurrentRun, sequence: Sequence, wrong: Perturbation
+) -> ExternalTrajectory:
+    """Returns a prediction as an external trajectory of the rerun, in the shared world and at its stamps."""
     placement = run.history.last.placements.get(each.method, Similarity()) if run.history.last else Similarity()
     path, rig = placed(each.trajectory, placement), run.playback.sequence.rig
     path = path.moved(right=rig.rig_from(path.frame).inverse(), frame="rig")
     path = at_own_stamps(each.method, path, replace(wrong, clock_ms=-wrong.clock_ms))
     name = f"{PREDICTED}{each.method}"
-    given = Given(name, TrajectoryFile(Path(name), "TUM", path), alignment="none")
-    return beside_run(number, given, sequence, truth_from_start(sequence))
+    option = TrajectoryOption(name, TrajectoryFile(Path(name), "TUM", path), alignment="none")
+    return external_trajectory(number, option, sequence, truth_from_start(sequence))

@@ -31,7 +31,7 @@ UNIT_STEPS = {name: 0.1 if name.endswith("deg") else 0.01 if name.endswith("_m")
 """By field: what is one step of it in a list of all."""
 
 
-def said(wrong: Perturbation) -> str:
+def perturbation_text(wrong: Perturbation) -> str:
     """What is wrong, one phrase for each."""
     return ", ".join(NAMES[name].format(value) for name, value in wrong.nonzero.items()) or "nothing changed"
 

@@ -1,4 +1,4 @@
-"""Opening a source with options of its own; the start screen opens sources as the command line said."""
+"""Opening a source with options of its own; the start screen opens sources with the options of the command line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class SourcePanel:
         self._session.post(do.Open(self._source.value.strip(), self._options.value))
 
     def _named(self) -> None:
-        """Options of the source that is shown are its own: for another one, they become the usual ones in sight."""
+        """Options of the source that is shown are its own: for another one, the form shows the usual ones again."""
         state = self._state or self._session.state
         other = self._source.value.strip() != state.source
         if other and not self._other:

@@ -12,7 +12,7 @@ from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.rerun.layers import MEASURES
-from ..branches.stage import branches_beside, trajectories
+from ..branches.stage import trajectories, visible_branches
 from ..branches.state import Branches
 from ..external_paths.stage import paths_of_others, shows_recording
 from ..integration.commands import IntegrationSteps
@@ -47,8 +47,8 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
     shown, selected, geometry = (run, state.displayed), inspection.selected, inspection.panel == "geometry"
     looked = cache(lambda: looked_at(session, state))
 
-    def closely(wanted: bool, draw: Callable[[Looked], Iterable[Entry]]) -> Iterable[Entry]:
-        found = looked() if wanted else None
+    def closely(visible: bool, draw: Callable[[Looked], Iterable[Entry]]) -> Iterable[Entry]:
+        found = looked() if visible else None
         return draw(found) if found is not None else ()
 
     found = [
@@ -67,7 +67,7 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         Drawing(
             "branches",
             (others and shown, others, hidden),
-            lambda: trajectories(branches_beside(session, state) if others else {}, hidden),
+            lambda: trajectories(visible_branches(session, state) if others else {}, hidden),
             takes_long=True,
         ),
         Drawing(

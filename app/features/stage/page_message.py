@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ...engine.model.poses import PoseHistory, Times
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.rerun.blueprint import CURVES, EYE, WORLD_SHARE, least_size
-from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_beside, eye_of, eye_on, is_framed
+from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_from_side, eye_of, eye_on, is_framed
 from ..integration.commands import IntegrationSteps
 from ..integration.drawing import drawing, positions
 from ..integration.integration import latest_fit
@@ -48,29 +49,30 @@ class StageNews:
             news |= {"eye": EYE, "share": WORLD_SHARE, "curves": CURVES}
         if not run.opened.methods:  # of a recording alone no pose is known, and its layout has an eye of its own
             return news or None
-        path, least = self._path(state, run), least_size(run.opened)
+        path, least = self._path(state, run, state.displayed.placements), least_size(run.opened)
         if self._framed is None or not is_framed(path, self._framed, least):
             self._framed = path
-            eyes = {"frame": eye_on(path, least), "top": eye_above(path, least), "side": eye_beside(path, least)}
+            eyes = {"frame": eye_on(path, least), "top": eye_above(path, least), "side": eye_from_side(path, least)}
             news |= {name: _values(eye) for name, eye in eyes.items()}
-        return news | self._of_camera(state, run, FOLLOWING * max(extent(path), least)) or None
+        distance = FOLLOWING * max(extent(path), least)
+        return news | self._of_camera(state, run, state.displayed.placements, distance) or None
 
-    def _path(self, state: State, run: CurrentRun) -> Array:
+    def _path(self, state: State, run: CurrentRun, placements: Mapping[str, Similarity]) -> Array:
         """(N, 3) in the shared world: of all methods up to the frame shown, or of the integration that is looked at."""
         steps = state[IntegrationSteps].shown
         fit = latest_fit(run, steps.method, state.index) if steps is not None else None
         if steps is not None and fit is not None and (shapes := drawing(fit[1], steps.stage)):
             return positions(shapes)
-        assert state.displayed is not None
         model, found = run.model, list[Array]([np.zeros((0, 3))])
         for method, known in model.methods.items():
-            placement = state.displayed.placements.get(method, Similarity())
+            placement = placements.get(method, Similarity())
             found.append(placement.apply(_positions(known.poses, model.times, state.index)))
         return np.concatenate(found)
 
-    def _of_camera(self, state: State, run: CurrentRun, distance: float) -> dict[str, Any]:
+    def _of_camera(
+        self, state: State, run: CurrentRun, placements: Mapping[str, Similarity], distance: float
+    ) -> dict[str, Any]:
         """The eyes that go with the camera, of the method that needs most sensors."""
-        assert state.displayed is not None
         rig, methods = run.opened.sequence.rig, run.opened.methods
         if not methods or (rig.video or rig.left) is None:
             return {}
@@ -81,7 +83,7 @@ class StageNews:
             return {}
         camera = "video" if rig.video is not None else "left"
         own = step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
-        pose = state.displayed.placements.get(method, Similarity()).apply_pose(own)
+        pose = placements.get(method, Similarity()).apply_pose(own)
         return {"camera": _values(eye_of(pose, distance)), "follow": _values(eye_behind(pose, distance))}
 
 

@@ -40,11 +40,11 @@ class StagePainter:
         if tape.run != self._tape:
             self._tape, self._drawn, self._due_s = tape.run, {}, {}
         is_changed = False
-        wanted = {drawing.name: drawing for drawing in drawings(self._session, state, run)}
-        for name in self._drawn.keys() - wanted.keys():
+        by_name = {drawing.name: drawing for drawing in drawings(self._session, state, run)}
+        for name in self._drawn.keys() - by_name.keys():
             del self._drawn[name]
             is_changed |= tape.overlay.draw(name, ())
-        for name, drawing in wanted.items():
+        for name, drawing in by_name.items():
             waits = drawing.takes_long and state.playing and time.monotonic() < self._due_s.get(name, 0.0)
             if waits or self._drawn.get(name) == drawing.made_of:
                 continue

@@ -1,1 +1,1 @@
-"""One setting with a few values, run beside each other: what can be asked, and the process that runs it."""
+"""One setting with a few values, run in parallel: what can be swept, and the process that runs it."""

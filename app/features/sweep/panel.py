@@ -1,4 +1,4 @@
-"""Sweep: one setting of a method with a few values, run beside each other, and how they compare."""
+"""Sweep: one setting of a method with a few values, run in parallel, and how they compare."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ QUANTITIES = {"ate_m": "ATE [m]", "located_percent": "frames located [%]"}
 POINTS: Any = {"show": True, "size": 7}
 LOG = 3
 """uPlot's logarithmic distribution."""
-APART = 5.0
+LOGARITHMIC_RATIO = 5.0
 """Values that differ by more than this factor are drawn on a logarithmic axis."""
 GREY = "#8a8a8a"
 AXIS: uplot.Axis = {"stroke": GREY, "grid": {"stroke": f"{GREY}40", "width": 1}, "ticks": {"stroke": f"{GREY}40"}}
@@ -43,11 +43,11 @@ class SweepPlot:
         self._shown: tuple[object, ...] = ()
 
     def show(self, sweep: Sweep | None) -> None:
-        """Drawn anew with each run that is over."""
-        wanted = () if sweep is None else (sweep.name, len(sweep.outcomes))
-        if wanted == self._shown:
+        """Drawn again with each run that is over."""
+        version = () if sweep is None else (sweep.name, len(sweep.outcomes))
+        if version == self._shown:
             return
-        self._shown = wanted
+        self._shown = version
         if self._plot is not None:
             self._plot.remove()
             self._plot = None
@@ -60,7 +60,7 @@ class SweepPlot:
         numbers = _numbers(sweep)
         if not numbers:
             label = ", ".join(f"{place}: {shown(value)}" for place, value in enumerate(sweep.swept.values))
-        logarithmic = numbers and x.min() > 0 and x.max() > APART * x.min()
+        logarithmic = numbers and x.min() > 0 and x.max() > LOGARITHMIC_RATIO * x.min()
         scale: uplot.Scale = {"time": False, "distr": LOG} if logarithmic else {"time": False}
         with self._folder:
             self._plot = self._gui.add_uplot(
@@ -156,9 +156,9 @@ class SweepPanel:
         labels = tuple(colours.label(name) for name in self._possible) or NONE
         if labels != tuple(self._method.options):
             first = next((colours.label(name) for name in state.methods if colours.label(name) in labels), labels[0])
-            kept = self._method.value if self._method.value in labels else first
+            selected = self._method.value if self._method.value in labels else first
             self._method.options = labels
-            self._method.value = kept
+            self._method.value = selected
         self._start.disabled = labels == NONE
         self._offer_settings()
 
@@ -194,9 +194,9 @@ class SweepPanel:
         values = tuple(_ended(sweep)) if sweep is not None else ()
         self._choice.visible = self._show.visible = bool(values)
         if values and values != tuple(self._choice.options):
-            kept = self._choice.value
+            selected = self._choice.value
             self._choice.options = values
-            self._choice.value = kept if kept in values else values[0]
+            self._choice.value = selected if selected in values else values[0]
 
 
 def _ended(sweep: Sweep) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""The process of a sweep: an experiment (`app/features/experiments/child.py`) that tells how far it is."""
+"""The process of a sweep: an experiment (`app/features/experiments/child.py`) that reports its progress."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ispom.errors import InputError
 
 COMMAND = (*PYTHON, "-m", __name__.rpartition(".sweep.")[0] + ".experiments.child")
 ENDS_S = 10.0
-"""Told to end it writes what it has; after so long it is killed."""
+"""When cancelled, it writes what it has; after this time it is killed."""
 
 
 class SweepProcess:
@@ -28,7 +28,7 @@ class SweepProcess:
             self._child = Child(list(command))
         except OSError as error:
             raise InputError(f"the sweep cannot be started ({error.strerror}): try again") from None
-        self._told: deque[dict[str, Any]] = deque()
+        self._messages: deque[dict[str, Any]] = deque()
         self._until_s: float | None = None
         task = {"plan": plan, "out": str(out), "workers": workers}
         with suppress(OSError):  # it has ended already, and says why
@@ -37,12 +37,12 @@ class SweepProcess:
         self._listener = threading.Thread(target=self._listen, name="sweep", daemon=True)
         self._listener.start()
 
-    def told(self) -> list[dict[str, Any]]:
-        """Since this was asked last, oldest first."""
+    def take_messages(self) -> list[dict[str, Any]]:
+        """Returns the messages since the last call, oldest first."""
         found = list[dict[str, Any]]()
         with suppress(IndexError):
             while True:
-                found.append(self._told.popleft())
+                found.append(self._messages.popleft())
         return found
 
     @property
@@ -72,4 +72,4 @@ class SweepProcess:
         with suppress(OSError, ValueError):  # of a pipe that was closed meanwhile
             for line in self._child.answers:
                 with suppress(ValueError):
-                    self._told.append(json.loads(line))
+                    self._messages.append(json.loads(line))

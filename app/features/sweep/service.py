@@ -61,10 +61,10 @@ class SweepService(Service):
         process, sweep = self._process, self.state[SweepState].sweep
         if process is None or sweep is None:
             return
-        over = not process.running  # before it is asked what it told: what it told last is not missed
+        over = not process.running  # before its messages are read, so that the last ones are not missed
         now_s = time.monotonic()
-        for told in process.told():
-            sweep = sweep.after(told, now_s)
+        for message in process.take_messages():
+            sweep = sweep.after(message, now_s)
         if over:
             self._process = None
             failure = process.failure

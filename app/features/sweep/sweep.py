@@ -1,4 +1,4 @@
-"""What is known of a sweep, as a value that grows by what its process tells."""
+"""What is known of a sweep, as a value that grows by the messages of its process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Sweep:
     under_way: Mapping[int, float]
     """By the place of their value: the share of the frames that is computed."""
     left_s: float | None = None
-    """How long it still takes; None while nothing tells."""
+    """The remaining time; None while it is not known."""
     ended: bool = False
     problem: str = ""
     """Why it ended early, in one sentence."""
@@ -61,9 +61,9 @@ class Sweep:
         """Of all frames of all runs, 0..1."""
         return (len(self.outcomes) + sum(self.under_way.values())) / len(self.swept.values)
 
-    def after(self, told: Mapping[str, Any], now_s: float) -> Sweep:
-        """With what the process told."""
-        match told:
+    def after(self, message: Mapping[str, Any], now_s: float) -> Sweep:
+        """Returns the sweep after a message of its process."""
+        match message:
             case {"at": [int(place), int(count), int(total)]}:
                 found = replace(self, under_way={**self.under_way, place: count / max(total, 1)})
             case {"row": int(place), "folder": str(folder), "failure": failure, "values": values, "ms": ms}:

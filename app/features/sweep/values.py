@@ -12,7 +12,7 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.estimators.program.estimator import ProgramConfig
-from ispom.methods import Config, method, with_asked
+from ispom.methods import Config, method, with_dependencies
 from ispom.settings import Setting, check, from_plain, settings
 
 from ...engine.options import SourceOptions
@@ -58,7 +58,8 @@ def proposed(name: str, setting: str, config: Config) -> tuple[Value, ...]:
         return False, True
     if get_origin(found.type) is Literal:
         return tuple(islice(get_args(found.type), MOST))
-    assert found.range is not None
+    if found.range is None:
+        raise InputError(f"{name}.{setting} has no range: give its values")
     low, high = found.range.low, found.range.high
     around = _distinct(found.type, (min(max(value * factor, low), high) for factor in FACTORS), value)
     if len(around) >= FEWEST:
@@ -72,8 +73,8 @@ def parsed(name: str, setting: str, text: str) -> Swept:
     words = re.split(r"[\s,;]+", text.strip()) if text.strip() else []
     values = tuple(dict.fromkeys(_value(found, word, flag) for word in words))
     if not FEWEST <= len(values) <= MOST:
-        given = f"{len(values)} value{'' if len(values) == 1 else 's'}"
-        raise InputError(f"{flag} is to be swept over {given}: give {FEWEST} to {MOST} that differ")
+        count_text = f"{len(values)} value{'' if len(values) == 1 else 's'}"
+        raise InputError(f"{flag} is to be swept over {count_text}: give {FEWEST} to {MOST} that differ")
     for value in values:
         check(from_plain(method(name).config, {setting: value}, name), f"{name}.")
     return Swept(name, setting, values)
@@ -155,7 +156,7 @@ def plan_text(swept: Swept, source: str, options: SourceOptions, config: Config)
 def _others(swept: Swept, config: Config) -> dict[str, Value]:
     """What is not the default, of the method and of those that it asks."""
     found: dict[str, Value] = {}
-    for name in with_asked([swept.method]):
+    for name in with_dependencies([swept.method]):
         usual: Any = method(name).config()
         for field in fields(usual):
             value: Any = getattr(config.of(name), field.name)

@@ -20,7 +20,7 @@ WIDTH, HEIGHT = 330.0, 80.0
 
 
 def residuals_report(looked: Looked) -> str:
-    """Of the last EXPOSURES of the picture's camera, as HTML."""
+    """Residuals of the last EXPOSURES frames of the picture's camera, as HTML."""
     views = looked.recent[-EXPOSURES:]
     found = residuals_of(views)
     if not len(found.residual_px):

@@ -11,7 +11,7 @@ import numpy as np
 from ispom.types import Image, TrackStatus
 
 from ...engine.inspection.looked import Looked
-from ...engine.inspection.sightings import Sighting, TrackLife
+from ...engine.inspection.sightings import Observation, TrackLife
 from ...presentation import colours
 from ...presentation.texts import length
 from ...views.viser.drawing import picture
@@ -31,18 +31,18 @@ class TrackChips:
     """Cut out of images as they are read again; the latest are kept."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[Any, ...], str] = OrderedDict()
+        self._pictures: OrderedDict[tuple[Any, ...], str] = OrderedDict()
 
-    def of(self, looked: Looked, sighting: Sighting) -> str:
-        """The surroundings of a sighting, as an address of an image; empty where it cannot be read."""
-        key = (id(looked.sequence), sighting.index, *np.round(sighting.uv, 1).tolist())
-        if key not in self._kept:
-            image = image_of(looked.sequence, sighting.index)
-            self._kept[key] = "" if image is None else picture(cut(image, sighting.uv), CHIP_PX)
-        self._kept.move_to_end(key)
-        while len(self._kept) > MOST_KEPT:
-            self._kept.popitem(last=False)
-        return self._kept[key]
+    def of(self, looked: Looked, observation: Observation) -> str:
+        """The surroundings of an observation, as an address of an image; empty where it cannot be read."""
+        key = (id(looked.sequence), observation.index, *np.round(observation.uv, 1).tolist())
+        if key not in self._pictures:
+            image = image_of(looked.sequence, observation.index)
+            self._pictures[key] = "" if image is None else picture(cut(image, observation.uv), CHIP_PX)
+        self._pictures.move_to_end(key)
+        while len(self._pictures) > MOST_KEPT:
+            self._pictures.popitem(last=False)
+        return self._pictures[key]
 
 
 def cut(image: Image, uv: np.ndarray) -> Image:
@@ -55,8 +55,8 @@ def cut(image: Image, uv: np.ndarray) -> Image:
 
 
 def spread(life: TrackLife, most: int = CHIPS) -> list[int]:
-    """Places of so many of its sightings, evenly spread, the first and the last among them."""
-    count = len(life.sightings)
+    """Indices of some of its observations, evenly spread, with the first and the last."""
+    count = len(life.observations)
     return sorted(set(np.rint(np.linspace(0, count - 1, min(most, count))).astype(int).tolist()))
 
 
@@ -68,26 +68,26 @@ def track_report(looked: Looked, chips: TrackChips) -> str:
     if life is None:
         note = f"Track {selection.number} is not among the tracks of the frames up to {looked.record.index}."
         return render("track.html", note=note, life=None)
-    now = np.full(len(life.sightings), np.nan) if looked.point is None else looked.point.residuals_px
-    items = [_chip(looked, chips, life.sightings[i], now[i]) for i in spread(life)]
+    now = np.full(len(life.observations), np.nan) if looked.point is None else looked.point.residuals_px
+    items = [_chip(looked, chips, life.observations[i], now[i]) for i in spread(life)]
     title = f"Track {life.number} of {colours.label(life.method)}, {life.camera} image"
     facts = list(_facts(looked, life))
     return render("track.html", note="", life=title, chips=items, facts=facts, plot=_plot(life, now))
 
 
-def _chip(looked: Looked, chips: TrackChips, sighting: Sighting, residual_px: float) -> dict[str, Any]:
+def _chip(looked: Looked, chips: TrackChips, observation: Observation, residual_px: float) -> dict[str, Any]:
     residual = "" if np.isnan(residual_px) else f", {residual_px:.2f} px from its point"
     return {
-        "image": chips.of(looked, sighting),
-        "index": sighting.index,
-        "colour": colours.css(colours.TRACK[sighting.status]),
-        "hint": f"frame {sighting.index}: {sighting.status.reason}{residual}",
-        "key": sighting.key_frame,
+        "image": chips.of(looked, observation),
+        "index": observation.index,
+        "colour": colours.css(colours.TRACK[observation.status]),
+        "hint": f"frame {observation.index}: {observation.status.reason}{residual}",
+        "key": observation.key_frame,
     }
 
 
 def _facts(looked: Looked, life: TrackLife) -> Iterator[tuple[str, str]]:
-    first, last = life.sightings[0], life.last
+    first, last = life.observations[0], life.last
     began = f"frame {first.index}" if life.whole else f"frame {first.index} or earlier"
     if last.status.dropped:
         yield "ended", f"frame {last.index}: {last.status.reason}; began at {began}"
@@ -136,15 +136,15 @@ def _size(value: float, unit_m: float | None) -> str:
 
 
 def _plot(life: TrackLife, now_px: np.ndarray) -> dict[str, Any] | None:
-    """The residuals over the sightings: with the point as known at the frame shown, and as the method said then."""
-    then_px = np.array([np.nan if s.status == TrackStatus.NEW else s.residual_px for s in life.sightings])
+    """The residuals over the observations: with the point as known at the frame shown, and with the live one."""
+    then_px = np.array([np.nan if s.status == TrackStatus.NEW else s.residual_px for s in life.observations])
     known = np.concatenate([now_px, then_px])
     if len(now_px) < 2 or not np.isfinite(known).any():
         return None
     top = max(float(np.nanmax(known)), 1e-3)
     x = np.arange(len(now_px)) / (len(now_px) - 1) * PLOT[0]
     lines = [_line(x, values / top) for values in (now_px, then_px)]
-    ends = life.sightings[0].index, life.last.index
+    ends = life.observations[0].index, life.last.index
     return {
         "width": PLOT[0],
         "height": PLOT[1],

@@ -48,7 +48,8 @@ def track_picture(looked: Looked, views: RecordedViews | None = None) -> str:
 
 def _image(looked: Looked, views: RecordedViews | None) -> Image | None:
     """That of the source, or else the one in the recording."""
-    assert looked.index is not None
+    if looked.index is None:
+        return None
     found = image_of(looked.sequence, looked.index)
     if found is None and views is not None:
         return views.image(looked.pictured, looked.index)
@@ -73,13 +74,13 @@ def image_of(sequence: Sequence, index: int) -> Image | None:
 
 def line_of(looked: Looked) -> EpipolarLine | None:
     """Of the selected track: in the frame that saw it last, the line of where the first one with a pose saw it."""
-    views = [s for s in looked.life.seen if s.world_from_camera is not None] if looked.life else []
+    seen = looked.life.seen if looked.life else ()
+    views = [(s.world_from_camera, s.uv) for s in seen if s.world_from_camera is not None]
     if looked.life is None or len(views) < 2:
         return None
-    first, last = views[0], views[-1]
-    assert first.world_from_camera is not None and last.world_from_camera is not None
+    (first_pose, first_uv), (last_pose, last_uv) = views[0], views[-1]
     lens = looked.lens(looked.of_track, looked.life.camera)
-    return epipolar(lens, first.world_from_camera, last.world_from_camera, first.uv, last.uv)
+    return epipolar(lens, first_pose, last_pose, first_uv, last_uv)
 
 
 def _title(looked: Looked, recorded: RecordedTracks | None) -> str:
@@ -136,7 +137,7 @@ def _picked(looked: Looked) -> dict[str, Any] | None:
     if life is None or life.camera != looked.pictured:
         return None
     line = line_of(looked) if life.last.index == looked.index else None
-    path = np.stack([s.uv for s in life.sightings])
+    path = np.stack([s.uv for s in life.observations])
     u, v = in_view(path[-1])[0].tolist()
     curve = polyline(line.curve_uv) if line is not None and len(line.curve_uv) > 1 else ""
     return {"path": polyline(path), "u": u, "v": v, "line": curve, "here": life.last.index == looked.index}

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ispom.types import TrackStatus
 
 from ...engine.inspection.looked import EXPOSURES, Looked
+from ...engine.inspection.selection import Selection
 from ...engine.inspection.sightings import Seen
 from ...presentation import colours
 from ...presentation.texts import length
@@ -98,7 +99,7 @@ def lifetimes_chart(looked: Looked) -> str:
     found = lifetimes(looked.recent[-EXPOSURES:])
     if looked.seen is None or not len(found.ids):
         return render("lifetimes.html", note=NO_TRACKS)
-    lines = list(_lines(found, looked))
+    lines = list(_lines(found, looked.seen.step.method, looked.selection))
     legend = [(colours.css(colours.TRACK[s]), f"{n} {s.reason}") for s, n in endings(found).items()]
     alive = int((found.status < TrackStatus.LOST).sum())
     living = (colours.css(colours.TRACK[TrackStatus.ALIVE]), f"{alive} go on")
@@ -109,9 +110,7 @@ def lifetimes_chart(looked: Looked) -> str:
     return render("lifetimes.html", note="", title=title, **known)
 
 
-def _lines(found: Lifetimes, looked: Looked) -> Iterator[dict[str, Any]]:
-    assert looked.seen is not None
-    method, selected = looked.seen.step.method, looked.selection
+def _lines(found: Lifetimes, method: str, selected: Selection | None) -> Iterator[dict[str, Any]]:
     chosen = np.unique(np.linspace(0, len(found.ids) - 1, min(MOST_LINES, len(found.ids))).astype(int))
     if selected is not None and selected.kind == "track":
         chosen = np.unique(np.concatenate([chosen, np.flatnonzero(found.ids == selected.number)]))

@@ -14,7 +14,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists
 from ispom.io.rig import read_rig
 from ispom.io.trajectories import read_tum
-from ispom.methods import Config, method, with_asked
+from ispom.methods import Config, method, with_dependencies
 from ispom.types import FrameName, Rig, Sequence, Trajectory
 
 from ...engine.options import SourceOptions
@@ -33,7 +33,7 @@ Opener = Callable[[str, SourceOptions], Sequence]
 def read_stored(folder: Path, opener: Opener, builder: Builder) -> Stored:
     """The run of a folder. `opener` opens its source. InputError where the folder holds no run, or not as written."""
     run, rig = read_run_file(folder), read_rig(folder / RIG)
-    config, methods = run.configs(), with_asked(run.methods)
+    config, methods = run.configs(), with_dependencies(run.methods)
     if not methods:
         raise InputError(f"{folder}: the methods of the run are not installed here: install them, or run again")
     found = exposures(folder, rig)

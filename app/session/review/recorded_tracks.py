@@ -92,7 +92,7 @@ class RecordedViews:
         try:
             if self._store is None:
                 self._store = RrdReader(self.path).store()
-            for batch in self._batches(entity, columns):
+            for batch in self._batches(self._store, entity, columns):
                 found = np.flatnonzero(batch.column("exposure").to_numpy(zero_copy_only=False) == index)
                 if len(found):
                     at = int(found[-1])
@@ -101,16 +101,16 @@ class RecordedViews:
             return None
         return None
 
-    def _batches(self, entity: str, columns: tuple[str, ...]) -> Iterator[pa.RecordBatch]:
-        assert self._store is not None
-        for chunk in self._store.stream().filter(content=entity, is_static=False):
+    @staticmethod
+    def _batches(store: LazyStore, entity: str, columns: tuple[str, ...]) -> Iterator[pa.RecordBatch]:
+        for chunk in store.stream().filter(content=entity, is_static=False):
             batch = chunk.to_record_batch()
             if {"exposure", *columns} <= set(batch.schema.names):
                 yield batch
 
 
 def _counts(legend: dict[str, Any]) -> dict[TrackStatus, int]:
-    """By status, as the legend beside the recorded image says it."""
+    """By status, as in the legend of the recorded image."""
     labels, classes = legend["Points2D:labels"] or (), legend["Points2D:class_ids"] or ()
     found = {}
     for label, number in zip(labels, classes, strict=False):

@@ -37,15 +37,15 @@ PLOTTED = {
     "plots/residual/{}": "residual_median_px",
 }
 """Quantities by their entity."""
-NOT_SAID: Mapping[str, Value] = {quantity.key: None for quantity in STEP_QUANTITIES}
-Said = dict[int, dict[str, dict[str, Value]]]
+NO_VALUES: Mapping[str, Value] = {quantity.key: None for quantity in STEP_QUANTITIES}
+ValuesByFrame = dict[int, dict[str, dict[str, Value]]]
 """By frame, method and key."""
 
 
 def read_recording(path: Path) -> Stored:
     """InputError where the file is no finished recording of `ispom`, of the Rerun version that is installed."""
     recording_id = identity(path)
-    times_ns, stereo, said = _contents(path)
+    times_ns, stereo, values = _contents(path)
     if not len(times_ns):
         raise InputError(f"{path} holds no exposure: give another recording")
     unavailable = f"{path.name} is a recording alone: nothing can be computed anew"
@@ -56,12 +56,12 @@ def read_recording(path: Path) -> Stored:
     kinds: tuple[Kind, ...] = tuple("stereo" if i in stereo else "video" for i in range(len(times_ns)))
     notes = (f"{unavailable}; of its quantities, those in its plots are known",)
     sequence = Sequence(path.stem, Rig(), times_ns, kinds, load, _truth(path, times_ns), notes)
-    methods = tuple(name for name in names() if any(name in row for row in said.values()))
+    methods = tuple(name for name in names() if any(name in row for row in values.values()))
     return Stored(
         path,
         Playback(sequence, (), Config(), nobody),
         lambda: (
-            ExposureRecord(i, int(times_ns[i]), kinds[i], (), {}, {}, {}, stored=said.get(i, {}))
+            ExposureRecord(i, int(times_ns[i]), kinds[i], (), {}, {}, {}, stored=values.get(i, {}))
             for i in range(len(times_ns))
         ),
         {},
@@ -84,7 +84,7 @@ def identity(path: Path) -> str:
     return found[0].recording_id
 
 
-def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
+def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], ValuesByFrame]:
     """Time of each frame (N,) [ns], those that are stereo pairs, and what was plotted."""
     times = dict(_rows(path, EACH, "time"))
     first = min(times.values(), default=0) - _start_ns(path)
@@ -94,22 +94,22 @@ def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
     for index in range(len(times_ns)):
         times_ns[index] = times[index] - first if index in times else times_ns[index - 1]
     stereo = frozenset(index for index, _ in _rows(path, "/left/tracks"))
-    said: Said = {}
+    values: ValuesByFrame = {}
     for name in names():
         for entity, key in PLOTTED.items():
             for index, value in _rows(path, "/" + entity.format(name), "Scalars:scalars"):
                 if value is not None and len(value):
-                    said.setdefault(index, {}).setdefault(name, dict(NOT_SAID))[key] = float(value[0])
-    return times_ns, stereo, said
+                    values.setdefault(index, {}).setdefault(name, dict(NO_VALUES))[key] = float(value[0])
+    return times_ns, stereo, values
 
 
 def _start_ns(path: Path) -> int:
-    """The first frame's time; 0 where it is not said."""
+    """The first frame's time; 0 where it is not recorded."""
     try:
         for chunk in RrdReader(path).stream().filter(content=f"/{START}").to_chunks():
             batch = chunk.to_record_batch()
-            if START_NS in batch.schema.names and (said := batch.column(START_NS).to_pylist()[0]):
-                return int(np.clip(said[0], 0, LATEST_NS))
+            if START_NS in batch.schema.names and (starts_ns := batch.column(START_NS).to_pylist()[0]):
+                return int(np.clip(starts_ns[0], 0, LATEST_NS))
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}): give another recording") from None
     return 0

@@ -37,7 +37,7 @@ class Exposures:
     kinds: tuple[Kind, ...]
     """(N,)."""
     used: NDArray[np.bool_]
-    """(N,) whether the folder tells; the others, which no method used, are put between their neighbours."""
+    """(N,) whether the folder has it; the others, which no method used, are put between their neighbours."""
     frames: Mapping[str, FrameName] = field(default_factory=dict)
     """By method: whose poses its steps have."""
 
@@ -100,7 +100,7 @@ def _between(indices: NDArray[np.int64], known: NDArray[np.int64], times_ns: lis
 def records(
     folder: Path, of: Exposures, methods: Collection[str], placed: Iterable[Placed], start: Mapping[str, Similarity]
 ) -> Iterator[ExposureRecord]:
-    """Every frame in its order, with the steps of these methods; InputError as `exposures`.
+    """Every frame in its order, with the steps of these methods; raises InputError as `exposures`.
 
     `start` has the placements before the first frame. What is written of other methods, which ran inside these, is
     among the values.
@@ -111,24 +111,24 @@ def records(
         written = groupby(steps, attrgetter("exposure"))
         index, group = next(written, (len(groups), iter(())))
         for i in groups:
-            said: tuple[StoredStep, ...] = ()
+            rows: tuple[StoredStep, ...] = ()
             if index == i:
-                said = tuple(group)
+                rows = tuple(group)
                 index, group = next(written, (len(groups), iter(())))
-            before = _record(i, of, said, methods, _placements(start, placed, i), before)
+            before = _record(i, of, rows, methods, _placements(start, placed, i), before)
             yield before
 
 
 def _record(
     index: int,
     of: Exposures,
-    said: tuple[StoredStep, ...],
+    rows: tuple[StoredStep, ...],
     methods: Collection[str],
     placements: Mapping[str, Similarity],
     before: ExposureRecord | None,
 ) -> ExposureRecord:
-    errors_m = {s.method: float(s.said["error_m"]) for s in said if s.said["error_m"] is not None}  # type: ignore[arg-type]
-    own = [s for s in said if s.method in methods and of.kinds[index] in registered(s.method).sensors]
+    errors_m = {s.method: float(s.values["error_m"]) for s in rows if s.values["error_m"] is not None}  # type: ignore[arg-type]
+    own = [s for s in rows if s.method in methods and of.kinds[index] in registered(s.method).sensors]
     steps = tuple(map(_step, own))
     statuses = dict(before.statuses) if before is not None else {}
     statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method), step.provisional) for step in steps}
@@ -140,31 +140,31 @@ def _record(
         placements,
         {s.method: errors_m[s.method] for s in own if s.method in errors_m},
         statuses,
-        stored={s.method: s.said for s in said},
+        stored={s.method: s.values for s in rows},
     )
 
 
 def _step(stored: StoredStep) -> Step:
-    said = stored.said
+    values = stored.values
     return Step(
         stored.time_ns,
-        Status(str(said["status"])),
+        Status(str(values["status"])),
         stored.frame,
-        _pose(said),
-        key_frame=said["key_frame"] is True,
-        scale=_number(said["scale"]),
+        _pose(values),
+        key_frame=values["key_frame"] is True,
+        scale=_number(values["scale"]),
         seconds=stored.seconds,
         decisions=stored.decisions,
-        scale_sigma=_number(said["scale_sigma"]),
+        scale_sigma=_number(values["scale_sigma"]),
         method=stored.method,
-        restarted=said["restarted"] is True,
-        provisional=said["provisional"] is True,
+        restarted=values["restarted"] is True,
+        provisional=values["provisional"] is True,
     )
 
 
-def _pose(said: Mapping[str, object]) -> Pose | None:
+def _pose(values: Mapping[str, object]) -> Pose | None:
     """world_from_frame; None where the row has none."""
-    numbers = [said.get(name) for name in POSE]
+    numbers = [values.get(name) for name in POSE]
     if any(number is None for number in numbers):
         return None
     return Pose.from_xyzw(np.array(numbers[3:], float), np.array(numbers[:3], float))

@@ -26,7 +26,7 @@ class Stored:
     path: Path
     """The folder, or the recording."""
     playback: Playback
-    """At the first exposure: from there it can be replayed, unless `unavailable` says why not."""
+    """At the first frame: from there it can be replayed, unless `unavailable` says why not."""
     records: Callable[[], Iterator[ExposureRecord]]
     """Every frame that was computed; InputError where one cannot be read."""
     final: Mapping[str, Trajectory]
@@ -37,7 +37,7 @@ class Stored:
     """What Rerun shows of it."""
     recording_id: str = ""
     unavailable: str = ""
-    """Why nothing can be computed anew, in one sentence; empty where it can."""
+    """Why nothing can be computed again, in one sentence; empty where it can."""
 
 
 def nobody(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:

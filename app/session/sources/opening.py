@@ -13,7 +13,7 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.placed import Beside, Given, beside_run
+from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder, Playback, truth_from_start
 from ...engine.run_folder.run_folder import RECORDING, RUN
@@ -29,11 +29,11 @@ class SourceOpener:
     """How sources are opened, the same for as long as the app runs."""
 
     opener: Callable[..., Sequence]
-    """`opener(source)` opens as the command line said, `opener(source, options)` as the page says."""
+    """`opener(source)` opens with the options of the command line, `opener(source, options)` with those of the page."""
     builder: Builder
     variant: Variant
     """Of the methods that run where nobody chose any."""
-    given: tuple[Given, ...] = ()
+    trajectory_options: tuple[TrajectoryOption, ...] = ()
     """Trajectories of other programs, shown where they fit the source."""
     folders: Folders = Folders()
     """Where somebody at the page may look for runs and recordings."""
@@ -50,9 +50,9 @@ class SourceOpener:
             found = stored_at(source, self.opener, self.builder, policy)
             if found is None:
                 return None
-            if self.given:
-                sequence, shown = beside_those(self.given, found.playback.sequence)
-                found = replace(found, playback=replace(found.playback, sequence=sequence, beside=shown))
+            if self.trajectory_options:
+                sequence, shown = with_external_trajectories(self.trajectory_options, found.playback.sequence)
+                found = replace(found, playback=replace(found.playback, sequence=sequence, external_trajectories=shown))
             return CurrentRun.of_stored(found, memory_bytes)
 
     def playback(
@@ -65,8 +65,8 @@ class SourceOpener:
         strict: bool,
         progress: Callable[[str], None],
     ) -> Playback:
-        """Opens a source; `progress` is told what takes long. InputError where it cannot be opened, or the methods do
-        not fit.
+        """Opens a source; `progress` gets the name of what takes long. InputError where it cannot be opened, or the
+        methods do not fit.
 
         `methods` None means the usual ones. `strict`: exactly these; otherwise those of them that the source has the
         cameras for, or else the usual ones.
@@ -80,16 +80,18 @@ class SourceOpener:
             raise InputError(
                 f"{without_secrets(source)} has neither a video camera nor a stereo pair: open another source"
             )
-        wanted = methods or usual
-        chosen = wanted if strict else tuple(m for m in wanted if m in possible) or usual
-        sequence, found = beside_those(self.given, sequence)
-        return Playback(sequence, chosen, config, self.builder, beside=found)
+        candidates = methods or usual
+        chosen = candidates if strict else tuple(m for m in candidates if m in possible) or usual
+        sequence, externals = with_external_trajectories(self.trajectory_options, sequence)
+        return Playback(sequence, chosen, config, self.builder, external_trajectories=externals)
 
     def again(self, before: Playback, methods: tuple[str, ...], config: Config) -> Playback:
         """The same sequence from its first frame on. InputError where the methods do not fit."""
         if not methods:
             raise InputError("no method is selected: select at least one")
-        return Playback(before.sequence, in_order(methods), config, self.builder, beside=before.beside)
+        return Playback(
+            before.sequence, in_order(methods), config, self.builder, external_trajectories=before.external_trajectories
+        )
 
 
 def stored_at(
@@ -108,12 +110,14 @@ def stored_at(
         return read_stored(folder, opener, builder) if exists(folder / RUN) else read_recording(path)
 
 
-def beside_those(given: tuple[Given, ...], sequence: Sequence) -> tuple[Sequence, tuple[Beside, ...]]:
-    """The trajectories of other programs that fit a sequence; a note in it tells of each that does not."""
-    found, notes = list[Beside](), list[str]()
-    for number, each in enumerate(given):
+def with_external_trajectories(
+    trajectory_options: tuple[TrajectoryOption, ...], sequence: Sequence
+) -> tuple[Sequence, tuple[ExternalTrajectory, ...]]:
+    """Returns the sequence, with a note for each trajectory that does not fit, and the trajectories that do."""
+    externals, notes = list[ExternalTrajectory](), list[str]()
+    for number, each in enumerate(trajectory_options):
         try:
-            found.append(beside_run(number, each, sequence, truth_from_start(sequence)))
+            externals.append(external_trajectory(number, each, sequence, truth_from_start(sequence)))
         except InputError:
             notes.append(f"{each.name} is of another recording and not shown")
-    return replace(sequence, notes=(*sequence.notes, *notes)), tuple(found)
+    return replace(sequence, notes=(*sequence.notes, *notes)), tuple(externals)

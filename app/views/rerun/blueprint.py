@@ -73,7 +73,9 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
     plots = [_plot(opened, kind, title, hidden_in[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
     texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
-    row = rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1])
+    row = rrb.Horizontal(
+        rrb.Tabs(*map(_with_stable_id, plots)), rrb.Tabs(*map(_with_stable_id, texts)), column_shares=[1.2, 1]
+    )
     row.id = uuid5(NAMESPACE_URL, "ispom:curves")
     return row
 
@@ -189,7 +191,7 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     )
     name = f"3-D [{unit}], grid {spacing:g}{' m' if unit == 'm' else ''}"
     view = rrb.Spatial3DView(origin="/world", name=name, overrides=_hide(hidden), eye_controls=controls, line_grid=grid)
-    return _lasting(view)
+    return _with_stable_id(view)
 
 
 def grid_spacing(path: Array) -> float:
@@ -216,7 +218,7 @@ def _image(name: str, camera: Camera, hidden: list[str]) -> rrb.View:
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     hidden = [*hidden, f"{name}/legend/light"]  # a viewer is dark until a page says that it is not
     view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
-    return _lasting(view)
+    return _with_stable_id(view)
 
 
 def _plot(opened: Opened, kind: str, title: str, hidden: list[str]) -> rrb.View:
@@ -245,7 +247,7 @@ def _hide(paths: list[str]) -> dict[Any, rrb.EntityBehavior]:
     return {path: rrb.EntityBehavior(visible=False) for path in paths}
 
 
-def _lasting(view: rrb.View) -> rrb.View:
+def _with_stable_id(view: rrb.View) -> rrb.View:
     """With an id that follows from what it shows, in every layout the same."""
     view.id = _view_id(str(view.origin))
     return view

@@ -33,8 +33,9 @@ class ColouredTracks:
     def opening(self) -> Iterator[Entry]:
         """What the colours mean; static."""
         for name, camera in (("video", self._rig.video), ("left", self._rig.left)):
-            for by in SCALES if camera is not None else ():
-                assert camera is not None
+            if camera is None:
+                continue
+            for by in SCALES:
                 yield Entry(path_of(name, by), _classes(by), static=True)
                 yield from _legend(f"{path_of(name, by)}/legend", by, camera)
 
@@ -58,7 +59,7 @@ def _classes(by: Colouring) -> rr.AnnotationContext:
 
 
 def _legend(path: str, by: Colouring, camera: Camera) -> Iterator[Entry]:
-    """Beside or below the image, as that of the states."""
+    """Next to or below the image, as that of the states."""
     labels = SCALES[by].labels()
     places = entities.legend_places(len(labels), camera, LEGEND_ROW)
     yield from entities.legend_entries(path, list(range(len(labels))), labels, places, static=True)

@@ -35,7 +35,7 @@ INKS: dict[str, colours.Rgb] = {"dark": (225, 225, 225), "light": (40, 40, 40)}
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
 """Of a legend below its image."""
 LEGEND_WIDTH = 0.32
-"""Of one beside it, in widths of the image."""
+"""Of a legend next to the image, in widths of the image."""
 TRAIL_LENGTH = 10
 """Earlier positions of a track that its trail shows, at most,"""
 TRAIL_SHARE = 0.06
@@ -89,8 +89,10 @@ def strips(places: NDArray[np.float32]) -> pa.Array:
 
 def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
     """Polylines (N, K, 3), or some of different lengths. Negative radii are screen units in Rerun."""
-    alike = len({len(some) for some in places}) <= 1
-    drawn = strips(np.asarray(places, np.float32)) if alike else [np.asarray(some, np.float32) for some in places]
+    equal_lengths = len({len(some) for some in places}) <= 1
+    drawn = (
+        strips(np.asarray(places, np.float32)) if equal_lengths else [np.asarray(some, np.float32) for some in places]
+    )
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
@@ -115,8 +117,8 @@ def thinned(tracks: Tracks, camera: Camera) -> Tracks:
     order = np.lexsort([tracks.ids, parts])
     first = np.r_[True, np.diff(parts[order]) > 0]
     rank = np.arange(len(order)) - np.flatnonzero(first)[np.cumsum(first) - 1]
-    kept = np.sort(order[np.argsort(rank, kind="stable")[:MOST_MARKERS]])
-    return Tracks(*(getattr(tracks, field.name)[kept] for field in fields(Tracks)))
+    selected = np.sort(order[np.argsort(rank, kind="stable")[:MOST_MARKERS]])
+    return Tracks(*(getattr(tracks, field.name)[selected] for field in fields(Tracks)))
 
 
 def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
@@ -202,7 +204,8 @@ def in_right(tracks: Tracks) -> Tracks:
 
 
 def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> Iterator[Entry]:
-    """Beside or below the image: how many tracks have which status, in its colour; and how many move by themselves."""
+    """Legend next to or below the image: the number of tracks of each status, in its colour, and of those that move by
+    themselves."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     items = [(int(s), f"{counts[s]} {_SHORT.get(s, s.name.lower())}") for s in TrackStatus if counts[s]]
     if moved is not None:

@@ -14,7 +14,7 @@ from ispom.geometry import Array, Pose
 FOV_RAD = np.radians(55.0)
 """Height of Rerun's field of view."""
 ROOM = 1.25
-"""Distance of the eye, relative to the least at which all is in sight."""
+"""Distance of the eye, relative to the least at which all is visible."""
 MOST_POINTS = 500
 """Of a path, so many decide at most."""
 UP = np.array([0.0, -1.0, 0.0])
@@ -35,7 +35,7 @@ class Eye:
 
 
 def eye_on(path: Array, least: float) -> Eye:
-    """The whole path (N, 3) in sight, obliquely from above. `least`: extent of the smallest scene that is framed."""
+    """The whole path (N, 3), obliquely from above. `least`: extent of the smallest scene that is framed."""
     side = _horizontal(_main_direction(path), FROM_THE_SIDE_RAD)
     forward = np.cos(ELEVATION_RAD) * side - np.sin(ELEVATION_RAD) * UP
     return _fitted(path, forward, UP, least)
@@ -46,7 +46,7 @@ def eye_above(path: Array, least: float) -> Eye:
     return _fitted(path, -UP, np.array([0.0, 0.0, 1.0]), least)
 
 
-def eye_beside(path: Array, least: float) -> Eye:
+def eye_from_side(path: Array, least: float) -> Eye:
     """The whole path at eye level: it shows heights."""
     return _fitted(path, _horizontal(_main_direction(path), np.radians(90.0)), UP, least)
 

@@ -90,7 +90,7 @@ class FileRecording:
     def close(self, overdue: Callable[[], bool] = lambda: False) -> None:
         """Ends the file properly. Calling it again does nothing.
 
-        A disk that does not answer is given up after `CLOSE_S`, or earlier, once `overdue`, which is asked again and
+        A disk that does not answer is given up after `CLOSE_S`, or earlier, once `overdue`, which is called again and
         again, is true.
         """
         self._end(overdue)

@@ -1,4 +1,4 @@
-"""What can be hidden in the views, besides methods: names, and what people read."""
+"""What can be hidden in the views, in addition to methods: names and labels."""
 
 from __future__ import annotations
 
@@ -37,5 +37,5 @@ HINTS = {
 OPTIONAL = frozenset({"depth"})
 """Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
-"""Of no layer: all plots and texts, which a lesson keeps out of sight."""
+"""Of no layer: all plots and texts, which a lesson hides."""
 IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity")

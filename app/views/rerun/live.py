@@ -4,7 +4,7 @@ live = LiveStream()
 live.open(opened, history)               # for each run: a new tape
 for event in events:                     # Stepped ..., and Finished at the end
     live.write(event)                    # never waits
-live.tape.scene(index)                   # any number of readers, each at its own pace; `live.grown` tells of more
+live.tape.scene(index)                   # any number of readers, each at its own pace; `live.grown` rings for more
 live.close()
 """
 
@@ -47,7 +47,7 @@ class LiveStream:
         self.tape: AnyTape | None = None
         """Of the run that is shown; None before the first."""
         self.grown = Subscribers()
-        """Told whenever there is more on the tape, or another tape."""
+        """Rings whenever there is more on the tape, or another tape."""
         self._feed: Feed | None = None
         self._failure: str | None = None
 
@@ -83,7 +83,7 @@ class LiveStream:
         self.grown.notify()
 
     def write(self, event: Event) -> None:
-        """Tells of a frame that is in the history, or of the end. Returns at once; does nothing before `open`.
+        """Announces a frame that is in the history, or the end. Returns at once; does nothing before `open`.
 
         RuntimeError, with the reason, where the thread has failed.
         """

@@ -37,7 +37,7 @@ CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", 
 """The cameras whose images are drawn, by the kind of a frame; other measurements are not drawn."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
 STAGE = "stage"
-"""Entity and timeline that tell which message the viewer took in last."""
+"""Entity and timeline that show which message the viewer took in last."""
 FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
@@ -171,17 +171,17 @@ class SceneWriter:
         self._lock = Lock()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=source.recording_id, send_properties=False)
         self._unread = rr.binary_stream(self._stream)
-        self._held: dict[Part, Hashable] = {}
+        self._viewer_parts: dict[Part, Hashable] = {}
         self._schemas: dict[Part, pa.Schema] = {}
         self._unknown = not fresh
-        """Whether the viewer may hold parts that are not in `_held`."""
+        """Whether the viewer may have parts that are not in `_viewer_parts`."""
 
     def differs(self, scene: Scene) -> bool:
         """Whether the viewer holds anything else."""
-        return self._unknown or self._held != self._wanted(scene)
+        return self._unknown or self._viewer_parts != self._versions(scene)
 
     def write(self, scene: Scene, serial: int) -> bytes:
-        """What turns the viewer's frame into this one, and a row on `STAGE` that tells when this is done."""
+        """Writes the changes from the viewer's frame to this one, and a row on `STAGE` that marks their end."""
         with self._lock:
             return self._write(scene, serial)
 
@@ -191,16 +191,16 @@ class SceneWriter:
             self._stream.disconnect()
 
     def _write(self, scene: Scene, serial: int) -> bytes:
-        wanted = self._wanted(scene)
+        versions = self._versions(scene)
         if self._unknown:
             self._hold({**self.source.any_of_each_part(), **self.source.overlay.parts})
-        for part in self._held.keys() - wanted.keys():
+        for part in self._viewer_parts.keys() - versions.keys():
             self._send(_emptied(self._schemas[part]))
-        for part, version in wanted.items():
-            if self._held.get(part) != version and (columns := self._shown(part, version)) is not None:
+        for part, version in versions.items():
+            if self._viewer_parts.get(part) != version and (columns := self._shown(part, version)) is not None:
                 self._schemas[part] = columns.schema
                 self._send(columns)
-        self._held, self._unknown = wanted, False
+        self._viewer_parts, self._unknown = versions, False
         rows = rr.Scalars.columns(scalars=[float(serial)])
         self._put(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], rows))
         return messages(self._unread.read(flush_timeout_sec=FLUSH_S))
@@ -209,9 +209,9 @@ class SceneWriter:
         """Takes it that the viewer has some value of each of these parts."""
         for part, version in versions.items():
             if (columns := self._shown(part, version)) is not None:
-                self._schemas[part], self._held[part] = columns.schema, None
+                self._schemas[part], self._viewer_parts[part] = columns.schema, None
 
-    def _wanted(self, scene: Scene) -> dict[Part, Hashable]:
+    def _versions(self, scene: Scene) -> dict[Part, Hashable]:
         return {**scene.versions, **self.source.overlay.at(scene.index)}
 
     def _shown(self, part: Part, version: Hashable) -> pa.RecordBatch | None:

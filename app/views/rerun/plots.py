@@ -32,7 +32,7 @@ class Plots:
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
         self._drifts: set[str] = set()
-        """Methods that tell how far their unit may have drifted."""
+        """Methods that estimate their scale drift."""
         single = opened.truth is not None and all(registered(m).unit == "own" for m in opened.methods)
         self._aligning = {m: RunningAlignment() for m in opened.methods if single}
         """Methods whose unit nothing fixes, where there is a truth."""
@@ -83,7 +83,7 @@ class Plots:
 
     def _newest(self, step: Step) -> Iterator[Entry]:
         """Of a single camera: how far its newest pose is from the truth, with all its poses so far, as they were given,
-        aligned by Sim(3). At the same cost for each exposure: it is made of sums."""
+        aligned by Sim(3). At the same cost for each frame: it is made of sums."""
         running, truth = self._aligning.get(step.method), self._opened.truth
         pose = truth.at(step.time_ns) if truth is not None else None
         if running is None or pose is None or step.world_from_frame is None:

@@ -1,6 +1,6 @@
 """Events of a run -> what Rerun shall show. No stream is touched here: see streams.py.
 
-Entities, below the shared world (the rig at the first stereo exposure: x right, y down, z forward):
+Entities, below the shared world (the rig at the first stereo frame: x right, y down, z forward):
 
     /world/truth/{path,rig}                  the whole true path (static); the true pose now. Of a single camera
                                              /world/truth brings them to its path, by Sim(3)

@@ -72,7 +72,7 @@ class Tape:
         self._folder = folder or user_cache_path("ispom")
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
-        self._lasting = self._file()
+        self._values_file = self._file()
         self._halves: deque[BinaryIO] = deque([self._file()], maxlen=2)
         self._half_bytes = image_bytes // 2
         self._opening = b""
@@ -99,7 +99,7 @@ class Tape:
                 return
             content = _packed(components_of(columns, archetype))
             if archetype != IMAGE:
-                piece = _write(self._lasting, content)
+                piece = _write(self._values_file, content)
             else:
                 if self._halves[-1].seek(0, 2) + len(content) > self._half_bytes:
                     if len(self._halves) == 2:
@@ -152,7 +152,8 @@ class Tape:
 
     def value(self, part: Part, version: object) -> pa.RecordBatch | None:
         """The part's columns, of one row; None where they are lost."""
-        assert isinstance(version, _Piece)
+        if not isinstance(version, _Piece):
+            raise TypeError(f"a tape has no value of the version {version!r}: take versions from its scenes")
         with self._lock:
             content = _read(version)
         return pa.ipc.open_stream(content).read_next_batch() if content else None
@@ -166,7 +167,7 @@ class Tape:
         with self._lock:
             self._opening = b""
             self._parts.clear()
-            for file in (self._lasting, *self._halves):
+            for file in (self._values_file, *self._halves):
                 file.close()
 
     def _file(self) -> BinaryIO:

@@ -21,7 +21,7 @@ from ...engine.model.true_path import TruePath
 from ...presentation import colours, uncertainty
 from . import entities
 from .batch import Columns, Entry
-from .beside import BesideLog
+from .external_trajectories import ExternalTrajectoryLog
 
 MAP_EVERY = 10
 """Frames between two drawings of a method's keyframes and points: they are most of what a viewer has to hold."""
@@ -52,7 +52,7 @@ class World:
         """Methods whose ellipsoid is drawn now."""
         self._frustum_lines: dict[tuple[FrameName, float, bool], Array] = {}
         """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
-        self._beside = BesideLog(opened)
+        self._external_log = ExternalTrajectoryLog(opened)
         self._errors: set[str] = set()
         """Methods whose error is drawn now."""
         rig = opened.sequence.rig
@@ -71,7 +71,7 @@ class World:
         if truth is not None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 0.75), static=True)
             yield Entry("world/truth/rig", self._true_frusta(truth), static=True)
-        yield from self._beside.opening()
+        yield from self._external_log.opening()
 
     def stepped(self, event: Stepped) -> Iterator[Entry]:
         """Each event once, in their order."""
@@ -92,8 +92,8 @@ class World:
                 yield from self._map(step.method, resized)
         outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
         time_ns = event.exposure.time_ns
-        yield from self._beside.at(event.index, time_ns, self.model, self.placements, outlines)
-        yield from self._beside.errors(event.index)
+        yield from self._external_log.at(event.index, time_ns, self.model, self.placements, outlines)
+        yield from self._external_log.errors(event.index)
         if not self._true_path.fixed:
             yield from self._place_truth(event.exposure.time_ns)
         for step in event.steps:
@@ -130,18 +130,18 @@ class World:
         for method, new in placements.items():
             if method in self.model.methods and not same_place(self.placements.get(method), new):
                 self.placements[method] = new
-                self._resized(method, anew=True)
+                self._resized(method, redraw=True)
                 yield Entry(f"world/{method}", entities.placement(new))
                 if method in self._drawn_frames:
                     yield self._camera(method)
                 yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
-                yield from self._map(method, anew=True)
+                yield from self._map(method, redraw=True)
 
     def _true_frusta(self, truth: Trajectory) -> rr.LineStrips3D:
         return self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
 
     def _place_truth(self, time_ns: int | None) -> Iterator[Entry]:
-        """The true path beside a single camera's own, aligned by Sim(3) to its poses so far; at the end (None) to all
+        """The true path for a single camera's own, aligned by Sim(3) to its poses so far; at the end (None) to all
         of them."""
         truth, before = self._opened.truth, self._truth_placed
         found = self._true_path.at(self.model, self.placements, ended=time_ns is None)
@@ -227,10 +227,10 @@ class World:
         for block in sorted(blocks):
             yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, PATH_PX))
 
-    def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
+    def _map(self, method: str, redraw: bool = False) -> Iterator[Entry]:
         """Keyframes and points, the blocks that changed since they were drawn last, or all of the keyframes."""
         poses = self.model.methods[method].poses
-        before = PoseHistory() if anew else self._drawn_keys.get(method, PoseHistory())
+        before = PoseHistory() if redraw else self._drawn_keys.get(method, PoseHistory())
         self._drawn_keys[method] = poses
         outlines = self._outlines(poses.frame, self._size(method).key_frame, main_camera=True)
         for block in sorted(poses.changed_blocks(before)):
@@ -240,7 +240,7 @@ class World:
         yield from self._cloud(method)
 
     def _cloud(self, method: str) -> Iterator[Entry]:
-        """The blocks that changed since this was asked last."""
+        """The blocks that changed since the last call."""
         points = self.model.methods[method].points
         changed = points.changed_blocks(self._drawn_points[method])
         self._drawn_points[method] = points
@@ -251,14 +251,14 @@ class World:
 
     def _size(self, method: str) -> DrawnSize:
         if method not in self._sizes:
-            self._resized(method, anew=True)
+            self._resized(method, redraw=True)
         return self._sizes[method]
 
-    def _resized(self, method: str, *, anew: bool = False) -> bool:
+    def _resized(self, method: str, *, redraw: bool = False) -> bool:
         """Whether the method is to be drawn in another size, and so from now on."""
         before, unit_m = self._sizes.get(method), self.placements.get(method, Similarity()).scale
         rig, poses = self._opened.sequence.rig, self.model.methods[method].poses
-        size = drawn_size(method, rig, self._truth, poses, unit_m, None if anew else before)
+        size = drawn_size(method, rig, self._truth, poses, unit_m, None if redraw else before)
         self._sizes[method] = size
         return size is not before
 

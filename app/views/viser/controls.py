@@ -41,7 +41,7 @@ class ConfigForm:
             self._showing = False
 
     def offer(self, names: frozenset[str]) -> None:
-        """Only the inputs of these fields; the others keep their values, out of sight."""
+        """Only the inputs of these fields; the others keep their values, hidden."""
         for name, handle in self._inputs.items():
             if handle.visible != (name in names):
                 handle.visible = name in names

@@ -88,7 +88,7 @@ class Screen:
             event.client.add_notification("Not open yet", text, auto_close_seconds=NOTICE_S)
 
     def _cover(self, covers: bool) -> None:
-        """What gives the answer to an open question is out of sight."""
+        """Hides what gives the answer to an open question."""
         folders = [getattr(view, "folder", self._tabs) for view in self._by_tab.get("", [])]
         for handle in (*folders, self._tabs):
             if handle.visible == covers:
@@ -106,7 +106,7 @@ class Screen:
             self._report(f"{type(fault).__name__}: {fault}")
 
     def _report(self, fault: str) -> None:
-        """Tells of a fault, once as long as it stays the same: what can be painted is painted again and again."""
+        """Reports a fault, once as long as it stays the same: what can be painted is painted again and again."""
         if fault != self._fault:
             self._fault = fault
             log.exception("painting failed")

@@ -30,9 +30,9 @@ class Ticket:
     def __init__(self) -> None:
         self.text = secrets.token_urlsafe(24)
 
-    def take(self, given: str) -> bool:
+    def take(self, token: str) -> bool:
         """Whether it is the ticket; it is used up then."""
-        if not self.text or not _same_text(given, self.text):
+        if not self.text or not _same_text(token, self.text):
             return False
         self.text = ""
         return True
@@ -40,10 +40,10 @@ class Ticket:
 
 @dataclass(frozen=True)
 class Access:
-    """Made anew at each start."""
+    """A new one at each start."""
 
     hosts: frozenset[str]
-    """Names of this host, in lower case, besides those of the loopback and numeric addresses."""
+    """Names of this host, in lower case, in addition to those of the loopback and numeric addresses."""
     trusted: frozenset[str] = frozenset()
     """Names under which a proxy in front of the app is reached (a part of `hosts`)."""
     base: str = "/"
@@ -63,11 +63,11 @@ class Access:
         if not self._own(host[0]) or not self._same(host, request.headers.get("Origin")) or _from_elsewhere(request):
             allowed = ", ".join(sorted(LOOPBACK | self.hosts))
             raise web.HTTPForbidden(text=f"Host or origin not allowed; allowed: {allowed}")
-        given = request.query.get("token", "")
+        token = request.query.get("token", "")
         if not (
             self.knows(request.cookies.get(cookie, ""))
-            or self.knows(given)
-            or (request.path == self.base and self.ticket.take(given))
+            or self.knows(token)
+            or (request.path == self.base and self.ticket.take(token))
         ):
             raise web.HTTPUnauthorized(text=_NO_TOKEN, headers={"Cache-Control": "no-store"})
 
@@ -79,9 +79,9 @@ class Access:
         """Whether who has it may give commands."""
         return _same_text(token, self.token)
 
-    def kept(self, given: str) -> str:
+    def stored_token(self, token: str) -> str:
         """What the browser that was let in with this token (or with the ticket) keeps."""
-        return self.onlookers if self.onlookers is not None and _same_text(given, self.onlookers) else self.token
+        return self.onlookers if self.onlookers is not None and _same_text(token, self.onlookers) else self.token
 
     def _own(self, name: str) -> bool:
         """Nobody can make a numeric address point elsewhere, but a name (DNS rebinding)."""

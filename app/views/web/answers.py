@@ -20,18 +20,18 @@ class Answers:
         """`changed` is called when there is another answer."""
         self._changed = changed
         self._question: tuple[str, int] | None = None
-        self._given: dict[str, Answer] = {}
+        self._answers: dict[str, Answer] = {}
         self.version = 0
         """Counts the answers so far."""
 
-    def put(self, person: str, learning: Learning | None, given: Any) -> None:
+    def put(self, person: str, learning: Learning | None, content: Any) -> None:
         """By the key of a person; nothing where the question is not open, or that is no answer to it."""
         if learning is None or learning.phase != "asking":
             return
         tracks = learning.pictured[1].ids.tolist() if learning.pictured is not None else ()
-        answer = accepted(learning.step.ask, given, tracks)
+        answer = accepted(learning.step.ask, content, tracks)
         if answer is not None:
-            self._given = {**self._of(learning), person: answer}
+            self._answers = {**self._of(learning), person: answer}
             self._question = _question(learning)
             self.version += 1
             self._changed()
@@ -39,18 +39,18 @@ class Answers:
     def seen_by(self, person: str, learning: Learning) -> dict[str, Any]:
         """Their own answer, and how many there are; once the answer is revealed, how many are right, and of a choice
         how many chose which."""
-        given, found = self._of(learning), learning.revealed
-        yours = given.get(person)
-        seen: dict[str, Any] = {"yours": yours, "answered": len(given), "right": None, "verdict": None, "chosen": {}}
+        answers, found = self._of(learning), learning.revealed
+        yours = answers.get(person)
+        seen: dict[str, Any] = {"yours": yours, "answered": len(answers), "right": None, "verdict": None, "chosen": {}}
         if found is not None:
             ask = learning.step.ask
-            seen["right"] = sum(is_right(ask, found, answer) for answer in given.values())
+            seen["right"] = sum(is_right(ask, found, answer) for answer in answers.values())
             seen["verdict"] = None if yours is None else is_right(ask, found, yours)
-            seen["chosen"] = Counter(answer for answer in given.values() if isinstance(answer, int))
+            seen["chosen"] = Counter(answer for answer in answers.values() if isinstance(answer, int))
         return seen
 
     def _of(self, learning: Learning) -> dict[str, Answer]:
-        return self._given if self._question == _question(learning) else {}
+        return self._answers if self._question == _question(learning) else {}
 
 
 def _question(learning: Learning) -> tuple[str, int]:

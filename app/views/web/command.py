@@ -13,7 +13,7 @@ from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
 from ...engine import warmup
-from ...engine.external_trajectories.placed import Given, beside_run, given
+from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
 from ...engine.playback import Builder, truth_from_start
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
@@ -30,18 +30,18 @@ LEAST_HISTORY_MB = 20
 
 
 def open_page(command: Serve, builder: Builder) -> int:
-    """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
+    """Serves the page until it is ended, and returns the exit code. Raises InputError for a mistake in the options."""
     library, begun = _lessons(command)
     source = command.source if isinstance(command, App) else "" if isinstance(command, Learn) else "sim:city"
     if not is_text(source):
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
-    opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
-    if beside and not source:
+    opener, trajectories = command.opener(source), read_options(command.beside, command.beside_alignment)
+    if trajectories and not source:
         raise InputError("--beside needs a source to be compared with: give one")
-    if beside:
-        _check_beside(beside, source, opener, builder)
+    if trajectories:
+        _check_external(trajectories, source, opener, builder)
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
 
     def session(live: LiveStream) -> Session:
@@ -59,7 +59,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             source_options=command.of_source,
             folders=Folders(None if command.root is None else command.root.expanduser()),
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
-            beside=beside,
+            trajectory_options=trajectories,
             extras=(library,),
             autoplay=not isinstance(command, Learn),
         )
@@ -91,11 +91,13 @@ def _lessons(command: Serve) -> tuple[Library, Lesson | None]:
     return library, own or library.lesson(command.lesson)
 
 
-def _check_beside(beside: tuple[Given, ...], source: str, opener: Callable[..., Sequence], builder: Builder) -> None:
+def _check_external(
+    options: tuple[TrajectoryOption, ...], source: str, opener: Callable[..., Sequence], builder: Builder
+) -> None:
     """InputError for a trajectory that does not fit the source: before anything is shown."""
     if is_device(source) or is_address(source):
         raise InputError("--beside needs a recording, and this source is live: record it first, and open that")
     stored = stored_at(source, opener, builder)
     sequence = opener(source) if stored is None else stored.playback.sequence
-    for number, each in enumerate(beside):
-        beside_run(number, each, sequence, truth_from_start(sequence))
+    for number, each in enumerate(options):
+        external_trajectory(number, each, sequence, truth_from_start(sequence))

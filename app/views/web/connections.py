@@ -31,8 +31,9 @@ class Connections:
     """Makes the protocol of each new connection. Where there are too many, the oldest stranger's is closed for it."""
 
     def __init__(self, runner: web.AppRunner, most: int = MOST) -> None:
-        """`runner` is set up already."""
-        assert runner.server is not None
+        """`runner` is set up already, or else this raises ValueError."""
+        if runner.server is None:
+            raise ValueError("the runner has no server: call its setup() first")
         self.server = runner.server
         self._most = most
         self._known: set[asyncio.BaseProtocol] = set()
@@ -74,7 +75,7 @@ LAST_PORT = 65535
 _TAKEN = {errno.EADDRINUSE, errno.EACCES}
 
 
-def listener(host: str, port: int, say: Callable[[str], None]) -> socket.socket:
+def listener(host: str, port: int, report: Callable[[str], None]) -> socket.socket:
     """A socket on the first free port from `port` on (0: any); says which ones are taken. InputError where none is."""
     if not 0 <= port <= LAST_PORT:
         raise InputError(f"--port {port} is no port: give one from 1 to {LAST_PORT}, or 0 for any")
@@ -87,5 +88,5 @@ def listener(host: str, port: int, say: Callable[[str], None]) -> socket.socket:
             if not isinstance(fault, OSError) or fault.errno not in _TAKEN:
                 why = fault.strerror if isinstance(fault, OSError) else "not a host name"
                 raise InputError(f"{host} cannot be listened on ({why}): give another --host") from fault
-            say(f"port {candidate} is taken, trying the next one")
+            report(f"port {candidate} is taken, trying the next one")
     raise InputError(f"ports {port} to {last} are all taken: give another --port")

@@ -54,7 +54,7 @@ class Backends:
     recordings: Path
     """Their folder."""
     show_tabs: Callable[[frozenset[str]], None] = lambda _: None
-    """Told which of viser's tabs anybody has open."""
+    """Called with the tabs of viser that anybody has open."""
 
 
 CALIBRATIONS = "calibrations"
@@ -137,12 +137,12 @@ class Gateway:
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         """Our page; a browser that came with a token keeps it, and a name by which its pages are one person's."""
-        kept, rest = {}, f"; HttpOnly; SameSite=Strict; Path={self._access.base}"
-        if given := request.query.get("token", ""):
-            kept[self._cookie] = self._access.kept(given)
+        cookie_values, rest = {}, f"; HttpOnly; SameSite=Strict; Path={self._access.base}"
+        if token := request.query.get("token", ""):
+            cookie_values[self._cookie] = self._access.stored_token(token)
         if not request.cookies.get(self._person_cookie):
-            kept[self._person_cookie] = secrets.token_urlsafe(9)
-        cookies = (f"{name}={value}{rest}" for name, value in kept.items())
+            cookie_values[self._person_cookie] = secrets.token_urlsafe(9)
+        cookies = (f"{name}={value}{rest}" for name, value in cookie_values.items())
         return await send_file(request, STATIC / "index.html", SECURITY, cookies)
 
     def _check(self, path: str) -> None:
@@ -158,8 +158,8 @@ class Gateway:
         return f"{self._cookie}-person"
 
     def _person(self, request: web.Request) -> Person:
-        given = request.cookies.get(self._cookie, ""), request.query.get("token", "")
-        may_drive = any(self._access.may_drive(token) for token in given)
+        tokens = request.cookies.get(self._cookie, ""), request.query.get("token", "")
+        may_drive = any(self._access.may_drive(token) for token in tokens)
         return Person(request.cookies.get(self._person_cookie, "")[:32], may_drive)
 
     async def _page_file(self, request: web.Request) -> web.StreamResponse:

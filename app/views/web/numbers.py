@@ -15,14 +15,14 @@ FORMULA = ("=", "+", "-", "@", "\t")
 
 
 def of_exposure(series: Series, index: int) -> str:
-    """A row for each quantity that was said, with its unit and meaning."""
+    """A row for each quantity that has values, with its unit and meaning."""
     found = ((q, series.value(q, index)) for q in series.quantities.values())
     rows = [(q.name, _cell(value), q.unit, q.help) for q, value in found if value is not None]
     return csv_of(("quantity", "value", "unit", "meaning"), map(_plain, rows))
 
 
 def over_time(series: Series, count: int) -> str:
-    """A row for each of the first `count` frames, a column for each quantity that was said at any of them."""
+    """A row for each of the first `count` frames, a column for each quantity that has a value at any of them."""
     columns = {
         name: (quantity, values)
         for name, quantity in series.quantities.items()

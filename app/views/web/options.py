@@ -20,7 +20,7 @@ from ...engine.options import Options, SourceOptions
 
 @dataclass(frozen=True, kw_only=True)
 class Serve(Options):
-    """What the app takes besides."""
+    """Further options of the app."""
 
     host: str = "127.0.0.1"
     """Address to listen on. Any but the default lets other machines in, over plain HTTP; they need the token in the
@@ -44,7 +44,7 @@ class Serve(Options):
     allow_network: bool = False
     """Let the page open network streams (http://..., rtsp://...)."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME[:FRAME]=FILE: the trajectory of another program, shown beside the methods; can be given several times.
+    """NAME[:FRAME]=FILE: the trajectory of another program, shown with the methods; can be given several times.
     TUM, KITTI (a row for each image) and EuRoC files. FRAME, whose poses they are: rig (default), left, right or
     video."""
     beside_alignment: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()

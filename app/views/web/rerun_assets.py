@@ -75,11 +75,11 @@ def _assets(module: Path) -> tuple[bytes, bytes]:
     )
 
 
-def _places(content: mmap, wanted: bytes) -> Iterator[int]:
-    at = content.find(wanted)
+def _places(content: mmap, pattern: bytes) -> Iterator[int]:
+    at = content.find(pattern)
     while at >= 0:
         yield at
-        at = content.find(wanted, at + 1)
+        at = content.find(pattern, at + 1)
 
 
 def _wasm_size(content: mmap, start: int) -> int:

@@ -56,7 +56,7 @@ class Talk:
         person: Person,
         answers: Answers,
     ) -> None:
-        """`see` is told what of viser this page of `person` has in sight."""
+        """`see` gets what of viser this page of `person` shows."""
         self._session, self._news, self._see = session, news, see
         self._people, self._person, self._answers = people, person, answers
         self._looking = Looking(time.monotonic)

@@ -38,14 +38,14 @@ class TapeReader:
         self._run, self._serial = run, serial
         self._writer: SceneWriter | None = None
         self._index = -1
-        """The frame that the page asked for last; -1 for none yet."""
+        """The frame that the page requested last; -1 for none yet."""
         self._takes_frame = False
         self._sent = 0
         """The serial number of the last message to this connection."""
         self._shown: tuple[int, bool] | None = None
         """The frame that the page was sent last, and whether that is complete."""
         self._requested = -1
-        """The frame whose images were asked for last."""
+        """The frame whose images were requested last."""
         self._patience_s: float | None = None
         """Until then a run's first frame may become complete."""
 
@@ -80,27 +80,29 @@ class TapeReader:
         tape = self._tape()
         if tape is None:
             return False
-        if self._writer is None or self._writer.source is not tape:
+        writer = self._writer
+        if writer is None or writer.source is not tape:
             if tape.run == self._run:
-                self._follow(tape)
+                writer = self._follow(tape)
             elif (first := await self._first(tape)) is None:
                 return False
             else:
-                self._follow(tape)
+                writer = self._follow(tape)
                 self._run, self._takes_frame = tape.run, False
                 await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
-                await self._deliver(socket, await asyncio.to_thread(tape.opening), first)
+                await self._deliver(socket, writer, await asyncio.to_thread(tape.opening), first)
                 return True
-        if self._takes_frame and (scene := await self._changed(tape)) is not None:
+        if self._takes_frame and (scene := await self._changed(tape, writer)) is not None:
             self._takes_frame = False
-            await self._deliver(socket, b"", scene)
+            await self._deliver(socket, writer, b"", scene)
             return True
         return False
 
-    def _follow(self, tape: AnyTape) -> None:
+    def _follow(self, tape: AnyTape) -> SceneWriter:
         if self._writer is not None:
             self._writer.close()
         self._writer, self._shown, self._requested = SceneWriter(tape, fresh=self._serial == 0), None, -1
+        return self._writer
 
     async def _first(self, tape: AnyTape) -> Scene | None:
         """A run's first frame, when it is there: what the page shows before stays until then."""
@@ -115,14 +117,13 @@ class TapeReader:
         self._patience_s = None
         return scene if self._tape() is tape else None
 
-    async def _changed(self, tape: AnyTape) -> Scene | None:
+    async def _changed(self, tape: AnyTape, writer: SceneWriter) -> Scene | None:
         """The frame that the page asks for, or until it is there the last one; None where the page has that already."""
-        assert self._writer is not None
         end = tape.end
         if not end:
             return None
         scene = await self._scene(tape, min(self._index, end - 1))
-        news = self._shown != (scene.index, not scene.missing) or self._writer.differs(scene)
+        news = self._shown != (scene.index, not scene.missing) or writer.differs(scene)
         return scene if news and self._tape() is tape else None  # else its content is gone
 
     async def _scene(self, tape: AnyTape, index: int) -> Scene:
@@ -132,9 +133,8 @@ class TapeReader:
             tape.request(index)
         return scene
 
-    async def _deliver(self, socket: web.WebSocketResponse, opening: bytes, scene: Scene) -> None:
-        assert self._writer is not None
+    async def _deliver(self, socket: web.WebSocketResponse, writer: SceneWriter, opening: bytes, scene: Scene) -> None:
         self._sent = self._serial = self._serial + 1
-        content = opening + await asyncio.to_thread(self._writer.write, scene, self._serial)
+        content = opening + await asyncio.to_thread(writer.write, scene, self._serial)
         self._shown = scene.index, not scene.missing
         await socket.send_bytes(HEAD.pack(self._serial, *self._shown) + HEADER + content)

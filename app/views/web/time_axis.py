@@ -1,4 +1,4 @@
-"""What the page's time axis shows of a run, told in increments: a page is sent each frame once."""
+"""What the page's time axis shows of a run, sent in increments: a page gets each frame once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ...session.state import State
 CODES = {"video": "v", "stereo": "s"}
 """Letters of the kinds in the page's axis; `o` for measurements of other sensors."""
 SLICE = 500
-"""Frames at which a condition is asked for one message; each takes some 10 microseconds."""
+"""Frames at which a condition is evaluated for one message; each takes some 10 microseconds."""
 
 
 class AxisNews:
@@ -37,9 +37,9 @@ class AxisNews:
         self._branches: tuple[Branch, ...] = ()
         self._bookmarks: tuple[Bookmark, ...] = ()
         self._marked: Expression | None = None
-        self._read = self._computed = self._asked = 0
+        self._read = self._computed = self._matched = 0
         """Frames whose times, results and matches the page has."""
-        self._told = 0
+        self._sent_events = 0
         """The number of events that the page has."""
 
     def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
@@ -51,7 +51,7 @@ class AxisNews:
         methods = () if covers else run.opened.methods
         if (run, covers) != self._run:
             self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
-            self._read = self._computed = self._asked = self._told = 0
+            self._read = self._computed = self._matched = self._sent_events = 0
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
         news |= (
             self._exposures(run) | self._results(run, methods) | self._matches(state[Breakpoints].marked, run.series)
@@ -67,8 +67,8 @@ class AxisNews:
 
     @property
     def behind(self) -> bool:
-        """Whether more is to be told, without anything having changed."""
-        return self._marked is not None and self._asked < self._computed
+        """Whether there is more to send, without anything having changed."""
+        return self._marked is not None and self._matched < self._computed
 
     def _points(self) -> list[dict[str, Any]]:
         """Where branches begin."""
@@ -95,10 +95,10 @@ class AxisNews:
 
     def _events(self, run: CurrentRun) -> dict[str, Any]:
         """Those that began since."""
-        new = run.events.since(self._told)
-        self._told += len(new)
-        told = [{"at": e.frame, "severity": e.severity, "text": _text(e)} for e in new]
-        return {"events": told} if told else {}
+        new = run.events.since(self._sent_events)
+        self._sent_events += len(new)
+        entries = [{"at": e.frame, "severity": e.severity, "text": _text(e)} for e in new]
+        return {"events": entries} if entries else {}
 
     def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
         """A slice of the frames at which the condition holds."""
@@ -106,18 +106,18 @@ class AxisNews:
             marked = None  # of a branch without that method
         news: dict[str, Any] = {}
         if marked != self._marked:
-            self._marked, self._asked = marked, 0
+            self._marked, self._matched = marked, 0
             news["condition"] = marked.text if marked is not None else ""
-        if marked is not None and self._asked < self._computed:
-            among = range(self._asked, min(self._asked + SLICE, self._computed))
-            self._asked = among.stop
+        if marked is not None and self._matched < self._computed:
+            among = range(self._matched, min(self._matched + SLICE, self._computed))
+            self._matched = among.stop
             if found := [i for i in among if matches(marked, series, i)]:
                 news["matches"] = found
         return news
 
 
 def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any]:
-    """Of these exposures: those at which a method made a keyframe, and stretches (first, last) where it is lost."""
+    """Of these frames: those at which a method made a keyframe, and stretches (first, last) where it is lost."""
     status = series.quantities[f"{method}.status"]
     lost = series.values(status.name, start, stop) == status.choices.index(Status.LOST)
     return {

@@ -37,7 +37,7 @@ from ispom.types import Decision, Landmarks, Measurement, Rig, SegmentFit, Statu
 MAX_RESTARTS = 8
 """Restarts of the video method that are remembered: one within a segment suffices to interpolate it."""
 MAX_FRAMES = 600
-"""Newest video poses kept of a segment without an end, besides those around its last pair (20 s at 30 Hz)."""
+"""Newest video poses of a segment without an end, in addition to those around its last pair (20 s at 30 Hz)."""
 MARGIN_NS, MARGIN_FRAMES = 200_000_000, 2
 """Video poses are kept for this time, and at least this many frame intervals, before a segment: its start is
 interpolated between them."""
@@ -76,7 +76,7 @@ class Integrated:
     def start(self) -> IntegratedState:
         return IntegratedState()
 
-    def finish(self, state: IntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
+    def finish(self, state: IntegratedState, inputs: Mapping[str, Trajectory]) -> Trajectory:
         """Closes all segments that are still open with the video poses known by now; returns all poses of the rig."""
         while (closed := self._close(state)) is not None:
             state = closed[0]
@@ -87,11 +87,11 @@ class Integrated:
         return Trajectory.of(items)
 
     def step(
-        self, state: IntegratedState, exposure: Measurement, asked: Mapping[str, Step]
+        self, state: IntegratedState, exposure: Measurement, inputs: Mapping[str, Step]
     ) -> tuple[IntegratedState, Step]:
         """Processes one frame of either kind, and closes every segment that has become complete."""
         watch, is_stereo = Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
-        part = asked["stereo" if is_stereo else "video"]
+        part = inputs["stereo" if is_stereo else "video"]
         revised, segments = [], list[SegmentFit]()
         decisions: list[Decision] = []
         if is_stereo:

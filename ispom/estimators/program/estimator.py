@@ -165,8 +165,8 @@ class Program:
             validate.known(running.pipe.request(restore_request(state.saved)), (), "the answer to restore")
         else:
             running = self._started()
-            for kept in state.seen:
-                if (content := STORE.read(kept.digest)) is None:
+            for seen_image in state.seen:
+                if (content := STORE.read(seen_image.digest)) is None:
                     raise InputError(
                         f"{self._config.name} cannot go back to frame {state.count} of those that it was given, for "
                         f"its program saves no state: give more --{self._config.name}.replay-mb than "
@@ -211,8 +211,8 @@ def _exchange(running: _Running, content: bytes) -> tuple[dict[str, Any], bytes 
 
 
 def _alive(tracks: Tracks) -> Tracks:
-    kept = tracks.status < TrackStatus.LOST
-    return Tracks.of(tracks.ids[kept], tracks.uv[kept])
+    followed = tracks.status < TrackStatus.LOST
+    return Tracks.of(tracks.ids[followed], tracks.uv[followed])
 
 
 def program_method(config: type[ProgramConfig], needs: Iterable[Kind]) -> Method:

@@ -94,9 +94,9 @@ class Pipe:
         return self._taken(end + 1)
 
     def _taken(self, size: int) -> bytes:
-        found = bytes(self._buffer[:size])
+        taken = bytes(self._buffer[:size])
         del self._buffer[:size]
-        return found
+        return taken
 
     def _more(self) -> bytes:
         try:

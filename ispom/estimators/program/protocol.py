@@ -224,13 +224,13 @@ def _rows(pairs: Iterable[Any]) -> Any:
 
 
 def _decisions(entries: list[Any], checks: Mapping[str, Check]) -> tuple[Decision, ...]:
-    found: dict[tuple[str, str], Decision] = {}
+    decisions: dict[tuple[str, str], Decision] = {}
     for entry in entries:
         decision = _decision(validate.mapping(entry, "a check"), checks)
-        if (decision.key, decision.about) in found:
+        if (decision.key, decision.about) in decisions:
             raise ProgramFault(f"answers with the check {decision.key!r} twice: distinguish them by about")
-        found[decision.key, decision.about] = decision
-    return tuple(found.values())
+        decisions[decision.key, decision.about] = decision
+    return tuple(decisions.values())
 
 
 def _decision(entry: dict[str, Any], checks: Mapping[str, Check]) -> Decision:

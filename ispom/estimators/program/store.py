@@ -45,8 +45,8 @@ class FrameStore:
     def keep(self, digest: bytes, content: bytes, budget_mb: int) -> StoredFrame:
         """Stores the content, unless that exceeds the budget or the disk is full; returns a reference in any case."""
         with self._lock:
-            if (found := self._stored.get(digest)) is not None:
-                return found
+            if (stored := self._stored.get(digest)) is not None:
+                return stored
             size = len(content)
             if self.used_bytes + size > budget_mb * MB:
                 return StoredFrame(digest)
@@ -69,12 +69,12 @@ class FrameStore:
 
     def read(self, digest: bytes) -> bytes | None:
         """Returns the content; None where it was not stored."""
-        found = self._stored.get(digest)
-        if found is None or self._file is None:
+        stored = self._stored.get(digest)
+        if stored is None or self._file is None:
             return None
         with self._lock:
-            self._file.seek(found.offset)
-            return self._file.read(found.size)
+            self._file.seek(stored.offset)
+            return self._file.read(stored.size)
 
     def _write(self, offset: int, content: bytes) -> None:
         if self._file is None:

@@ -45,14 +45,13 @@ def _collect(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> N
 
 
 def _pass_on(program: subprocess.Popen[bytes], waiting: SimpleQueue[bytes]) -> None:
-    stdin = program.stdin
-    if stdin is None:
-        raise ValueError("the program was started without a pipe to its input")
+    if program.stdin is None:
+        raise ValueError("the program has no pipe for its input: start it with stdin=PIPE")
     with contextlib.suppress(OSError):  # it takes no more
         while True:
             some = memoryview(waiting.get())
             while some:
-                some = some[stdin.write(some) :]
+                some = some[program.stdin.write(some) :]
 
 
 def _end(program: subprocess.Popen[bytes]) -> None:

@@ -102,13 +102,13 @@ def _fixed_motions(scene: Scene, adjustment: Adjustment, errors: Array, by_error
     """Returns (K, 6, P): motions between keyframes as they were when the later one left the window."""
     count = len(scene.times_ns)
     ends = _ends(adjustment.window, count)
-    found = {count: whole.poses}
+    poses_by_count = {count: whole.poses}
     for end in ends[:-1]:
         part, keep = scene.until(end)
-        found[end] = solve(part, start(part, adjustment), adjustment, errors[keep], by_error[keep]).poses
+        poses_by_count[end] = solve(part, start(part, adjustment), adjustment, errors[keep], by_error[keep]).poses
     out = np.zeros_like(whole.poses)
     for k in range(1, count):
-        known = found[next(end for end in ends if end >= min(k + adjustment.window, count))]
+        known = poses_by_count[next(end for end in ends if end >= min(k + adjustment.window, count))]
         out[k] = out[k - 1] + known[k] - known[k - 1]
     return out
 

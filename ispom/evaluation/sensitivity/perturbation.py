@@ -67,7 +67,7 @@ class Perturbation:
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
         pair_differs = any(name.startswith(("pair", "baseline")) for name in self.nonzero)
         video_differs = any(name.startswith("video") for name in self.nonzero)
-        found = rig.changed(
+        changed = rig.changed(
             video_sigma=None if video_differs else rig.video_sigma,
             pair_sigma=None if pair_differs else rig.pair_sigma,
         )
@@ -76,14 +76,14 @@ class Perturbation:
                 pose = rig.rig_from(name)
                 away = (1 + self.baseline_percent / 100) * (pose.translation - middle)
                 camera = self.of_camera(rig.camera(name), name)
-                found = found.changed(**{name: camera, f"rig_from_{name}": Pose(pose.rotation, middle + away)})
+                changed = changed.changed(**{name: camera, f"rig_from_{name}": Pose(pose.rotation, middle + away)})
         if rig.video is None:
-            return found
+            return changed
         turn = Pose.from_rotvec(np.radians([self.turn_x_deg, self.turn_y_deg, self.turn_z_deg]), np.zeros(3))
         shift = Pose(translation=np.array([self.shift_x_m, self.shift_y_m, self.shift_z_m]))
         # A video camera without a pair is the rig itself.
         placed = shift @ rig.rig_from_video @ turn if rig.has_stereo else rig.rig_from_video
-        return found.changed(video=self.of_camera(rig.video, "video"), rig_from_video=placed)
+        return changed.changed(video=self.of_camera(rig.video, "video"), rig_from_video=placed)
 
     def of_sequence(self, sequence: Sequence) -> Sequence:
         """Returns the same images with the perturbed rig and video clock."""
@@ -107,6 +107,6 @@ def predict_integrated(run: Trajectory, pairs: Trajectory, rig: Rig, perturbatio
     inside = np.setdiff1d(inside, own.times_ns)
     at_pairs = interpolate(own, inside, "linear")
     both = Trajectory.of([*own.items(), *at_pairs.items()], run.frame)
-    found = anchored(both, pairs)
-    found = found.select(np.isin(found.times_ns, own.times_ns))
-    return replace(found, times_ns=found.times_ns - delay_ns)
+    predicted = anchored(both, pairs)
+    predicted = predicted.select(np.isin(predicted.times_ns, own.times_ns))
+    return replace(predicted, times_ns=predicted.times_ns - delay_ns)

@@ -79,8 +79,8 @@ def camera_info(
     sides, own = _size(path, where, content, n, size)
     camera = camera_from(path, f"{where}{key}", np.array(sides), intrinsics, distortion, lens)
     turn, projection = np.eye(3), None
-    if not n and (found := _key(content, _PROJECTIONS)) is not None:
-        p = values(path, f"{where}{found}", content[found], 12).reshape(3, 4)
+    if not n and (entry := _key(content, _PROJECTIONS)) is not None:
+        p = values(path, f"{where}{entry}", content[entry], 12).reshape(3, 4)
         projection = p if p[0, 0] > 0 and p[1, 1] > 0 else None
         r = _key(content, _ROTATIONS)
         matrix = np.eye(3) if r is None else values(path, f"{where}{r}", content[r], 9).reshape(3, 3)
@@ -131,12 +131,12 @@ def _as_imaged(path: Path, where: str, content: Mapping[Any, Any], info: CameraI
     region = region if isinstance(region, dict) else {}
     entries = [content.get("binning_x", 0), content.get("binning_y", 0)]
     entries += [region.get(key, 0) for key in ("x_offset", "y_offset", "width", "height")]
-    found = finite_numbers(path, f"{where}binning and roi", entries, 6)
-    bins = [max(value, 1.0) for value in found[:2]]
-    start, sides = found[2:4], [found[4] or info.raw.width, found[5] or info.raw.height]
+    binning = finite_numbers(path, f"{where}binning and roi", entries, 6)
+    bins = [max(value, 1.0) for value in binning[:2]]
+    start, sides = binning[2:4], [binning[4] or info.raw.width, binning[5] or info.raw.height]
     if bins == [1, 1] and start == [0, 0] and sides == [info.raw.width, info.raw.height]:
         return info
-    if any(value != int(value) or value < 0 for value in found):
+    if any(value != int(value) or value < 0 for value in binning):
         raise InputError(f"{path}: {where}binning and roi are not whole numbers of pixels: correct them")
     k = info.raw
     camera = replace(
@@ -170,7 +170,7 @@ def ros_texts(cameras: list[Placed]) -> dict[str, str]:
     Left and right are rectified as a pair, so that P has their baseline. The others have the identity as rectification,
     and the projection of the camera itself. Raises InputError where the pair cannot be rectified.
     """
-    found = {each.name: ros_text(each) for each in cameras}
+    texts = {each.name: ros_text(each) for each in cameras}
     by_name = {each.name: each for each in cameras}
     if {"left", "right"} <= set(by_name):
         left, right = by_name["left"], by_name["right"]
@@ -178,8 +178,8 @@ def ros_texts(cameras: list[Placed]) -> dict[str, str]:
             turns = rectified(left.camera, right.camera, right.pose.inverse() @ left.pose)
         except ValueError as fault:
             raise InputError(f"ROS has no pair of these cameras ({fault}): choose --format kalibr or opencv") from None
-        found |= {"left": _text(left, turns[0], turns[2]), "right": _text(right, turns[1], turns[3])}
-    return found
+        texts |= {"left": _text(left, turns[0], turns[2]), "right": _text(right, turns[1], turns[3])}
+    return texts
 
 
 def ros_text(each: Placed) -> str:

@@ -91,10 +91,10 @@ def _pose(
         key = next(key for key in (OF_IMU, AT_IMU) if entry.get(key) is not None)
         other = AT_IMU if key == OF_IMU else OF_IMU
         return by_imu, (f"{path}: {name} would be to the right of the first camera if {key} were {other}: check which",)
-    found = before @ pose_of(path, f"{name}.{BETWEEN}", entry[BETWEEN]).inverse()
-    if by_imu is None or np.abs(by_imu.matrix - found.matrix).max() < ALIKE_M:
-        return found, ()
-    return found, (f"{path}: {name} has another place by {BETWEEN} than by its pose at the IMU: the first is used",)
+    pose = before @ pose_of(path, f"{name}.{BETWEEN}", entry[BETWEEN]).inverse()
+    if by_imu is None or np.abs(by_imu.matrix - pose.matrix).max() < ALIKE_M:
+        return pose, ()
+    return pose, (f"{path}: {name} has another place by {BETWEEN} than by its pose at the IMU: the first is used",)
 
 
 def _from_imu(path: Path, name: str, entry: dict[Any, Any]) -> Pose | None:

@@ -129,10 +129,10 @@ def _of_element(element: ElementTree.Element, wrong: InputError, depth: int = 0)
         return words[0] if len(words) == 1 else words
     if all(each.tag == "_" for each in inner):
         return [_of_element(each, wrong, depth + 1) for each in inner]
-    found = {each.tag: _of_element(each, wrong, depth + 1) for each in inner}
-    if not isinstance(found.get("data", []), list):
-        found["data"] = [found["data"]]
-    return found
+    children = {each.tag: _of_element(each, wrong, depth + 1) for each in inner}
+    if not isinstance(children.get("data", []), list):
+        children["data"] = [children["data"]]
+    return children
 
 
 def _number(word: str) -> float | str:

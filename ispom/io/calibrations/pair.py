@@ -56,15 +56,15 @@ def rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArr
     d_left, d_right = coefficients_of(left), coefficients_of(right)
     turn, shift = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
     flags = cv2.CALIB_ZERO_DISPARITY
-    given = (k_left, d_left, k_right, d_right, size, turn, shift)
+    stereo = (k_left, d_left, k_right, d_right, size, turn, shift)
     try:
         if left.lens == "fisheye":
-            found = cv2.fisheye.stereoRectify(*given, flags, balance=0.0)[:4]
+            rectification = cv2.fisheye.stereoRectify(*stereo, flags, balance=0.0)[:4]
         else:
-            found = cv2.stereoRectify(*given, flags=flags, alpha=0)[:4]
+            rectification = cv2.stereoRectify(*stereo, flags=flags, alpha=0)[:4]
     except cv2.error:
         raise ValueError("OpenCV cannot rectify them") from None
-    r_left, r_right, p_left, p_right = (np.asarray(matrix, float) for matrix in found)
+    r_left, r_right, p_left, p_right = (np.asarray(matrix, float) for matrix in rectification)
     return r_left, r_right, p_left, p_right
 
 

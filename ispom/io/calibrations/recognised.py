@@ -58,10 +58,10 @@ def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[
 
     `size` is that of the images, used where the file has none.
     """
-    found = _read(path, size)
-    if len(found.cameras) != 1:
-        raise InputError(f"{path} holds {len(found.cameras)} cameras: give the file of one camera")
-    return found.cameras[0].camera, found.entries, found.cameras[0].notes
+    camera = _read(path, size)
+    if len(camera.cameras) != 1:
+        raise InputError(f"{path} holds {len(camera.cameras)} cameras: give the file of one camera")
+    return camera.cameras[0].camera, camera.entries, camera.cameras[0].notes
 
 
 def one_rig(
@@ -74,17 +74,17 @@ def one_rig(
     pose: it is then that of the rig. Raises InputError where a file is of no known format, several cameras have no
     poses, or left and right are exchanged.
     """
-    found = [_read(file, size, every_placed) for path in paths for file in _files(path)]
-    cameras = [each for file in found for each in file.cameras]
+    readings = [_read(file, size, every_placed) for path in paths for file in _files(path)]
+    cameras = [each for file in readings for each in file.cameras]
     if not cameras:
         raise InputError(f"{paths[0]} has the places of cameras only: give it together with the file of their lenses")
     called = _names(paths[0], cameras)
-    cameras = _placed(paths[0], found, dict(zip(called, cameras, strict=True)))
+    cameras = _placed(paths[0], readings, dict(zip(called, cameras, strict=True)))
     fields: dict[str, object] = {}
     for name, each in zip(called, cameras, strict=True):
         fields |= {name: each.camera, f"rig_from_{name}": each.pose}
     rig = Rig.of(**fields)  # type: ignore[arg-type]
-    for file in found:
+    for file in readings:
         rig = rig if file.rig is None else rig.with_others_of(file.rig)
     notes = tuple(dict.fromkeys(note for each in cameras for note in each.notes))
     return rig, (*notes, *_pair_notes(paths[0], rig, notes))

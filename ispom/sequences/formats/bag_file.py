@@ -34,7 +34,7 @@ class Index:
     """Where the messages of one topic are."""
 
     stamps_ns: NDArray[np.int64]
-    """(N,) increasing: the headers' times, of the exposures; where those are 0 or repeat, when the messages were
+    """(N,) increasing: the headers' times, of the frames; where those are 0 or repeat, when the messages were
     written."""
     places: list[tuple[int, int]]
     """When message i was written [ns], and how many messages of its topic were written before at that very time."""

@@ -1,4 +1,4 @@
-"""Image topics of a ROS 1 bag, a ROS 2 bag or an MCAP file, with the camera_info beside them: one camera or a pair."""
+"""Image topics of a ROS 1 bag, a ROS 2 bag or an MCAP file, with their camera_info: one camera or a pair."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _usable_info(bag: BagFile, topic: str) -> _Info | InputError | None:
 def _single(
     bag: BagFile, topic: str, info: _Info | InputError | None, others: list[str], calibration: Path | None
 ) -> Recording:
-    beside = bag.path.resolve().parent / CAMERA
+    default_camera = bag.path.resolve().parent / CAMERA
     index, guess = _index(bag, topic), None
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
     notes += _notes(bag, index)
@@ -151,8 +151,8 @@ def _single(
             raise _calibrated(bag.path, calibration)
         camera = usable(info.rectified, f"{bag.path}: P of {topic}") if _is_rectified(topic) else info.raw
         notes = info.notes + notes
-    elif calibration is not None or exists(beside):
-        camera, _, unknown = read_settings(calibration or beside, images.first_size)
+    elif calibration is not None or exists(default_camera):
+        camera, _, unknown = read_settings(calibration or default_camera, images.first_size)
         notes += unknown
     elif info is not None:
         raise InputError(f"{info.args[0]}, or give --camera")
@@ -160,7 +160,7 @@ def _single(
         size = images.first_size()
         guess = guessed(size, None)
         camera = guess.camera(size)
-        notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {beside}",)
+        notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {default_camera}",)
     images = _Images(bag, topic, index, (camera.width, camera.height))
     times_ns = index.stamps_ns
     return Recording(
@@ -253,8 +253,8 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
         return None
 
     def value(key: str) -> Any:  # ROS 1 has capitals
-        found = getattr(message, key, getattr(message, key.upper(), ()))
-        return np.asarray(found, float).tolist()
+        attribute = getattr(message, key, getattr(message, key.upper(), ()))
+        return np.asarray(attribute, float).tolist()
 
     content: dict[str, Any] = {key: value(key) for key in "kdrp"}
     if not any(content["k"]) and not any(content["p"]):  # uncalibrated (sensor_msgs/CameraInfo)
@@ -262,13 +262,13 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
     content |= {key: getattr(message, key) for key in ("width", "height", "distortion_model", "binning_x", "binning_y")}
     region = ("x_offset", "y_offset", "width", "height")
     content["roi"] = {key: int(getattr(message.roi, key)) for key in region}
-    found = camera_info(bag.path, content, where=f"{name}: ")
-    projection = np.zeros((3, 4)) if found.projection is None else found.projection
-    return _Info(found.raw, found.turn, projection, found.notes)
+    info = camera_info(bag.path, content, where=f"{name}: ")
+    projection = np.zeros((3, 4)) if info.projection is None else info.projection
+    return _Info(info.raw, info.turn, projection, info.notes)
 
 
 class _Images:
-    """The images of one topic, decoded when asked for."""
+    """The images of one topic, decoded when requested."""
 
     def __init__(self, bag: BagFile, topic: str, index: Index, size: tuple[int, int] | None = None) -> None:
         """Of this size (width, height) where it is known."""
@@ -283,8 +283,8 @@ class _Images:
         values = _values(message, where)
         height, width = values.shape[:2]
         if self._size is not None and (width, height) != self._size:
-            wanted = f"{self._size[0]} x {self._size[1]}"
-            raise InputError(f"{where} is {width} x {height}, not {wanted} as its camera: correct the calibration")
+            expected = f"{self._size[0]} x {self._size[1]}"
+            raise InputError(f"{where} is {width} x {height}, not {expected} as its camera: correct the calibration")
         if values.dtype != np.uint8:
             values = as_bytes(values, self._span)
         conversion = ENCODINGS[message.encoding][2]
@@ -306,7 +306,7 @@ class _Images:
     @cached_property
     def _span(self) -> tuple[float, float]:
         """What is black and white in all images of the topic."""
-        found = []
+        spans = []
         for i in sampled(len(self._index.places)):
             message = self._bag.message(self._topic, self._index.places[i])
             try:
@@ -315,8 +315,8 @@ class _Images:
             except InputError:
                 continue
             if values is not None:
-                found.append(values[np.isfinite(values)])
-        return span_of_values(found)
+                spans.append(values[np.isfinite(values)])
+        return span_of_values(spans)
 
     def _where(self, i: int) -> str:
         return f"{self._bag.path}: image {i} of {self._topic}"

@@ -7,9 +7,9 @@
     right: {source: right, times: right.txt}
     truth: truth.tum                 # optional, world_from_rig
 
-A source is a folder of images or a video file. Left and right images need not be rectified; those exposed less
-than 2 ms apart are a pair; of folders without times, those of one number or time in their names. Where no video is
-named, left images are the video, too, as in other stereo recordings.
+A source is a folder of images or a video file. Left and right images need not be rectified; those of times
+that differ by less than 2 ms are a pair; of folders without times, those of one number or time in their names. Where
+no video is named, left images are the video, too, as in other stereo recordings.
 
 A folder with the folders `left` and `right` and a rig.yaml needs no sequence.yaml; `times.txt` in it holds the times of
 both.
@@ -30,7 +30,7 @@ from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.trajectories import read_tum
 from ispom.sequences.formats.folder import TIMES, holds_images, named_images
-from ispom.sequences.formats.streams import Given, streams
+from ispom.sequences.formats.streams import StreamInput, streams
 from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
@@ -72,8 +72,11 @@ def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
     """The same, with notes about what of the file is skipped or likely wrong."""
     path = path / FILE if is_folder(path) else path
     content = read_mapping(path) if exists(path) else {}
-    given = content.get("rig", "rig.yaml")
-    files = tuple(named_file(path, "rig", name) for name in (given if isinstance(given, list) and given else [given]))
+    rig_files = content.get("rig", "rig.yaml")
+    files = tuple(
+        named_file(path, "rig", name)
+        for name in (rig_files if isinstance(rig_files, list) and rig_files else [rig_files])
+    )
 
     def size() -> tuple[int, int]:
         """Of the images of the first stream, where they are in a folder."""
@@ -103,18 +106,28 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
         raise InputError(f"{path}: name is not a line of text: put it in quotation marks")
     if ("left" in content) != ("right" in content):
         raise InputError(f"{path} names only one of left and right: name both, or call the one camera video")
+    no_camera = f"{path} names no camera: add video, or left and right, or all three"
     if "video" not in content and "left" not in content:
-        raise InputError(f"{path} names no camera: add video, or left and right, or all three")
+        raise InputError(no_camera)
     rig, notes = _filmed_rig(path, placed)
-    found = streams(path, {name: _given(path, name, content, rig) for name in STREAMS if name in content})
-    video, stereo = found.get("video"), None
+    streams_by_name = streams(
+        path, {name: _stream_input(path, name, content, rig) for name in STREAMS if name in content}
+    )
+    video, stereo = streams_by_name.get("video"), None
     if "left" in content:
-        stereo = stereo_stream(path, rig, found["left"], found["right"])
+        stereo = stereo_stream(path, rig, streams_by_name["left"], streams_by_name["right"])
     truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
     if video is not None:
         opened = _sequence(name, rig, video, stereo, truth)
+<<<<<<< HEAD
     else:
         opened = _recording(name, required(stereo, f"{path} names no camera"), truth)
+=======
+    elif stereo is not None:
+        opened = _recording(name, stereo, truth)
+    else:
+        raise InputError(no_camera)
+>>>>>>> words
     opened = replace(opened, notes=notes + opened.notes)
     if truth is None:
         return opened
@@ -132,12 +145,12 @@ def _of_pair(folder: Path) -> dict[Any, Any]:
 
 
 def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Recording:
-    rig, found = stereo.rig, None
+    rig, ground_truth = stereo.rig, None
     if truth is not None:
-        found = truth_at(truth.moved(right=rig.rig_from_left, frame="left"), stereo.times_ns)
+        ground_truth = truth_at(truth.moved(right=rig.rig_from_left, frame="left"), stereo.times_ns)
     laser = None if rig.rig_from_laser is None else rig.rig_from_left.inverse() @ rig.rig_from_laser
     return Recording(
-        name, rig.camera("left"), rig.baseline_m, stereo.times_ns, stereo.read, found, stereo.notes, laser,
+        name, rig.camera("left"), rig.baseline_m, stereo.times_ns, stereo.read, ground_truth, stereo.notes, laser,
         rig.video_sigma, rig.pair_sigma,
     )  # fmt: skip
 
@@ -159,11 +172,11 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
         return Frame.stereo(time_ns, stereo.read("left", i), stereo.read("right", i))
 
     times_ns = np.array([t for t, _, _ in plan], np.int64)
-    found = truth_at(truth, np.unique(times_ns)) if truth is not None else None
-    return Sequence(name, rig, times_ns, tuple(kind for _, kind, _ in plan), load, found, notes)
+    ground_truth = truth_at(truth, np.unique(times_ns)) if truth is not None else None
+    return Sequence(name, rig, times_ns, tuple(kind for _, kind, _ in plan), load, ground_truth, notes)
 
 
-def _given(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Given:
+def _stream_input(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> StreamInput:
     entry = content[camera]
     entry = {"source": entry} if isinstance(entry, str) else entry
     if not isinstance(entry, dict):
@@ -174,10 +187,10 @@ def _given(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Given:
         raise InputError(f"{path} has a {camera} stream, but its rig no {camera} camera: add it to the rig's file")
     source, clock = named_file(path, f"{camera}.source", entry.get("source")), clock_of(path, entry, f"{camera}.")
     if is_folder(source):
-        return Given(source, size_of(described), clock, named_images(source))
+        return StreamInput(source, size_of(described), clock, named_images(source))
     if not looks_like_video(source):
         raise InputError(f"{path}: {camera}.source names {source}, neither a folder nor a video file: correct it")
-    return Given(source, size_of(described), clock)
+    return StreamInput(source, size_of(described), clock)
 
 
 def _refuse_others(path: Path, where: str, values: dict[Any, Any], known: tuple[str, ...]) -> None:

@@ -83,12 +83,12 @@ def _rectification(mav0: Path, left: _Sensor, right: _Sensor) -> Rectification:
     if fault := pair_fault(left_from_right):
         raise InputError(f"{file}: T_BS does not put cam1 to the right of cam0 ({fault}): correct it")
     try:
-        found = Rectification.of(left.camera, right.camera, left_from_right.inverse())
+        rectification = Rectification.of(left.camera, right.camera, left_from_right.inverse())
     except ValueError as error:
         raise InputError(f"{file}: cam1 and cam0 are no pair ({error}): give a pair of equal cameras") from None
-    if found.baseline_m <= 0:
+    if rectification.baseline_m <= 0:
         raise InputError(f"{file}: T_BS does not put cam1 to the right of cam0: correct it")
-    return found
+    return rectification
 
 
 def _sensor(folder: Path) -> _Sensor:
@@ -128,5 +128,5 @@ def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tup
     path = next((mav0 / name / "data.csv" for name in TRUTHS if exists(mav0 / name / "data.csv")), None)
     if path is None:
         return None, ()
-    found = truth_at(read_euroc(path, "body"), times_ns)
-    return found and found.moved(right=body_from_left, frame="left"), no_truth_note(path, found)
+    truth = truth_at(read_euroc(path, "body"), times_ns)
+    return truth and truth.moved(right=body_from_left, frame="left"), no_truth_note(path, truth)

@@ -1,4 +1,4 @@
-"""A folder of images in the order of their names, with `camera.yaml` in it or beside it, or a guess (guess.py).
+"""A folder of images in the order of their names, with `camera.yaml` in it or next to it, or a guess (guess.py).
 
 They may lie in a folder `images` of it, as COLMAP has them.
 
@@ -41,9 +41,9 @@ def looks_like_images(folder: Path) -> bool:
     return holds_images(folder) or holds_images(folder / INNER)
 
 
-def open_folder(given: Path, calibration: Path | None = None) -> Recording:
+def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
-    folder = given if holds_images(given) else given / INNER
+    folder = source if holds_images(source) else source / INNER
     path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
     guess, images = None, named_images(folder, path is None)
     paths = [folder / name for name in images.names]
@@ -52,12 +52,12 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
         clock, notes = Clock(), ()
     else:
         camera, clock, notes = read_settings(path, lambda: size_of_photo(paths[0], common_orientation(paths)[0]))
-    beside = path.parent if path is not None and calibration is None else folder.resolve().parent
-    times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
+    parent = path.parent if path is not None and calibration is None else folder.resolve().parent
+    times = next((place / TIMES for place in (folder, parent) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock, images)
-    name = f"images {given.resolve().name}"
+    name = f"images {source.resolve().name}"
     notes = (*notes, *stream.notes)
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes, guess=guess)
 
@@ -85,11 +85,11 @@ def named_images(folder: Path, one_size: bool = False) -> Named:
 
     Those of `one_size` are the largest group of images of the same size: no camera is known that says which to take.
     """
-    found = [name for name in names(folder) if _is_image(name)]
-    if not found:
+    image_names = [name for name in names(folder) if _is_image(name)]
+    if not image_names:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
-    taken, note = same_size([folder / name for name in found]) if one_size else (found, "")
-    others = sorted(set(found) - set(taken))
+    taken, note = same_size([folder / name for name in image_names]) if one_size else (image_names, "")
+    others = sorted(set(image_names) - set(taken))
     try:
         images = named(taken, [*unread_images(folder), *others])
     except InputError as fault:
@@ -154,7 +154,7 @@ def folder_stream(
 
 
 def _is_image(name: str) -> bool:
-    """Hidden files are those that other systems leave beside the real ones."""
+    """Hidden files are those that other systems write next to the real ones."""
     return _suffix(name) in IMAGE_SUFFIXES
 
 

@@ -1,4 +1,4 @@
-"""KITTI odometry drives: `sequences/NN` with image_0, image_1, calib.txt and times.txt; `poses/NN.txt` beside it.
+"""KITTI odometry drives: `sequences/NN` with image_0, image_1, calib.txt and times.txt; `poses/NN.txt` next to it.
 
 Without image_0, the colour cameras (image_2, image_3) are read. The right camera and the poses may be missing, and the
 images may be copies in another format.
@@ -61,16 +61,16 @@ def _images(images: Path) -> list[Path]:
     """The images, numbered from 0 without a gap; of several copies of one, a PNG file."""
     if not is_folder(images):
         raise InputError(f"{images} is missing: give a drive with its images (image_0, or image_2 in colour)")
-    found = [Path(name) for name in names(images) if not name.startswith(".")]
-    found = [name for name in found if name.suffix.lower() in IMAGE_SUFFIXES]
-    if not found:
+    paths = [Path(name) for name in names(images) if not name.startswith(".")]
+    paths = [name for name in paths if name.suffix.lower() in IMAGE_SUFFIXES]
+    if not paths:
         raise InputError(f"{images} holds no image: give a drive with its images")
     by_number: dict[str, Path] = {}
-    for name in sorted(found, key=lambda name: (name.stem, name.suffix.lower() != ".png", name.suffix)):
+    for name in sorted(paths, key=lambda name: (name.stem, name.suffix.lower() != ".png", name.suffix)):
         by_number.setdefault(name.stem, name)
     gap = next((i for i, stem in enumerate(by_number) if stem != f"{i:06d}"), None)
     if gap is not None:
-        missing = images / f"{gap:06d}{found[0].suffix}"
+        missing = images / f"{gap:06d}{paths[0].suffix}"
         raise InputError(f"{missing} is missing: images are numbered from 0 without a gap")
     return [images / name for name in by_number.values()]
 
@@ -102,7 +102,7 @@ def _cameras(folder: Path, left: str, right: str, size: tuple[int, int]) -> tupl
 
 
 def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """world_from_left of `poses/NN.txt` beside `sequences`, None where there is none."""
+    """world_from_left of `poses/NN.txt` next to `sequences`, None where there is none."""
     folder = folder.resolve()
     path = folder.parent.parent / "poses" / f"{folder.name}.txt"
     if not exists(path):

@@ -27,7 +27,7 @@ _PAIRS = (("00", "01"), ("02", "03"))
 _CALIBRATION = "calib_cam_to_cam.txt"
 _IMU, _VELO = "calib_imu_to_velo.txt", "calib_velo_to_cam.txt"
 _TRUTH_GAP_NS = 250_000_000
-"""Samples of synchronised drives are a tenth of a second apart, and some are missing."""
+"""Samples of synchronised drives follow each other by a tenth of a second, and some are missing."""
 
 
 def looks_like_kitti_raw(folder: Path) -> bool:
@@ -91,18 +91,18 @@ def _truth(
     projection = calibration["P_rect"]
     left_from_rectified = Pose(translation=np.linalg.solve(projection[:, :3], projection[:, 3]))
     left_from_body = left_from_rectified @ turned @ read_rigid(velo) @ read_rigid(imu)
-    found = truth_at(read_oxts(folder / "oxts"), times_ns, _TRUTH_GAP_NS)
+    truth = truth_at(read_oxts(folder / "oxts"), times_ns, _TRUTH_GAP_NS)
     note = "The ground truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor."
-    if found is None:
+    if truth is None:
         return None, "The GPS/IMU track (oxts) is of other times than the images: no ground truth."
-    return found.moved(right=left_from_body.inverse(), frame="left"), note
+    return truth.moved(right=left_from_body.inverse(), frame="left"), note
 
 
 def _images(folder: Path, camera: str) -> dict[int, Path]:
     """The image files by their number."""
     data = folder / f"image_{camera}" / "data"
-    found = [data / name for name in names(data)]
-    return {int(p.stem): p for p in found if p.stem.isascii() and p.stem.isdigit() and len(p.stem) <= 10}
+    paths = [data / name for name in names(data)]
+    return {int(p.stem): p for p in paths if p.stem.isascii() and p.stem.isdigit() and len(p.stem) <= 10}
 
 
 def _frames(folder: Path, images: list[dict[int, Path]]) -> tuple[list[int], tuple[str, ...]]:

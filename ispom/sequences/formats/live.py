@@ -154,21 +154,21 @@ class _Live:
 
     def _next(self) -> Image | None:
         """The next image, or None at the end of the stream; InputError where the camera fails."""
-        asked_s = time.monotonic()
+        started_s = time.monotonic()
         good, image = self._capture.read()
         if self._stopping:
             return None
         if not good or image is None:
-            if time.monotonic() - asked_s >= 0.9 * PATIENCE_S:
+            if time.monotonic() - started_s >= 0.9 * PATIENCE_S:
                 raise InputError(
                     f"{self._name} gave no image for {PATIENCE_S:g} s after {self._count}: check the camera and its "
                     "connection"
                 )
             self._notes += (f"The source ended by itself after {self._count} images.",)
             return None
-        found, wanted = image.shape[1::-1], size_of(self._camera)
-        if found != wanted:
-            size = f"{found[0]} x {found[1]}, not {wanted[0]} x {wanted[1]}"
+        size_px, expected = image.shape[1::-1], size_of(self._camera)
+        if size_px != expected:
+            size = f"{size_px[0]} x {size_px[1]}, not {expected[0]} x {expected[1]}"
             raise InputError(f"{self._name} gives images of {size} as its calibration: give that of this camera")
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB if image.ndim == 3 else cv2.COLOR_GRAY2RGB), np.uint8)
 

@@ -1,6 +1,6 @@
 """7-Scenes style: `frame-000000.color.png` and, with its pose, `frame-000000.pose.txt`, in one folder (seq-01).
 
-`camera.yaml` is in the folder or beside it; without one, the intrinsics on the data set's page are used.
+`camera.yaml` is in the folder or next to it; without one, the intrinsics on the data set's page are used.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
 
 
 def _number(name: str) -> int | None:
-    found = re.fullmatch(rf"frame-([0-9]{{1,7}}){re.escape(COLOUR)}(\.[A-Za-z]+)", name)
-    return int(found[1]) if found and found[2].lower() in IMAGE_SUFFIXES else None
+    match = re.fullmatch(rf"frame-([0-9]{{1,7}}){re.escape(COLOUR)}(\.[A-Za-z]+)", name)
+    return int(match[1]) if match and match[2].lower() in IMAGE_SUFFIXES else None
 
 
 def _pose_path(image: Path) -> Path:
@@ -67,11 +67,11 @@ def _truth(images: list[Path], times_ns: NDArray[np.int64]) -> tuple[Trajectory 
     known, matrices, there = [], [], set(names(images[0].parent))
     for i, image in enumerate(images):
         path = _pose_path(image)
-        found = matrix(path, (4, 4)) if path.name in there else np.full((4, 4), np.nan)
-        if not np.isfinite(found).all():  # the tracker had lost the camera
+        values = matrix(path, (4, 4)) if path.name in there else np.full((4, 4), np.nan)
+        if not np.isfinite(values).all():  # the tracker had lost the camera
             continue
         known.append(i)
-        matrices.append(found)
+        matrices.append(values)
     if not known:
         return None, len(images)
     poses = np.array(matrices)

@@ -1,4 +1,4 @@
-"""`sim:NAME`: the simulated experiment (paper, section 6.4), rendered when asked for and kept on disk."""
+"""`sim:NAME`: the simulated experiment (paper, section 6.4), rendered when requested and stored on disk."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Preset:
     motion: str = "flight"
 
     def rendered(self, world: World) -> tuple[str, str, int, int, int, int, int, bool, bool]:
-        """What the renderer is told of a world, from `Source.place` on: of this scene where it says nothing else.
+        """What the renderer gets of a world, from `Source.place` on: of this scene where it says nothing else.
 
         InputError for files that are not there, and for what the place does not have.
         """
@@ -154,14 +154,14 @@ def open_simulated(
     longest_s = preset.length_s(world)[1]
     if not 0.1 <= duration_s <= longest_s:
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {longest_s:g} s")
-    asked = preset.rendered(world)
+    world_settings = preset.rendered(world)
     shaping = (seed, motion_blur, preset.scale)
-    source, stamps = Source(*shaping, *asked), Timing(duration_s).exposures()
+    source, stamps = Source(*shaping, *world_settings), Timing(duration_s).exposures()
     rig, rectified = _rectified(source.rig)
     if world.right_late_ms:
         rig = rig.changed(pair_sigma=None)
     path = motion_of(source.motion, seed)
-    other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
+    other = () if world_settings == PRESETS["city"].rendered(_PLAIN) else world_settings
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
@@ -192,6 +192,6 @@ def _rectified(rig: Rig) -> tuple[Rig, Callable[[Image, Image], tuple[Image, Ima
     left, right = rig.camera("left"), rig.camera("right")
     if left.lens != "fisheye":
         return rig, lambda *images: images
-    found = Rectification.of(left, right, rig.rig_from_right.inverse() @ rig.rig_from_left)
-    told = rig.changed(left=found.camera, right=found.camera)
-    return told, lambda a, b: (remapped(a, found.left_maps), remapped(b, found.right_maps))
+    rectification = Rectification.of(left, right, rig.rig_from_right.inverse() @ rig.rig_from_left)
+    rectified_rig = rig.changed(left=rectification.camera, right=rectification.camera)
+    return rectified_rig, lambda a, b: (remapped(a, rectification.left_maps), remapped(b, rectification.right_maps))

@@ -1,4 +1,4 @@
-"""The streams of an own rig: what the names of their images, and of the other cameras' images, tell of their times."""
+"""The streams of an own rig: their times by the names of their images, and of the other cameras' images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ispom.sequences.stream import Clock, Stream
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class StreamInput:
     """One camera's images, before they have times."""
 
     source: Path
@@ -28,35 +28,35 @@ class Given:
 
     @property
     def stamps_ns(self) -> NDArray[np.int64] | None:
-        """(N,) where the names of the images are their times, and nothing else tells them."""
-        told = self.clock.times is not None or self.clock.rate_hz is not None
-        return None if told or self.images is None else self.images.stamps_ns
+        """(N,) where the names of the images are their times, and nothing else gives them."""
+        has_times = self.clock.times is not None or self.clock.rate_hz is not None
+        return None if has_times or self.images is None else self.images.stamps_ns
 
 
-def streams(path: Path, given: dict[str, Given]) -> dict[str, Stream]:
+def streams(path: Path, inputs: dict[str, StreamInput]) -> dict[str, Stream]:
     """By camera, as `path` has them. InputError where images cannot be put in time, or the pair's not in pairs."""
-    stamps = [one.stamps_ns for one in given.values()]
+    stamps = [one.stamps_ns for one in inputs.values()]
     first = [int(stamps_ns[0]) for stamps_ns in stamps if stamps_ns is not None]
     # Where another camera's times are counted from its first image, so are those of the names.
-    absolute = all(s is not None or one.clock.times is not None for s, one in zip(stamps, given.values(), strict=True))
+    absolute = all(s is not None or one.clock.times is not None for s, one in zip(stamps, inputs.values(), strict=True))
     since_ns = 0 if absolute or not first else min(first)
-    ticks = _ticks(path, given["left"], given["right"]) if "left" in given else {}
-    found = {}
-    for name, one in given.items():
+    ticks = _ticks(path, inputs["left"], inputs["right"]) if "left" in inputs else {}
+    result = {}
+    for name, one in inputs.items():
         if one.images is None:
-            found[name] = video_stream(one.source, one.size, one.clock)
+            result[name] = video_stream(one.source, one.size, one.clock)
         else:
-            found[name] = folder_stream(one.source, one.size, one.clock, one.images, ticks.get(name), since_ns)
-    return found
+            result[name] = folder_stream(one.source, one.size, one.clock, one.images, ticks.get(name), since_ns)
+    return result
 
 
-def _ticks(path: Path, left: Given, right: Given) -> dict[str, NDArray[np.int64]]:
-    """Of the images of a pair, where their names or their order must tell which were taken at once."""
+def _ticks(path: Path, left: StreamInput, right: StreamInput) -> dict[str, NDArray[np.int64]]:
+    """Of the images of a pair, where only their names or their order show which were taken at once."""
     if left.images is None or right.images is None:
         return {}
-    found = ticks_of_pair(left.images, right.images)
-    if found is not None:
-        return {"left": found[0], "right": found[1]}
+    ticks = ticks_of_pair(left.images, right.images)
+    if ticks is not None:
+        return {"left": ticks[0], "right": ticks[1]}
     clocks = [one.clock.times is not None or one.clock.rate_hz is not None for one in (left, right)]
     if not any(clocks) and (left.stamps_ns is None) != (right.stamps_ns is None):
         raise InputError(

@@ -48,8 +48,8 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
         return read_image(paths[i], size, orientation)
 
     truth = folder / "groundtruth.txt"
-    found = None
+    ground_truth = None
     if exists(truth):
-        found = truth_at(read_tum(truth, "left"), times_ns)
-        notes += no_truth_note(truth, found)
-    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found, notes, guess=guess)
+        ground_truth = truth_at(read_tum(truth, "left"), times_ns)
+        notes += no_truth_note(truth, ground_truth)
+    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, ground_truth, notes, guess=guess)

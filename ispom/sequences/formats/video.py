@@ -1,4 +1,4 @@
-"""A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` beside it, or a guess (guess.py).
+"""A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` next to it, or a guess (guess.py).
 
 Each image has the time that the file gives it, be its rate constant or not, unless the camera's file gives `rate_hz` or
 `times`. A file's first image is at 0.
@@ -26,7 +26,7 @@ VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
 MAX_COUNT = 100_000_000
 """Of images that a header may claim."""
 MAX_SKIP = 40
-"""Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
+"""Up to this many images ahead, reading on is quicker than a jump to the keyframe before and decoding from there."""
 ROUNDED_NS = 2_500_000
 """Times that are rounded to milliseconds make intervals of a constant rate differ by up to two."""
 RATE_ERROR = 0.01
@@ -34,7 +34,7 @@ RATE_ERROR = 0.01
 ASPECT_ERROR = 0.02
 """Of fx and fy that are calibrated."""
 FEW = 10
-"""Of fewer images, the rate cannot be told from rounded times."""
+"""With fewer images, rounded times do not determine the rate."""
 HEADER_ERROR = 4
 """Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
 
@@ -110,7 +110,7 @@ def _is_uneven(times_ns: NDArray[np.int64]) -> bool:
 
 
 class _Film:
-    """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a key frame."""
+    """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a keyframe."""
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
         """InputError where it is no video, or none of this size (width, height), before any image is decoded."""
@@ -138,7 +138,7 @@ class _Film:
         self._in_order = not self._has_own_rate(packets_ns)
         self.count = 0 if self._in_order else self._counted(claimed)
         self.stamps_ns: NDArray[np.int64] | None = None
-        """(N,) [ns] where the rate does not tell the times."""
+        """(N,) [ns] where the rate does not determine the times."""
         if self.count == 0 or self.count != len(packets_ns) > 0:
             # Packets before and after the part that an edit list shows are no images, and neither are damaged ones.
             self._in_order, shown_ns = True, self._shown_ns()
@@ -165,10 +165,10 @@ class _Film:
         """Image i (H, W, 3) RGB, read-only."""
         with self._lock:
             if self._last is None or self._last[0] != i:
-                found = self._decoded(i)
-                if found is None:
+                decoded = self._decoded(i)
+                if decoded is None:
                     raise UnreadableImage(f"{self._path}: image {i} cannot be decoded: restore the file")
-                image = np.asarray(cv2.cvtColor(found, cv2.COLOR_BGR2RGB), np.uint8)
+                image = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB), np.uint8)
                 image.setflags(write=False)
                 self._last = i, image
             return self._last[1]

@@ -14,12 +14,12 @@ from ispom.sequences.recording import Recording
 OTHERS = IMAGE_SUFFIXES | BAG_SUFFIXES
 """Of files that are recordings, or parts of one, as well."""
 RUNS, MARKS = "recordings", ("run.yaml", "INCOMPLETE")
-"""Where `ispom run` writes to unless something else is asked, and what is in the folder of each run."""
+"""The default folder of `ispom run`, and a file in the folder of each run."""
 
 
 def video_in(folder: Path) -> Path | None:
-    """Its only video file, beside which a calibration, texts and runs over it may lie; None where images, bags or other
-    folders do."""
+    """Its only video file, next to which a calibration, texts and runs over it may lie; None where images, bags or
+    other folders do."""
     inside = [folder / name for name in names(folder) if not name.startswith(".")] if is_folder(folder) else []
     videos = [path for path in inside if looks_like_video(path)]
     return videos[0] if len(videos) == 1 and not any(map(_is_another, inside)) else None

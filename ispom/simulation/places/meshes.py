@@ -78,11 +78,11 @@ class MeshPlace:
         out[:] = self.background
         seen = np.flatnonzero(hits != NOTHING)
         if len(seen):
-            found = hits[seen].astype(np.intp)
+            faces = hits[seen].astype(np.intp)
             begin = origin if origin.ndim == 1 else origin[seen]
-            xyz, weights, depth = self.met(found, begin, directions[seen].astype(float))
+            xyz, weights, depth = self.met(faces, begin, directions[seen].astype(float))
             width = depth * np.sqrt(np.abs(ra * db - rb * da))[seen] / 2  # four samples per pixel
-            out[seen] = self.colour(found, weights, xyz, width)
+            out[seen] = self.colour(faces, weights, xyz, width)
         return out
 
     def met(self, triangle: NDArray[np.intp], origin: Array, directions: Array) -> tuple[Array, Array, Array]:
@@ -108,11 +108,11 @@ class MeshPlace:
 
 def mesh_name(path: str) -> str:
     """Returns a name that differs for files of other content. Raises InputError where the file is no mesh."""
-    found = expanded(path).absolute()
-    digest = hashlib.blake2b(read_bytes(found, MOST_BYTES), digest_size=8).hexdigest()
-    if len(read_coloured_mesh(found).triangles) == 0:
-        raise InputError(f"{found} holds no triangles: give a mesh")
-    return f"{WORD}{digest}:{found}"
+    mesh_path = expanded(path).absolute()
+    digest = hashlib.blake2b(read_bytes(mesh_path, MOST_BYTES), digest_size=8).hexdigest()
+    if len(read_coloured_mesh(mesh_path).triangles) == 0:
+        raise InputError(f"{mesh_path} holds no triangles: give a mesh")
+    return f"{WORD}{digest}:{mesh_path}"
 
 
 def mesh_place(name: str) -> MeshPlace:

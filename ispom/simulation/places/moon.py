@@ -92,7 +92,7 @@ def _sphere() -> tuple[Array, NDArray[np.intp]]:
     xyz = np.array([np.roll(c, n) for n in range(3) for c in corners], float)
     edge = np.linalg.norm(xyz[:, None] - xyz[None], axis=2)
     near = np.abs(edge - 2) < 1e-9
-    found, middles, faces = list(xyz), dict[tuple[int, int], int](), []
+    vertices, middles, faces = list(xyz), dict[tuple[int, int], int](), []
     triples = [
         (i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]
     ]
@@ -101,11 +101,11 @@ def _sphere() -> tuple[Array, NDArray[np.intp]]:
         for one, other in ((i, j), (j, k), (k, i)):
             key = (min(one, other), max(one, other))
             if key not in middles:
-                middles[key] = len(found)
-                found.append((xyz[one] + xyz[other]) / 2)
+                middles[key] = len(vertices)
+                vertices.append((xyz[one] + xyz[other]) / 2)
         ij, jk, ki = (middles[min(p), max(p)] for p in ((i, j), (j, k), (k, i)))
         faces += [(i, ij, ki), (ij, j, jk), (ki, jk, k), (ij, jk, ki)]
-    directions = np.array(found)
+    directions = np.array(vertices)
     return directions / np.linalg.norm(directions, axis=1, keepdims=True), np.array(faces)
 
 

@@ -182,14 +182,14 @@ def masonry(
         row = np.floor(v)
         side, part = _across(v - row, np.minimum(wy[seen] * (1 / height), 1))
         place, whole = u + _row_shift(row, shift, seed), row.astype(np.int32).view(np.uint32)
-        found = _row_tint(place, width, whole, seed)
+        shade = _row_tint(place, width, whole, seed)
         both = np.flatnonzero(part > 0)
         if len(both):
             near, s = (row + side)[both], seed[both]
             number = near.astype(np.int32).view(np.uint32)
             other = _row_tint(u[both] + _row_shift(near, shift, s), width[both], number, s)
-            found[both] += (other - found[both]) * part[both]
-        tint[seen] = 2 * found - 1
+            shade[both] += (other - shade[both]) * part[both]
+        tint[seen] = 2 * shade - 1
         upright[seen] = joints(place, width, 1.0, joint / length) - joint / length
     gaps = joints(y, wy, height, joint)
     upright = fade * upright + joint / length

@@ -129,7 +129,7 @@ class RenderProcess:
         except OSError as fault:
             raise _Ended(f"cannot be started ({fault.strerror})") from fault
         try:
-            return _ask(child, request)
+            return _render_in_child(child, request)
         except (OSError, EOFError) as fault:
             child.wait(1.0)  # it closed its pipes by ending, which takes a moment
             self.stop()
@@ -164,7 +164,7 @@ def render_pool() -> RenderPool:
     return pool
 
 
-def _ask(child: Child, request: bytes) -> Image:
+def _render_in_child(child: Child, request: bytes) -> Image:
     """Returns the requested image. Raises OSError or EOFError where the process ended before it was complete."""
     child.requests.write(request)
     child.requests.flush()

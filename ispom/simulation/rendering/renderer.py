@@ -100,8 +100,8 @@ class Samples:
         first = np.diff(face, prepend=-2) != 0
         first[::count] = True
         runs = np.flatnonzero(first)
-        alike = np.diff(runs, append=len(mixed)).astype(np.float32)
-        dx, dy = (np.add.reduceat(a[which], runs) / alike if len(runs) else alike for a in ROOKS.T)
+        run_lengths = np.diff(runs, append=len(mixed)).astype(np.float32)
+        dx, dy = (np.add.reduceat(a[which], runs) / run_lengths if len(runs) else run_lengths for a in ROOKS.T)
         still = np.zeros(len(inner), np.float32)
         return Samples(
             inner=inner,
@@ -111,7 +111,7 @@ class Samples:
             face=np.concatenate([faces.ravel()[inner], face[runs]]),
             dx=np.concatenate([still, dx]),
             dy=np.concatenate([still, dy]),
-            share=np.concatenate([still + 1, alike / count]),
+            share=np.concatenate([still + 1, run_lengths / count]),
         )
 
     def mean(self, colour: Values) -> Values:
@@ -159,9 +159,9 @@ class Renderer:
         black = np.indices(inside.shape).sum(axis=0) % 2 == 0
         inside[black] = self._seen(view, black, world_from_camera, threads)
         above, below, left, right = out[:-2, 1:-1], out[2:, 1:-1], out[1:-1, :-2], out[1:-1, 2:]
-        alike = (above == below) & (left == right) & (above == left)
-        np.copyto(inside, above, where=~black & alike)
-        open_ = ~black & ~alike
+        one_face = (above == below) & (left == right) & (above == left)
+        np.copyto(inside, above, where=~black & one_face)
+        open_ = ~black & ~one_face
         inside[open_] = self._seen(view, open_, world_from_camera, threads)
         return np.ascontiguousarray(inside)
 
@@ -198,10 +198,10 @@ class Renderer:
             colour[some] = self._shade(view, world_from_camera, frame, samples, some).T
 
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(shade, self._alike(samples)))
+            list(pool.map(shade, self._split(samples)))
         return samples.mean(colour).reshape(*faces.shape, 3)
 
-    def _alike(self, samples: Samples) -> list[NDArray[np.intp]]:
+    def _split(self, samples: Samples) -> list[NDArray[np.intp]]:
         """Returns indices of samples in chunks of one look each; the sky's is the last."""
         look = np.append(self.scene.surfaces.look, np.uint8(255))[samples.face]
         order = np.argsort(look, kind="stable")

@@ -70,8 +70,8 @@ def by_open3d(triangles: Rays) -> Cast:
 
     def cast(origins: Rays, directions: Rays) -> NDArray[np.int32]:
         rays = core.Tensor.from_numpy(np.concatenate([origins, directions], axis=1))
-        found = scene.cast_rays(rays, nthreads=1)["primitive_ids"]
-        return found.numpy().view(np.int32)  # what hits nothing has the largest number: -1 as a signed one
+        faces = scene.cast_rays(rays, nthreads=1)["primitive_ids"]
+        return faces.numpy().view(np.int32)  # what hits nothing has the largest number: -1 as a signed one
 
     return cast
 

@@ -70,7 +70,7 @@ def read_out(light: np.ndarray, noise_left: float, *what: object) -> Image:
 
 @dataclass(frozen=True, kw_only=True)
 class Dropped(Spell):
-    """Exposures that never come."""
+    """Frames that never come."""
 
     kind: Literal["video", "stereo"] = "video"
     share: Annotated[float, Range(0, 0.95)] = 0.2
@@ -78,20 +78,20 @@ class Dropped(Spell):
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         gone = set(_chosen(self, sequence, seed, "dropped").tolist())
-        kept = [i for i in range(len(sequence)) if i not in gone]
+        remaining = [i for i in range(len(sequence)) if i not in gone]
         prepare = sequence.prepare
         return replace(
             sequence,
-            times_ns=sequence.times_ns[kept],
-            kinds=tuple(sequence.kinds[i] for i in kept),
-            load=lambda i: sequence.load(kept[i]),
-            prepare=None if prepare is None else lambda i: prepare(kept[i]),
+            times_ns=sequence.times_ns[remaining],
+            kinds=tuple(sequence.kinds[i] for i in remaining),
+            load=lambda i: sequence.load(remaining[i]),
+            prepare=None if prepare is None else lambda i: prepare(remaining[i]),
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repeated(Spell):
-    """Exposures that show the images of the one before, as new."""
+    """Frames that show the images of the one before, as new."""
 
     kind: Literal["video", "stereo"] = "video"
     share: Annotated[float, Range(0, 0.95)] = 0.2

@@ -63,11 +63,11 @@ class Defocus(Spell):
     camera: Cameras = "all"
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
-        kept = 1 / (2 * np.sqrt(np.pi) * self.sigma_px)  # of white noise, after the blur
+        noise_share = 1 / (2 * np.sqrt(np.pi) * self.sigma_px)  # of white noise, after the blur
 
         def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             blurred = cv2.GaussianBlur(image.astype(np.float32), (0, 0), self.sigma_px)
-            return read_out(np.asarray(blurred), min(1.0, float(kept)), "defocus", seed, camera, time_ns)
+            return read_out(np.asarray(blurred), min(1.0, float(noise_share)), "defocus", seed, camera, time_ns)
 
         return with_images(sequence, change, self, self.camera)
 

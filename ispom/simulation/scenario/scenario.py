@@ -137,9 +137,9 @@ def _fault(where: str, entry: str | dict[Any, Any]) -> tuple[str, Fault]:
     name, chosen = next(iter(named.items()), ("", {}))
     if len(named) != 1 or name not in FAULTS:
         raise InputError(f"{where}: {str(name)[:40]!r} is no fault: choose from {', '.join(FAULTS)}")
-    found = from_plain(FAULTS[name], chosen if chosen is not None else {}, f"{where}: {name}")
-    _check(found, f"{where}: {name}")
-    return name, found
+    fault = from_plain(FAULTS[name], chosen if chosen is not None else {}, f"{where}: {name}")
+    _check(fault, f"{where}: {name}")
+    return name, fault
 
 
 def _check(values: Any, where: str) -> None:
@@ -147,8 +147,8 @@ def _check(values: Any, where: str) -> None:
     for setting in settings(type(values)):
         value, limits = getattr(values, setting.name), setting.range
         if limits is not None and not limits.low <= value <= limits.high:
-            wanted = f"give a value from {limits.low:g} to {limits.high:g}"
-            raise InputError(f"{where}: {setting.name} is {value:g}, {wanted}")
+            hint = f"give a value from {limits.low:g} to {limits.high:g}"
+            raise InputError(f"{where}: {setting.name} is {value:g}, {hint}")
 
 
 def _plain(word: str) -> Any:

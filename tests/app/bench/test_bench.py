@@ -46,10 +46,10 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     sources = ["kitti-06", "kitti-00", "euroc"]
     arguments = ["--data", str(drive(tmp_path)), "--sources", *sources, "--runs", "2", "--no-blocks"]
     assert main(["bench", *arguments, "--json", str(written)]) == 0
-    told, report = capsys.readouterr().out, json.loads(written.read_text())
+    printed, report = capsys.readouterr().out, json.loads(written.read_text())
     for peer in PEERS["kitti-06", "stereo"]:
-        assert peer.name in told and peer.t_err_percent in told
-    assert told.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
+        assert peer.name in printed and peer.t_err_percent in printed
+    assert printed.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
     assert [r["method"] for r in report["rows"]] == ["monocular", "monocular.paper", "stereo", "stereo.paper"]
     for row in report["rows"]:
         found = row["found"]
@@ -67,12 +67,12 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
         (["--json", "nowhere/b.json"], "nowhere"),
     ],
 )
-def test_misuse_is_told(arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_misuse_is_reported(arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", *arguments]) == 2
     assert word in capsys.readouterr().err
 
 
-def test_every_peer_stands_beside_a_row() -> None:
+def test_every_peer_is_listed_with_its_row() -> None:
     methods = {case.key: case.methods for case in plan.CASES}
     assert all(method in methods[key] for key, method in PEERS)
 
@@ -89,7 +89,7 @@ def test_the_unit() -> None:
     assert own.ms > 0 and len(own._points) == unit.POINTS and own._a.shape[::-1] == unit.SIZE
 
 
-def test_the_peak_counts_what_is_held() -> None:
+def test_the_peak_counts_allocated_memory() -> None:
     """In a process of its own: what tests gave back before would be taken again, and the peak stay where it was."""
     script = "import numpy as np; from ispom_app.features.benchmark.measure import peak_mb; before = peak_mb()\n"
     script += "held = np.ones(30_000_000); print(peak_mb() - before)"
@@ -97,7 +97,7 @@ def test_the_peak_counts_what_is_held() -> None:
     assert math.isnan(float(found)) or float(found) >= 100
 
 
-def test_the_window_is_of_the_size_that_is_told() -> None:
+def test_the_window_has_the_configured_size() -> None:
     from ispom_app.features.benchmark import blocks
 
     from ispom.solvers.window import adjustment

@@ -38,7 +38,7 @@ def part(change: float, sigma: float) -> Part:
     return Part(change * scale, np.diag((sigma * scale) ** -2), np.diag([1.0] * 7))
 
 
-def test_place_and_clock_are_written_and_told(
+def test_place_and_clock_are_written_and_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     watched(monkeypatch, simulated.flight(1), [part(0.5, 0.3), part(-0.5, 0.3), part(0.1, 0.3)])
@@ -64,10 +64,10 @@ def test_parts_that_differ_widen_the_errors() -> None:
     left, video = simulated.courses(1, simulated.flight(1))
     rough = simulated.found_by(left, video)
     alike = from_motion.combined(rough, [part(0.1, 0.3), part(-0.1, 0.3)])
-    apart = from_motion.combined(rough, [part(2.0, 0.3), part(-2.0, 0.3)])
+    combined = from_motion.combined(rough, [part(2.0, 0.3), part(-2.0, 0.3)])
     assert alike.widened == 1.0
-    assert apart.widened > 5
-    assert np.diag(apart.covariance) == pytest.approx(apart.widened**2 * np.diag(alike.covariance))
+    assert combined.widened > 5
+    assert np.diag(combined.covariance) == pytest.approx(combined.widened**2 * np.diag(alike.covariance))
 
 
 def test_turns_about_one_axis_are_refused_for_the_place_along_it(
@@ -77,9 +77,9 @@ def test_turns_about_one_axis_are_refused_for_the_place_along_it(
     out, numbers = tmp_path / "rig.yaml", tmp_path / "n.json"
     words = ["calibrate", "rig", "sim:tiny", "--from-motion", "--out", str(out), "--json", str(numbers)]
     assert main(words) == 1
-    said = capsys.readouterr().out
-    assert "the rig turned about one axis only, (0.00, 1.00, 0.00)" in said.replace("-0.00", "0.00")
-    assert "film again" in said
+    printed = capsys.readouterr().out
+    assert "the rig turned about one axis only, (0.00, 1.00, 0.00)" in printed.replace("-0.00", "0.00")
+    assert "film again" in printed
     assert not out.exists()
     assert "video.y" in json.loads(numbers.read_text())["undetermined"]
 
@@ -120,9 +120,9 @@ def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> N
 )
 def test_mistakes_are_one_sentence(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", *words]) == 2
-    said = capsys.readouterr().err
-    assert message in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed
+    assert printed.count("\n") == 1
 
 
 def test_a_video_camera_without_a_pose_is_read_only_to_find_it(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_camera_is_written_without_a_target(
 @pytest.mark.parametrize(
     ("sigma", "said"), [(None, "too little motion"), (0.28, "does not tell the focal length"), (0.1, "uncertain by 10")]
 )
-def test_a_motion_that_does_not_tell_the_lens_is_to_be_filmed_again(
+def test_a_motion_that_does_not_determine_the_lens_is_to_be_filmed_again(
     sigma: float | None, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tracked(monkeypatch, sigma)

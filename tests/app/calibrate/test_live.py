@@ -33,27 +33,31 @@ def reader(images: list[Image | None]) -> Callable[[], Image | None]:
     return lambda: next(left)
 
 
-def test_a_board_that_is_held_still_is_kept_once() -> None:
-    said: list[str] = []
-    source = filmed(TARGET, "camera:0", reader([*frames("views=4&seed=2", repeat=3)]), said.append, 100)
+def test_views_of_a_still_board_are_stored_once() -> None:
+    messages: list[str] = []
+    source = filmed(TARGET, "camera:0", reader([*frames("views=4&seed=2", repeat=3)]), messages.append, 100)
     shown = [image for image in frames("views=4&seed=2") if not detect(TARGET, image).reason]
     assert len(source) == len(shown) >= 3 and source.camera == "video"
-    assert sum(text.startswith("seen already") for text in said) == 2 * len(shown)
+    assert sum(text.startswith("seen already") for text in messages) == 2 * len(shown)
     assert source.read(0).shape == (480, 640)
 
 
-def test_what_is_missing_is_said_while_filming_and_an_empty_image_says_why() -> None:
-    said: list[str] = []
+def test_what_is_missing_is_reported_while_filming_and_an_empty_image_gives_its_reason() -> None:
+    messages: list[str] = []
     wall = np.full((480, 640), 90, np.uint8)
     filmed(
-        TARGET, "camera:0", reader([wall, *frames("views=6&alike&seed=1"), *frames("views=5&seed=3")]), said.append, 100
+        TARGET,
+        "camera:0",
+        reader([wall, *frames("views=6&alike&seed=1"), *frames("views=5&seed=3")]),
+        messages.append,
+        100,
     )
-    assert said[0] == f"show the target {SPEC} to the camera"
-    assert said[1].endswith(said[0]) and said[1] != said[0], "why the wall is no view"
-    assert "views kept" in said[-1] and "next: " in said[-1]
+    assert messages[0] == f"show the target {SPEC} to the camera"
+    assert messages[1].endswith(messages[0]) and messages[1] != messages[0], "why the wall is no view"
+    assert "views kept" in messages[-1] and "next: " in messages[-1]
 
 
-def test_views_that_are_alike_lack_tilt_and_corners() -> None:
+def test_similar_views_lack_tilt_and_corners() -> None:
     seen = [detect(TARGET, image) for image in frames("views=4&alike&seed=5")]
     now = covered(TARGET, seen, (640, 480))
     assert now is not None and now.covered < 0.6
@@ -74,7 +78,7 @@ def test_ctrl_c_ends_filming_with_what_was_kept() -> None:
     assert len(filmed(TARGET, "camera:0", read, lambda _: None, 100)) == count
 
 
-def test_a_target_that_is_never_seen_is_told() -> None:
+def test_a_target_that_is_never_seen_is_reported() -> None:
     with pytest.raises(InputError, match="never seen"):
         filmed(TARGET, "camera:0", reader([np.zeros((480, 640), np.uint8)]), lambda _: None, 100)
 

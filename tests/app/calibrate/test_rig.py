@@ -63,7 +63,7 @@ def test_a_video_with_a_clock_of_its_own_is_placed_with_its_offset(session: Path
     assert np.degrees(np.linalg.norm(error.rotvec)) < 0.2
 
 
-def test_cameras_that_do_not_turn_alike_are_told(
+def test_cameras_that_turn_differently_are_reported(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "other"

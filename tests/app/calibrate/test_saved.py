@@ -14,7 +14,7 @@ from ispom.simulation.cameras import Optics, simulated_rig
 @pytest.mark.parametrize(
     ("form", "out"), [("kalibr", "c.yaml"), ("euroc", "c"), ("opencv", "c.yml"), ("ros", "c"), ("colmap", "c.txt")]
 )
-def test_a_line_delay_that_is_left_out_is_told(
+def test_a_line_delay_that_is_left_out_is_reported(
     form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, optics in (("rolling", Optics(rolling_ns=20_000_000)), ("still", Optics())):
@@ -22,8 +22,8 @@ def test_a_line_delay_that_is_left_out_is_told(
         (tmp_path / f"{name}.yaml").write_text(rig_text(rig))
     convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
     assert main(convert) == 0
-    told = capsys.readouterr().err
-    assert told.startswith(
+    message = capsys.readouterr().err
+    assert message.startswith(
         f"--format {form} has no place for a rolling shutter: line_delay_s of left and right is left"
     )
     assert main([str(tmp_path / "still.yaml") if word.endswith("rolling.yaml") else word for word in convert]) == 0
@@ -31,7 +31,7 @@ def test_a_line_delay_that_is_left_out_is_told(
 
 
 @pytest.mark.parametrize(("form", "out"), [("camera", "c.yaml"), ("colmap", "c.txt")])
-def test_how_sure_it_is_is_told_to_be_left_out(
+def test_uncertainty_is_reported_as_missing(
     form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     alone = simulated_rig().changed(left=None, right=None, pair_sigma=None)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.calibration.job import Asked, Job
+from ispom_app.features.calibration.job import CalibrationRequest, Job
 from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, kept_in
 from ispom_app.features.calibration.page_routes import image_of, seen_in, shown
 from ispom_app.features.calibration.simulated import simulated
@@ -25,7 +25,7 @@ from ispom.simulation.filmed_board import VIDEO
 SPEC = "chessboard:7x5:0.03"
 
 
-def test_the_images_are_those_of_the_asked_cameras_and_repeat() -> None:
+def test_the_images_are_those_of_the_chosen_cameras_and_repeat() -> None:
     made = simulated("rig", Path("sim:calibration?views=3&seed=4"), parse_target(SPEC))
     assert [source.camera for source in made.sources] == ["video", "left", "right"]
     image = made.sources[0].read(1)
@@ -34,7 +34,7 @@ def test_the_images_are_those_of_the_asked_cameras_and_repeat() -> None:
     assert (image != made.sources[0].read(2)).any()
 
 
-def test_blur_and_views_that_are_alike() -> None:
+def test_blur_and_similar_views() -> None:
     sharp, blurred = (
         simulated("video", Path(f"sim:calibration?views=2&noise=0{more}"), parse_target(SPEC)).sources[0].read(1)
         for more in ("", "&blur_ms=60")
@@ -56,7 +56,7 @@ def test_a_setting_out_of_range_is_refused() -> None:
         simulated("video", Path("sim:calibration?views=5000"), parse_target(SPEC))
 
 
-def test_the_command_tells_the_truth_beside_its_result(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_the_truth_with_its_result(capsys: pytest.CaptureFixture[str]) -> None:
     code = main(["calibrate", "video", "sim:calibration?views=10", "--target", SPEC, "--model", "radtan"])
     printed = capsys.readouterr().out
     assert code == 0, printed
@@ -67,22 +67,22 @@ def test_a_job_shows_images_points_and_the_result_and_keeps_it(tmp_path: Path) -
     (tmp_path / "another").mkdir()
     (tmp_path / "another" / NUMBERS).write_text("{}")
     job = Job(folder=tmp_path)
-    job.start(Asked("video", ("sim:calibration?views=8",), SPEC))
+    job.start(CalibrationRequest("video", ("sim:calibration?views=8",), SPEC))
     with pytest.raises(InputError, match="at work"):
-        job.start(Asked("video", ("sim:calibration",), SPEC))
+        job.start(CalibrationRequest("video", ("sim:calibration",), SPEC))
     job.wait(120)
-    said = shown(job.progress)
-    assert said["doing"] == "" and said["fault"] == "" and said["verdict"]["level"] in ("good", "usable")
-    (camera,) = said["cameras"]
+    message = shown(job.progress)
+    assert message["doing"] == "" and message["fault"] == "" and message["verdict"]["level"] in ("good", "usable")
+    (camera,) = message["cameras"]
     assert camera["name"] == "video" and len(camera["views"]) == 8 and len(camera["drawings"]) == 7
-    assert any("fx" in line for line in said["truth"])
+    assert any("fx" in line for line in message["truth"])
     seen = seen_in(job.progress, "video", 0)
     assert len(seen["used"]) > 20 and len(seen["used"][0]) == 4
     assert image_of(job.progress, "video", 0).shape == (VIDEO.height, VIDEO.width)
     with pytest.raises(InputError, match="no image 8"):
         image_of(job.progress, "video", 8)
     (kept,) = kept_in(tmp_path)
-    assert (kept.name, kept.level, kept.files) == (said["kept"], said["verdict"]["level"], (RIG, NUMBERS, REPORT))
+    assert (kept.name, kept.level, kept.files) == (message["kept"], message["verdict"]["level"], (RIG, NUMBERS, REPORT))
     assert SPEC in kept.what and set(files_of(tmp_path)) == {f"{kept.name}/{name}" for name in kept.files}
     assert read_rig(tmp_path / kept.name / RIG).video == job.progress.found.cameras[0].camera
     assert SPEC in (tmp_path / kept.name / NUMBERS).read_text()
@@ -90,7 +90,7 @@ def test_a_job_shows_images_points_and_the_result_and_keeps_it(tmp_path: Path) -
 
 def test_a_calibration_to_be_filmed_again_is_kept_without_its_rig(tmp_path: Path) -> None:
     job = Job(folder=tmp_path)
-    job.start(Asked("video", ("sim:calibration?views=8&alike",), SPEC))
+    job.start(CalibrationRequest("video", ("sim:calibration?views=8&alike",), SPEC))
     job.wait(120)
     (kept,) = kept_in(tmp_path)
     assert (kept.level, kept.files) == ("redo", (NUMBERS, REPORT))
@@ -99,13 +99,13 @@ def test_a_calibration_to_be_filmed_again_is_kept_without_its_rig(tmp_path: Path
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (Asked("all", ("x",), SPEC), "cannot be calibrated"),
-        (Asked("video", ("/nowhere/at/all",), SPEC), "/nowhere/at/all"),
-        (Asked("video", ("sim:calibration?views=3",), "chessboard"), "chessboard"),
-        (Asked("video", (), SPEC), "no images were given"),
+        (CalibrationRequest("all", ("x",), SPEC), "cannot be calibrated"),
+        (CalibrationRequest("video", ("/nowhere/at/all",), SPEC), "/nowhere/at/all"),
+        (CalibrationRequest("video", ("sim:calibration?views=3",), "chessboard"), "chessboard"),
+        (CalibrationRequest("video", (), SPEC), "no images were given"),
     ],
 )
-def test_a_mistake_is_one_sentence(asked: Asked, said: str) -> None:
+def test_a_mistake_is_one_sentence(asked: CalibrationRequest, said: str) -> None:
     job = Job()
     job.start(asked)
     job.wait(60)
@@ -119,7 +119,7 @@ def test_a_link_in_a_folder_that_may_be_opened_does_not_lead_out_of_it(tmp_path:
         cv2.imwrite(str(tmp_path / name), np.zeros((60, 80), np.uint8))
     (data / "b.png").symlink_to(tmp_path / "secret.png")
     job = Job(folder=tmp_path / "kept", bounds=lambda: bounded((data,)))
-    job.start(Asked("video", (str(data),), SPEC))
+    job.start(CalibrationRequest("video", (str(data),), SPEC))
     job.wait(60)
     assert job.progress.fault and "outside" in job.progress.views[0].detections[1].reason
     with pytest.raises(InputError, match="outside"):
@@ -157,6 +157,6 @@ def test_what_may_not_be_opened_is_refused() -> None:
         raise InputError(f"{path} is outside")
 
     job = Job(check)
-    job.start(Asked("video", ("/etc",), SPEC))
+    job.start(CalibrationRequest("video", ("/etc",), SPEC))
     job.wait(10)
     assert job.progress.fault == "/etc is outside"

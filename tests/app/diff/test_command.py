@@ -69,26 +69,26 @@ def first(run: Runner) -> Path:
 def compared(capsys: pytest.CaptureFixture[str], code: int, *arguments: object) -> str:
     capsys.readouterr()
     assert main(["diff", *map(str, arguments)]) == code
-    told = capsys.readouterr()
-    return told.err if code == 2 else told.out
+    printed = capsys.readouterr()
+    return printed.err if code == 2 else printed.out
 
 
-def test_equal_runs_are_alike(run: Runner, first: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_equal_runs_have_no_differences(run: Runner, first: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert compared(capsys, 0, first, run()) == "alike: monocular.paper\n"
-    told = json.loads(compared(capsys, 0, first, run(), "--json"))
-    assert told["alike"] and not told["first"] and not told["settings"]
+    report = json.loads(compared(capsys, 0, first, run(), "--json"))
+    assert report["alike"] and not report["first"] and not report["settings"]
 
 
 def test_a_threshold_that_is_a_millionth_off_is_named(
     run: Runner, first: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = run("--monocular.paper.min-parallax-deg", "0.500001")
-    told = json.loads(compared(capsys, 1, first, other, "--json"))
-    assert told["settings"] == [{"name": "monocular.paper.min_parallax_deg", "a": 0.5, "b": 0.500001}]
-    (difference,) = told["first"][0]["differences"]
+    report = json.loads(compared(capsys, 1, first, other, "--json"))
+    assert report["settings"] == [{"name": "monocular.paper.min_parallax_deg", "a": 0.5, "b": 0.500001}]
+    (difference,) = report["first"][0]["differences"]
     assert difference["name"] == "monocular.paper.parallax.threshold"
     assert (difference["a"], difference["b"], difference["by"]) == (0.5, 0.500001, pytest.approx(1e-6))
-    assert told["first"][0]["exposure"] == 1, "the first frame at which parallax is compared"
+    assert report["first"][0]["exposure"] == 1, "the first frame at which parallax is compared"
     text = compared(capsys, 1, first, other).splitlines()
     assert text[0] == "setting monocular.paper.min_parallax_deg: 0.5 | 0.500001"
     assert text[1] == "frame 1 (0.033 s)"
@@ -103,13 +103,13 @@ def test_a_threshold_that_decides_otherwise_is_followed_to_the_exposure_where_it
         checks = [row for row in csv.DictReader(file) if row["key"] == "parallax" and row["passed"] == "1"]
     exposure, measured = int(checks[1]["exposure"]), float(checks[1]["value"])
     below, above = (run(f"--monocular.paper.min-parallax-deg={measured + sign * 5e-7!r}") for sign in (-1, 1))
-    told = json.loads(compared(capsys, 1, below, above, "--json"))
-    assert told["first"][0]["differences"][0]["name"] == "monocular.paper.parallax.threshold"
-    assert told["first"][1]["exposure"] == exposure
-    decided = {difference["name"]: difference for difference in told["first"][1]["differences"]}
+    report = json.loads(compared(capsys, 1, below, above, "--json"))
+    assert report["first"][0]["differences"][0]["name"] == "monocular.paper.parallax.threshold"
+    assert report["first"][1]["exposure"] == exposure
+    decided = {difference["name"]: difference for difference in report["first"][1]["differences"]}
     assert decided["monocular.paper.parallax.passed"]["a"] and not decided["monocular.paper.parallax.passed"]["b"]
-    told = json.loads(compared(capsys, 1, below, above, "--json", "--tolerance", "1e-5"))
-    (found, *_) = told["first"]
+    report = json.loads(compared(capsys, 1, below, above, "--json", "--tolerance", "1e-5"))
+    (found, *_) = report["first"]
     assert (found["exposure"], found["differences"][0]["name"]) == (exposure, "monocular.paper.parallax.passed")
 
 
@@ -129,9 +129,11 @@ def test_one_pixel_of_one_image_is_found(
     row, column = corner(image)
     image[row, column] = 255 - image[row, column]
     cv2.imwrite(str(changed / "007.png"), image)
-    told = json.loads(compared(capsys, 1, first, run(source=changed), "--json"))
-    assert told["first"][0]["exposure"] == 7 and told["first"][0]["differences"][0]["name"].endswith("tracks_digest")
-    assert "images_sha256" in {setting["name"] for setting in told["settings"]}
+    report = json.loads(compared(capsys, 1, first, run(source=changed), "--json"))
+    assert report["first"][0]["exposure"] == 7 and report["first"][0]["differences"][0]["name"].endswith(
+        "tracks_digest"
+    )
+    assert "images_sha256" in {setting["name"] for setting in report["settings"]}
 
 
 def test_one_pixel_of_a_right_image_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -146,9 +148,9 @@ def test_one_pixel_of_a_right_image_is_found(tmp_path: Path, capsys: pytest.Capt
         row, column = corner(right)
         right[row, column] = 255 - right[row, column]
         cv2.imwrite(str(flight / "right" / "2.png"), right)
-    told = json.loads(compared(capsys, 1, *outs, "--json"))
+    report = json.loads(compared(capsys, 1, *outs, "--json"))
     third = [i for i, kind in enumerate(made.kinds) if kind == "stereo"][2]
-    assert told["first"][0]["exposure"] == third and told["first"][0]["differences"]
+    assert report["first"][0]["exposure"] == third and report["first"][0]["differences"]
 
 
 def corner(image: np.ndarray) -> tuple[int, int]:
@@ -163,17 +165,17 @@ def test_another_seed_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
     for seed, out in enumerate(outs):
         options = ["--methods", "monocular.paper", "--no-recording", "--until", "exposure == 2", "--seed", str(seed)]
         assert main(["run", "sim:tiny", "--out", str(out), *options]) == 0
-    told = json.loads(compared(capsys, 1, *outs, "--json"))
-    assert {"name": "seed", "a": 0, "b": 1} in told["settings"] and told["first"][0]["exposure"] == 0
+    report = json.loads(compared(capsys, 1, *outs, "--json"))
+    assert {"name": "seed", "a": 0, "b": 1} in report["settings"] and report["first"][0]["exposure"] == 0
 
 
 def test_a_run_that_was_stopped_ends_where_the_other_goes_on(
     run: Runner, first: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stopped = run("--until", "exposure == 9")
-    told = json.loads(compared(capsys, 1, first, stopped, "--json"))
-    assert told["first"][0]["exposure"] == 10 and told["apart"] == EXPOSURES - 10
-    assert told["first"][0]["differences"][0]["name"] == "monocular.paper.step"
+    report = json.loads(compared(capsys, 1, first, stopped, "--json"))
+    assert report["first"][0]["exposure"] == 10 and report["apart"] == EXPOSURES - 10
+    assert report["first"][0]["differences"][0]["name"] == "monocular.paper.step"
 
 
 def test_a_final_trajectory_that_differs_is_named(
@@ -185,14 +187,16 @@ def test_a_final_trajectory_that_differs_is_named(
     words = lines[5].split()
     words[1] = str(float(words[1]) + 0.25)
     (other / "monocular.paper.tum").write_text("\n".join([*lines[:5], " ".join(words), *lines[6:]]) + "\n")
-    told = json.loads(compared(capsys, 1, first, other, "--json"))
-    (found,) = told["first"]
-    assert found["exposure"] is None and told["apart"] == 0
+    report = json.loads(compared(capsys, 1, first, other, "--json"))
+    (found,) = report["first"]
+    assert found["exposure"] is None and report["apart"] == 0
     (difference,) = found["differences"]
     assert difference["name"] == "monocular.paper.final_position" and difference["by"] == pytest.approx(0.25)
 
 
-def test_an_incomplete_run_is_said_to_be_one(first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_incomplete_run_is_reported_as_incomplete(
+    first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     other = tmp_path / "other"
     shutil.copytree(first, other)
     (other / MARKER).write_text("Stopped.\n")

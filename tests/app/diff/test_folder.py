@@ -57,7 +57,7 @@ def test_the_folder_gives_what_was_in_memory(folder: Path) -> None:
         (DECISIONS, "\n4,", '\n4"x",', "column"),
     ],
 )
-def test_a_damaged_file_is_told_with_its_place(folder: Path, name: str, before: str, after: str, said: str) -> None:
+def test_a_damaged_file_is_reported_with_its_place(folder: Path, name: str, before: str, after: str, said: str) -> None:
     content = (folder / name).read_text()
     assert before in content
     (folder / name).write_text(content.replace(before, after, 1))
@@ -67,13 +67,13 @@ def test_a_damaged_file_is_told_with_its_place(folder: Path, name: str, before: 
 
 
 @pytest.mark.parametrize("name", [STEPS, DECISIONS])
-def test_a_missing_file_is_told(folder: Path, name: str) -> None:
+def test_a_missing_file_is_reported(folder: Path, name: str) -> None:
     (folder / name).unlink()
     with pytest.raises(InputError, match=f"has no {name}: finish it with `ispom repair`"), run_rows(folder):
         pass
 
 
-def test_a_file_that_is_no_text_is_told(folder: Path) -> None:
+def test_a_file_that_is_no_text_is_reported(folder: Path) -> None:
     with (folder / STEPS).open("ab") as file:
         file.write(b"\xff\xfe\n")
     with pytest.raises(InputError, match="not a text file"), run_rows(folder) as found:

@@ -19,7 +19,7 @@ from ispom_app.features.diff.text import MOST, lines
         (True, False, "yes | no"),
     ],
 )
-def test_values_have_the_digits_that_tell_them_apart(a, b, said) -> None:
+def test_values_are_printed_with_the_digits_in_which_they_differ(a, b, said) -> None:
     (_, line) = lines(Divergence(4, 0, (Difference("stereo.x", a, b, None),)))
     assert line == f"  stereo.x: {said}"
 

@@ -86,7 +86,7 @@ def test_the_protocol_is_always_stated(
     assert "ATE, RMS [" in out and "KITTI t_err [%]" in out
 
 
-def test_the_frame_of_a_run_is_told_and_different_frames_are_a_warning(
+def test_the_frame_of_a_run_is_reported_and_different_frames_are_a_warning(
     files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "run.yaml").write_text(RunFile("sim:city", "city", {"frame": "left"}, {}).text)
@@ -159,8 +159,8 @@ def test_a_mistake_is_one_sentence(
 ) -> None:
     placed = [str(tmp_path / a) if "." in a else a for a in arguments]
     assert main(["evaluate", *placed]) == 2
-    told = capsys.readouterr().err
-    assert message in told and told.startswith("ispom: ") and told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert message in printed and printed.startswith("ispom: ") and printed.count("\n") == 1
 
 
 def test_files_of_different_times_have_nothing_to_compare(
@@ -190,7 +190,7 @@ def test_a_straight_path_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture[
         assert ("nearly straight" in capsys.readouterr().out) == noted
 
 
-def test_names_that_tell_apart() -> None:
+def test_names_are_distinct() -> None:
     assert distinct_names([Path("a/x.tum"), Path("b/x.tum"), Path("b/y.tum")]) == ["a/x.tum", "b/x.tum", "b/y.tum"]
     assert distinct_names([Path("a/x.tum")]) == ["x.tum"]
     assert len(set(distinct_names([Path("x"), Path("x")]))) == 2

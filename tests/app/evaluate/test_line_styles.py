@@ -23,6 +23,6 @@ def test_the_other_colours_are_no_methods() -> None:
 
 
 @given(st.lists(st.sampled_from(NAMES), max_size=30))
-def test_no_two_lines_are_alike(names: list[str]) -> None:
+def test_no_two_lines_look_the_same(names: list[str]) -> None:
     styles = line_styles([Path(f"{i}/{name}.tum") for i, name in enumerate(names)])
     assert len({str(style) for style in styles}) == len(names)

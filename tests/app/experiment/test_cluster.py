@@ -50,7 +50,7 @@ def test_workers_that_do_not_start_end_it(monkeypatch: pytest.MonkeyPatch, tmp_p
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
 
-def test_one_that_ends_before_it_is_told_its_task_is_one_that_does_not_live(
+def test_a_worker_that_ends_before_its_task_arrives_counts_as_dead(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     class Ended(Child):

@@ -38,7 +38,7 @@ def test_methods_and_settings_are_combined(tmp_path: Path) -> None:
     assert plan.seeds == (0, 1) and len(list(plan.runs())) == 10
 
 
-def test_a_method_takes_the_settings_of_those_that_it_asks(tmp_path: Path) -> None:
+def test_a_method_takes_the_settings_of_its_dependencies(tmp_path: Path) -> None:
     settings = {"stereo.paper.matching": ["sift", "klt"]}
     plan = plan_of(tmp_path, methods=["integrated.paper"], settings=settings)
     assert [config_of(line).of("stereo.paper").matching for line in plan.lines] == ["sift", "klt"]

@@ -70,6 +70,6 @@ def test_at_the_first_exposure_nothing_has_changed(text: str) -> None:
     assert not worth(text, before=NO_ROW)
 
 
-def test_the_values_that_are_told() -> None:
+def test_the_values_that_are_reported() -> None:
     found = values(parse("stereo.inliers < 30 and monocular.key_frame and exposure > 3", KNOWN), NOW)
     assert found == {"stereo.inliers": 20, "monocular.key_frame": None, "exposure": 7}

@@ -24,8 +24,8 @@ def exact(number: int = STAYS) -> TrackLife:
     """With the pixels before they were rounded to float32."""
     found = life(RECORDS, COUNT - 1, track(number), RIG)
     assert found is not None
-    sightings = (replace(s, uv=seen_from(s.index)[number]) if not s.status.dropped else s for s in found.sightings)
-    return replace(found, sightings=tuple(sightings))
+    sightings = (replace(s, uv=seen_from(s.index)[number]) if not s.status.dropped else s for s in found.observations)
+    return replace(found, observations=tuple(sightings))
 
 
 def away_from(curve: Array, uv: Array) -> float:
@@ -36,7 +36,7 @@ def away_from(curve: Array, uv: Array) -> float:
 
 
 def test_a_perfect_track_lies_on_its_epipolar_lines():
-    first, *others = exact().sightings
+    first, *others = exact().observations
     for other in others:
         line = epipolar(LENS, first.world_from_camera, other.world_from_camera, first.uv, other.uv)
         assert line.distance_px < 1e-6
@@ -44,7 +44,7 @@ def test_a_perfect_track_lies_on_its_epipolar_lines():
 
 
 def test_the_distance_is_across_the_line():
-    first, last = exact().sightings[0], exact().last
+    first, last = exact().observations[0], exact().last
     poses = first.world_from_camera, last.world_from_camera
     curve = epipolar(LENS, *poses, first.uv, last.uv).curve_uv
     near = int(np.argmin(np.linalg.norm(curve - last.uv, axis=1)))
@@ -59,7 +59,7 @@ def test_a_camera_that_only_turns_has_no_epipolar_line():
     assert np.isnan(epipolar(LENS, pose(2), turned, seen_from(2)[STAYS], np.array([300.0, 200.0])).distance_px)
 
 
-def test_the_point_is_the_landmark_that_was_said_last_and_fits():
+def test_the_point_is_the_newest_landmark_and_fits():
     found = estimate(exact(), LENS, RIG, 0.5)
     assert found is not None and found.from_exposure == 9
     np.testing.assert_array_equal(found.xyz_in_world, POINTS[STAYS])
@@ -67,7 +67,7 @@ def test_the_point_is_the_landmark_that_was_said_last_and_fits():
 
 
 def test_without_a_landmark_the_observations_say_where_it_is():
-    alone = replace(exact(), sightings=tuple(replace(s, xyz_in_world=None) for s in exact().sightings))
+    alone = replace(exact(), observations=tuple(replace(s, xyz_in_world=None) for s in exact().observations))
     found = estimate(alone, LENS, RIG, 0.5)
     assert found is not None and found.from_exposure is None
     np.testing.assert_allclose(found.xyz_in_world, POINTS[STAYS], atol=1e-6)
@@ -87,22 +87,22 @@ def test_a_point_that_is_a_pixel_off_has_a_residual_of_a_pixel():
 def test_the_lens_that_the_method_found_is_taken_into_account():
     lens = Lens(CAMERA, np.array([0.002, 0.01]))
     seen = tuple(
-        replace(s, uv=lens.project(pose(s.index).inverse().apply(POINTS[STAYS][None]))[0]) for s in exact().sightings
+        replace(s, uv=lens.project(pose(s.index).inverse().apply(POINTS[STAYS][None]))[0]) for s in exact().observations
     )
-    found = estimate(replace(exact(), sightings=seen), lens, RIG, 0.5)
+    found = estimate(replace(exact(), observations=seen), lens, RIG, 0.5)
     assert found is not None and found.residuals_px.max() < 1e-5
 
 
 def test_the_covariance_is_that_of_many_noisy_intersections():
     sigma_px, rng = 0.5, np.random.default_rng(0)
     lens = Lens(replace(CAMERA, distortion=()), np.zeros(2))  # where pixels of the image are ideal ones
-    flat = (replace(s, uv=ideal(LENS, s.uv[None])[0], xyz_in_world=None) for s in exact().sightings)
-    alone = replace(exact(), sightings=tuple(flat))
+    flat = (replace(s, uv=ideal(LENS, s.uv[None])[0], xyz_in_world=None) for s in exact().observations)
+    alone = replace(exact(), observations=tuple(flat))
     said = estimate(alone, lens, RIG, sigma_px)
     found = []
-    for noise in rng.normal(0, sigma_px, (200, len(alone.sightings), 2)):
-        seen = (replace(s, uv=s.uv + moved) for s, moved in zip(alone.sightings, noise, strict=True))
-        sample = estimate(replace(alone, sightings=tuple(seen)), lens, RIG, sigma_px)
+    for noise in rng.normal(0, sigma_px, (200, len(alone.observations), 2)):
+        seen = (replace(s, uv=s.uv + moved) for s, moved in zip(alone.observations, noise, strict=True))
+        sample = estimate(replace(alone, observations=tuple(seen)), lens, RIG, sigma_px)
         assert sample is not None
         found.append(sample.xyz_in_world)
     assert said is not None and said.covariance is not None
@@ -129,5 +129,5 @@ def test_poses_are_those_known_at_the_exposure_shown():
     shifted = Trajectory.of([(3, Pose(translation=np.array([0, 0, 9.0])) @ pose(3))], "video")
     model = model.after(COUNT, COUNT, (replace(RECORDS[-1].steps[0], time_ns=COUNT, revised=shifted),))
     found = revised(exact(), model, RIG)
-    assert found.sightings[3].world_from_camera.translation[2] == pose(3).translation[2] + 9
-    assert np.array_equal(found.sightings[4].world_from_camera.matrix, pose(4).matrix)
+    assert found.observations[3].world_from_camera.translation[2] == pose(3).translation[2] + 9
+    assert np.array_equal(found.observations[4].world_from_camera.matrix, pose(4).matrix)

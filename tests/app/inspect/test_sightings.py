@@ -24,9 +24,11 @@ def track(number: int) -> Selection:
 
 def test_a_track_is_followed_back_to_where_it_began():
     found = life(RECORDS, COUNT - 1, track(STAYS), RIG)
-    assert found is not None and found.whole and [s.index for s in found.sightings] == list(range(COUNT))
-    assert found.sightings[0].status == TrackStatus.NEW and found.camera == "video"
-    np.testing.assert_allclose([s.uv for s in found.sightings], [seen_from(i)[STAYS] for i in range(COUNT)], atol=1e-3)
+    assert found is not None and found.whole and [s.index for s in found.observations] == list(range(COUNT))
+    assert found.observations[0].status == TrackStatus.NEW and found.camera == "video"
+    np.testing.assert_allclose(
+        [s.uv for s in found.observations], [seen_from(i)[STAYS] for i in range(COUNT)], atol=1e-3
+    )
     assert np.array_equal(found.last.world_from_camera.matrix, pose(COUNT - 1).matrix)
 
 
@@ -38,7 +40,7 @@ def test_nothing_after_the_exposure_shown_is_known():
 def test_a_track_that_ended_keeps_its_reason():
     found = life(RECORDS, COUNT - 1, track(LEAVES), RIG)
     assert found is not None and found.last.status == TrackStatus.OUT_OF_IMAGE
-    assert len(found.seen) == len(found.sightings) - 1
+    assert len(found.seen) == len(found.observations) - 1
     np.testing.assert_allclose(found.last.uv, found.seen[-1].uv)
 
 
@@ -54,7 +56,7 @@ def test_without_a_method_the_first_that_has_the_track_is_meant():
 def test_a_new_world_ends_what_the_poses_before_say():
     restarted = [*RECORDS[:5], *records(restarted=True, landmarks=Landmarks.empty())[5:6], *RECORDS[6:]]
     found = life(restarted, COUNT - 1, track(STAYS), RIG)
-    assert found is not None and [s.world_from_camera is None for s in found.sightings] == [True] * 5 + [False] * 5
+    assert found is not None and [s.world_from_camera is None for s in found.observations] == [True] * 5 + [False] * 5
 
 
 def test_a_click_picks_the_nearest_track():
@@ -68,7 +70,7 @@ def test_a_selection_is_read_as_it_is_written(text: str):
 
 
 @pytest.mark.parametrize("text", ["track", "track:", "track:-1", "point:3", "track:a b:3", "track:3\n", "x" * 900])
-def test_what_is_no_selection_is_said_in_one_sentence(text: str):
+def test_what_is_no_selection_is_reported_in_one_sentence(text: str):
     with pytest.raises(InputError, match="cannot be selected") as said:
         parsed(text)
     assert len(str(said.value)) < 160

@@ -6,7 +6,7 @@ from functools import cache
 
 from ispom_app.engine.options import SourceOptions
 from ispom_app.engine.playback import Playback
-from ispom_app.features.lessons.lesson import OWN, Asked, Lesson, Step
+from ispom_app.features.lessons.lesson import OWN, Lesson, RunRequest, Step
 from ispom_app.features.lessons.ran import Ran
 from ispom_app.features.lessons.reveal import Revealed, revealed
 from ispom_app.features.lessons.service import ran
@@ -24,10 +24,10 @@ def shown(lesson: Lesson, seed: int) -> list[tuple[Step, Revealed]]:
 
 
 def runs_of(step: Step, seed: int) -> dict[str, Ran]:
-    return {name: _ran(asked, step.to, seed) for name, asked in {OWN: step.own, **step.runs}.items()}
+    return {name: _ran(request, step.to, seed) for name, request in {OWN: step.own, **step.runs}.items()}
 
 
-def _ran(asked: Asked, to: int | None, seed: int) -> Ran:
+def _ran(asked: RunRequest, to: int | None, seed: int) -> Ran:
     key = (repr(asked), to, seed)
     if key not in _RAN:
         run = CurrentRun(Playback(_sequence(asked.source, seed), asked.methods, asked.config), BYTES)

@@ -50,7 +50,7 @@ def test_a_curve_is_right_where_it_is_near_on_average_within_the_chart():
     assert is_right(DRAW, found, tuple(shown + 0.04)) and not is_right(DRAW, found, tuple(shown + 0.06))
 
 
-def test_tracks_are_asked_for_depth_motion_and_why_they_ended():
+def test_tracks_are_inspected_for_depth_motion_and_why_they_ended():
     rig: Rig = doubles.rig()  # focal length 120 px, baseline 0.4 m
     tracks = Tracks.of(
         np.arange(3),
@@ -59,6 +59,6 @@ def test_tracks_are_asked_for_depth_motion_and_why_they_ended():
         status=np.array([TrackStatus.ALIVE, TrackStatus.RIGID, TrackStatus.OUT_OF_IMAGE]),
         disparity_px=np.array([2.0, 4.0, np.nan]),
     )
-    asked = {"depth_m > 20": [1, 0, 0], "moved_px > 3.5": [0, 0, 1], "disagrees": [0, 1, 0], "dropped": [0, 1, 1]}
-    for text, right in asked.items():
+    expected_of = {"depth_m > 20": [1, 0, 0], "moved_px > 3.5": [0, 0, 1], "disagrees": [0, 1, 0], "dropped": [0, 1, 1]}
+    for text, right in expected_of.items():
         assert right_tracks(tracks, rig, parse(f"track.{text}", TRACK)).tolist() == [bool(r) for r in right]

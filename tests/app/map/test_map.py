@@ -52,7 +52,7 @@ def test_the_surface_is_the_simulated_one(run: Path) -> None:
     assert 30 < mesh.rgb.mean() < 220 and mesh.rgb.std() > 15
 
 
-def test_the_video_tells_the_surface_as_well(run: Path, tmp_path: Path) -> None:
+def test_the_video_shows_the_surface_as_well(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "video"
     assert main(["map", str(run), "--depth-from", "video", "--out", str(out)]) == 0
     dense = json.loads((out / "map.json").read_text())["dense"]
@@ -89,7 +89,7 @@ def test_a_file_of_points_gives_what_the_profiler_gives(run: Path, tmp_path: Pat
     assert again["integrated"]["rmse_m"] == pytest.approx(laser["integrated"]["rmse_m"], abs=1e-4)
 
 
-def test_lines_between_poses_are_asked_for_and_worse(run: Path, tmp_path: Path) -> None:
+def test_lines_between_poses_are_optional_and_worse(run: Path, tmp_path: Path) -> None:
     arguments = [
         "map",
         str(run),

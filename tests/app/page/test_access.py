@@ -277,25 +277,25 @@ def test_a_base_gets_its_slashes(base: str, kept: str):
 
 
 @pytest.mark.parametrize("base", ["/a b/", "/{x}/", "/../", "/a?b", "http://x/", "/a\0/"])
-def test_what_is_no_base_is_said(base: str):
+def test_what_is_no_base_is_reported(base: str):
     with pytest.raises(InputError, match="--base"):
         checked_base(base)
 
 
 @pytest.mark.parametrize("name", ["", "http://x", "x:80", "x/y", "a b", "[", "x" * 300])
-def test_what_is_no_host_is_said(name: str):
+def test_what_is_no_host_is_reported(name: str):
     with pytest.raises(InputError, match="--allow-host"):
         checked_host(name)
 
 
 @pytest.mark.parametrize("port", [-1, 65536, 99999])
-def test_a_port_out_of_range_is_said(port: int):
+def test_a_port_out_of_range_is_reported(port: int):
     with pytest.raises(InputError, match="--port"):
         listener("127.0.0.1", port, lambda _: None)
 
 
 @pytest.mark.parametrize("host", ["no such host", "a..b", "x" * 300, "999.1.1.1"])
-def test_a_host_that_cannot_be_listened_on_is_said(host: str):
+def test_a_host_that_cannot_be_listened_on_is_reported(host: str):
     with pytest.raises(InputError, match="--host"):
         listener(host, 0, lambda _: None)
 

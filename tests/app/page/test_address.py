@@ -147,7 +147,7 @@ def test_an_address_of_another_branch_shows_that_branch(page: Page) -> None:
     page.until("state.address.branch === 0 && state.index === 5", "the first run")
 
 
-def test_an_unknown_run_is_told_and_never_a_path(page: Page) -> None:
+def test_an_unknown_run_is_reported_and_never_a_path(page: Page) -> None:
     go(page, 9)
     for run in ("nowhere", "/etc", "../../etc/passwd"):
         count = page.tab.evaluate("window.ispom.state.notices.at(-1)?.number ?? 0")

@@ -298,7 +298,7 @@ def test_recording_leaves_a_sound_file(page: Page, app: App):
     subprocess.run([str(rerun), "rrd", "verify", str(app.recordings / "double-1.rrd")], check=True, capture_output=True)
 
 
-def test_the_page_asks_nobody_else_and_complains_of_nothing(page: Page, app: App):
+def test_the_page_requests_nothing_elsewhere_and_logs_no_complaint(page: Page, app: App):
     base = app.url.partition("?")[0]
     own = (base, base.replace("http", "ws"), "data:", "blob:")
     foreign = {url for url in page.requests if not url.startswith(own)}
@@ -315,7 +315,7 @@ def test_closed_and_opened_again_it_shows_the_same(page: Page, browser, app: App
     again.tab.close()
 
 
-def test_a_taken_port_is_said_and_the_next_one_used(app: App, tmp_path: Path):
+def test_a_taken_port_is_reported_and_the_next_one_used(app: App, tmp_path: Path):
     taken = urlsplit(app.url).port
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.app.page.serve_double", str(tmp_path), str(taken)],

@@ -49,12 +49,12 @@ def page(browser, app: App) -> Iterator[CalibrationTab]:  # noqa: F811
     opened.tab.close()
 
 
-def test_before_anything_was_asked_it_says_what_to_do(page: CalibrationTab):
+def test_before_the_first_request_it_explains_what_to_do(page: CalibrationTab):
     page.tab.get_by_text("Give a folder of images of a target").wait_for()
     assert page.state["number"] == 0
 
 
-def test_a_mistake_is_told_in_a_sentence(page: CalibrationTab):
+def test_a_mistake_is_reported_in_a_sentence(page: CalibrationTab):
     page.tab.locator("textarea[name=images]").fill("/nowhere/at/all")
     page.tab.locator("input[name=target]").fill(TARGET)
     page.tab.get_by_role("button", name="Calibrate", exact=True).click()
@@ -62,7 +62,7 @@ def test_a_mistake_is_told_in_a_sentence(page: CalibrationTab):
     assert "/nowhere/at/all" in page.tab.locator("#fault").inner_text()
 
 
-def test_a_simulation_is_solved_and_told_beside_its_truth(page: CalibrationTab):
+def test_a_simulation_is_solved_and_reported_with_its_truth(page: CalibrationTab):
     page.tab.get_by_role("button", name="Try a simulation").click()
     page.until("state.number === 2", "the start")
     assert page.tab.locator("textarea[name=images]").input_value() == "sim:calibration?views=20"
@@ -87,7 +87,7 @@ def test_an_image_is_looked_at_with_its_points_and_residuals(page: CalibrationTa
 
 
 @pytest.mark.parametrize("where", ["#cameras button", "#views button:nth-child(4)", "#said .new a:nth-of-type(2)"])
-def test_what_is_drawn_anew_keeps_the_focus(page: CalibrationTab, where: str):
+def test_a_redrawn_part_keeps_the_focus(page: CalibrationTab, where: str):
     page.tab.locator(where).focus()
     page.tab.locator(where).evaluate("(e) => (window.old = e)")
     page.tab.evaluate("window.calibration.state.known = ''")  # as if there were news
@@ -108,7 +108,7 @@ def test_the_result_is_kept_and_can_be_opened_and_downloaded(page: CalibrationTa
     report.value.close()
 
 
-def test_residuals_are_drawn_as_long_as_asked(page: CalibrationTab):
+def test_residuals_are_drawn_to_the_requested_scale(page: CalibrationTab):
     path = page.tab.locator("#overlay path")
     before = path.get_attribute("d")
     page.tab.get_by_label("length of residuals").press("End")
@@ -116,7 +116,7 @@ def test_residuals_are_drawn_as_long_as_asked(page: CalibrationTab):
     assert path.get_attribute("d") != before
 
 
-def test_views_that_are_alike_are_to_be_filmed_again(page: CalibrationTab):
+def test_similar_views_are_to_be_filmed_again(page: CalibrationTab):
     page.tab.locator("textarea[name=images]").fill("sim:calibration?views=8&alike")
     page.tab.get_by_role("button", name="Calibrate", exact=True).click()
     page.until("state.number === 3 && !state.doing", "the end")

@@ -27,12 +27,12 @@ def test_onlookers_start_no_calibration(tmp_path: Path) -> None:
     async def check(at: Served) -> None:
         assert at.access.onlookers is not None
         look = {"Cookie": f"{COOKIE}={at.access.onlookers}"}
-        asked = {"what": "video", "images": "/nowhere", "target": "chessboard:7x5:0.03"}
-        async with at.client.post(f"{at.url}calibration/start", params=asked, headers=look) as answer:
+        fields = {"what": "video", "images": "/nowhere", "target": "chessboard:7x5:0.03"}
+        async with at.client.post(f"{at.url}calibration/start", params=fields, headers=look) as answer:
             assert answer.status == 403
         async with at.client.get(f"{at.url}calibration/state", headers=look) as answer:
             assert (await answer.json())["number"] == 0
-        async with at.client.post(f"{at.url}calibration/start", params=asked) as answer:
+        async with at.client.post(f"{at.url}calibration/start", params=fields) as answer:
             assert (answer.status, (await answer.json())["number"]) == (200, 1)
 
     serving(tmp_path, check, onlookers="look" * 8)

@@ -172,7 +172,7 @@ async def heard(ws) -> tuple[int, int, bool]:
     return HEAD.unpack_from(message)
 
 
-def test_a_page_gets_the_frame_that_it_asks_for(tmp_path: Path):
+def test_a_page_gets_the_frame_that_it_requests(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:
@@ -212,8 +212,8 @@ def test_a_request_that_crosses_a_frame_is_void(tmp_path: Path):
 
 def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
     async def check(at: Served) -> None:
-        asked: list[int] = []
-        at.live.tape = tape = filled(tmp_path, request=asked.append)
+        requested_ports: list[int] = []
+        at.live.tape = tape = filled(tmp_path, request=requested_ports.append)
         async with at.client.ws_connect(f"{at.url}live") as ws:
             await ws.send_str("show 4 0")
             await ws.receive_str()
@@ -226,7 +226,7 @@ def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
             tape.came(4, bare=True)
             at.live.grown.notify()
             assert (await heard(ws))[1:] == (4, False)
-            assert asked == [4]
+            assert requested_ports == [4]
             await ws.send_str("show 4 3")
             tape.came(4)
             at.live.grown.notify()

@@ -57,7 +57,7 @@ def test_a_long_message_never_pushes_the_exposure_out_of_the_bar(page: Page):
     assert box["x"] + box["width"] <= 1280
 
 
-def test_apply_stays_in_sight_below_open_settings(page: Page):
+def test_apply_stays_visible_below_open_settings(page: Page):
     page.tab.set_viewport_size({"width": 1280, "height": 720})
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_text("Stereo settings", exact=True).click()

@@ -88,7 +88,7 @@ def scrolled(page: Page) -> list[float]:
     return focus.evaluate(script) if focus.count() else []
 
 
-def test_who_walks_the_rows_by_key_keeps_his_place_when_the_table_is_drawn_anew(page: Page):
+def test_walking_the_rows_by_key_keeps_the_place_when_the_table_is_redrawn(page: Page):
     rows = page.controls.locator("tr[data-select]")
     wanted = [rows.nth(i).get_attribute("data-select") for i in range(15)]
     rows.nth(13).focus()
@@ -118,7 +118,7 @@ def test_where_its_row_is_gone_the_focus_is_in_its_place_until_the_row_is_back(p
     assert focus.get_attribute("data-select") == wanted
 
 
-def test_what_is_drawn_anew_takes_the_focus_from_nothing_outside_of_it(page: Page):
+def test_a_redrawn_part_takes_the_focus_from_nothing_outside_of_it(page: Page):
     rows = page.controls.locator("tr[data-select]")
     wanted = rows.nth(0).get_attribute("data-select")
     rows.nth(3).focus()
@@ -127,7 +127,7 @@ def test_what_is_drawn_anew_takes_the_focus_from_nothing_outside_of_it(page: Pag
     assert page.tab.locator("#splitter:focus").count() == 1
 
 
-def test_a_press_counts_where_the_table_is_drawn_anew_before_the_button_is_let_go(page: Page):
+def test_a_press_counts_where_the_table_is_redrawn_before_the_button_is_released(page: Page):
     rows = page.controls.locator("tr[data-select]")
     wanted = [rows.nth(i).get_attribute("data-select") for i in (0, 4)]
     rows.nth(1).hover()
@@ -159,6 +159,6 @@ def test_colours_and_camera_are_the_states(page: Page):
     page.controls.locator("svg[data-pick=left]").wait_for()
 
 
-def test_what_cannot_be_selected_is_said(page: Page):
+def test_what_cannot_be_selected_is_reported(page: Page):
     page.send("{do: 'select', what: 'the moon'}")
     page.tab.locator(".notice", has_text="cannot be selected").wait_for()

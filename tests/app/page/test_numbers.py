@@ -44,8 +44,8 @@ def test_the_numbers_over_time_are_the_quantities_to_the_last_bit(run: CurrentRu
             np.testing.assert_array_equal([float(row[name] or "nan") for row in rows], values)
         else:
             assert [row[name] or None for row in rows] == [run.series.value(quantity, i) for i in range(len(rows))]
-    said = {n for n in run.series.quantities if np.isfinite(run.series.values(n)).any()}
-    assert set(rows[0]) == said
+    with_values = {n for n in run.series.quantities if np.isfinite(run.series.values(n)).any()}
+    assert set(rows[0]) == with_values
 
 
 def test_the_numbers_of_an_exposure_are_those_with_a_value_and_their_units(run: CurrentRun) -> None:
@@ -64,8 +64,8 @@ def test_the_rig_is_as_the_newest_corrections_before_an_exposure_say(run: Curren
     assert read_rig(path).video == rig.video
     record = run.history[3]
     lens = Corrections(lens=LensCorrection.of(np.array([0.02, 0.0]), np.diag([1e-3, 1e-3]) ** 2))
-    told = replace(record, steps=(replace(record.steps[0], calibration=lens), *record.steps[1:]))
-    path.write_text(corrected_by({i: told if i == 3 else run.history[i] for i in range(8)}, 7, rig))
+    corrected = replace(record, steps=(replace(record.steps[0], calibration=lens), *record.steps[1:]))
+    path.write_text(corrected_by({i: corrected if i == 3 else run.history[i] for i in range(8)}, 7, rig))
     assert read_rig(path).video.fx == pytest.approx(1.02 * rig.video.fx, rel=1e-4)
 
 

@@ -44,7 +44,7 @@ def run(page: Page) -> None:
     page.controls.get_by_role("button", name="Run the values").click()
 
 
-def test_a_wrong_value_is_said_in_one_sentence(page: Page) -> None:
+def test_a_wrong_value_is_reported_in_one_sentence(page: Page) -> None:
     assert field(page, "values").input_value() == "100, 200, 400, 800", "proposed"
     field(page, "values").fill("100, 20")
     run(page)
@@ -52,7 +52,7 @@ def test_a_wrong_value_is_said_in_one_sentence(page: Page) -> None:
     assert page.state["sweep"] is None
 
 
-def test_the_values_are_run_and_stand_beside_each_other(page: Page) -> None:
+def test_the_values_are_run_and_listed_together(page: Page) -> None:
     field(page, "values").fill("200, 400")
     run(page)
     page.until("state.sweep && !state.sweep.ended && state.sweep.share > 0", "how far it is", 60_000)

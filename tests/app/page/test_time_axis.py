@@ -76,7 +76,7 @@ def test_matches_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyPatch
     assert news.since(with_values(state, marked=None), run) == {"condition": ""}
 
 
-def test_branches_are_told_where_they_begin_and_only_when_that_changes(run: CurrentRun) -> None:
+def test_starts_of_branches_are_sent_only_when_they_change(run: CurrentRun) -> None:
     run.step()
     news, first = AxisNews(), Branch(0, "first run")
     state = with_values(State("double:40"), branches=(first, Branch(1, "other", 0, 9)))

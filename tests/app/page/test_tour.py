@@ -64,7 +64,7 @@ def test_what_is_beneath_it_can_be_used(browser, app: App) -> None:  # noqa: F81
     page.tab.close()
 
 
-def test_a_browser_that_remembers_nothing_is_not_told_again_and_again(browser, app: App) -> None:  # noqa: F811
+def test_a_browser_without_storage_does_not_get_the_tour_again_and_again(browser, app: App) -> None:  # noqa: F811
     page = Page(browser, app.url, viewer=FAKE, before=FORBIDDEN)
     page.until("state.index >= 0", "the state")
     assert not page.tab.locator("#tour").is_visible() and not page.faults

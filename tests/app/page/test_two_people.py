@@ -92,7 +92,7 @@ def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_expo
     follower.tab.locator("#people").get_by_role("button", name="Follow").click()
 
 
-def test_what_they_cannot_do_is_said_and_changes_nothing(both: tuple[Page, Page]):
+def test_unavailable_actions_are_reported_and_change_nothing(both: tuple[Page, Page]):
     driver, follower = both
     seek(driver, 20)
     follower.until("window.ispom.shown.index === 20", "to follow")

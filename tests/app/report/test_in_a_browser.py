@@ -35,10 +35,10 @@ PRINTED = """() => {
 
 def test_all_plots_are_drawn_without_a_network(made: Path, browser, tmp_path: Path) -> None:
     report(tmp_path / "report.html", made)
-    page, troubles, asked = browser.new_page(color_scheme="dark"), [], []
+    page, troubles, requested_urls = browser.new_page(color_scheme="dark"), [], []
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.on("console", lambda said: troubles.append(said.text) if said.type == "error" else None)
-    page.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: requested_urls.append(request.url))
     page.goto((tmp_path / "report.html").as_uri())
     page.evaluate("ready")
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
@@ -50,7 +50,7 @@ def test_all_plots_are_drawn_without_a_network(made: Path, browser, tmp_path: Pa
     page.evaluate(RECOLOURED, dark)
     assert page.locator("#trouble").is_hidden()
     assert not troubles
-    assert all(url.startswith(("file:", "data:", "blob:")) for url in asked)
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in requested_urls)
     page.close()
 
 

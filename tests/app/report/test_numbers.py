@@ -58,11 +58,11 @@ def test_scale_over_time_of_a_shrinking_path() -> None:
 
 
 def test_routine_tests_do_not_hide_what_mattered() -> None:
-    asked = [Decision("parallax", 1.0, 2.0, i % 5 == 0) for i in range(20)]
+    triggers = [Decision("parallax", 1.0, 2.0, i % 5 == 0) for i in range(20)]
     trouble = [Decision("points", 3.0, 12.0, False, consequence="not located"), Decision("cost", 2.0, 1.0, False)]
     fine = [Decision("cost", 0.5, 1.0, True)] * 9
-    said = tuple(DecisionRow(i, i, "stereo", decision) for i, decision in enumerate([*asked, *trouble, *fine]))
-    assert [s.decision for s in analysis.notable(run(straight(), decisions=said))] == trouble
+    rows = tuple(DecisionRow(i, i, "stereo", decision) for i, decision in enumerate([*triggers, *trouble, *fine]))
+    assert [s.decision for s in analysis.notable(run(straight(), decisions=rows))] == trouble
 
 
 def test_the_worst_moments_are_the_worst() -> None:

@@ -68,13 +68,13 @@ def report(out: Path, *runs: Path) -> str:
     return out.read_text(encoding="utf-8")
 
 
-def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) -> None:
+def test_one_file_contains_everything_and_loads_nothing(run: Path, tmp_path: Path) -> None:
     page = report(tmp_path / "report.html", run)
     parsed = Parsed(page)
     assert not parsed.open and "default-src 'none'" in html.unescape(page)
     assert parsed.references and all(r.startswith(("#", "data:image/jpeg;base64,")) for r in parsed.references)
-    told = yaml.safe_load((run / "run.yaml").read_text())
-    for word in ("emulation", "monocular.max_tracks", "500", told["versions"]["numpy"], "SHA-256", "run.rrd"):
+    run_file = yaml.safe_load((run / "run.yaml").read_text())
+    for word in ("emulation", "monocular.max_tracks", "500", run_file["versions"]["numpy"], "SHA-256", "run.rrd"):
         assert word in parsed.words
     for word in ("ATE (RMS) [", "keyframes", "off the epipolar line", "median [ms]", "parallax", "slowest"):
         assert word in parsed.words
@@ -86,7 +86,7 @@ def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) 
     assert colours == {"truth": "#8a8a8a", "monocular": "#d55e00", "stereo": "#0072b2", "integrated": "#009e73"}
 
 
-def test_a_folder_whose_name_is_no_text_is_told_by_its_escapes(run: Path, tmp_path: Path) -> None:
+def test_a_folder_whose_name_is_no_text_is_reported_by_its_escapes(run: Path, tmp_path: Path) -> None:
     other = run.rename(tmp_path / os.fsdecode(b"caf\xe9"))
     assert "caf\\udce9" in Parsed(report(tmp_path / "report.html", other)).words
 
@@ -113,15 +113,15 @@ def test_without_a_run_the_newest_is_suggested(
         shutil.copytree(run, tmp_path / "recordings" / name)
         os.utime(tmp_path / "recordings" / name / "run.yaml", (1e9 - age_s, 1e9 - age_s))
     assert main(["report"]) == 2
-    told = capsys.readouterr().err
-    assert f"such as {Path('recordings') / 'new'}" in told and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert f"such as {Path('recordings') / 'new'}" in message and message.count("\n") == 1
 
 
 def test_what_files_say_is_never_markup(run: Path, tmp_path: Path) -> None:
-    told = yaml.safe_load((run / "run.yaml").read_text())
-    told |= {"source": ATTACK, "sequence": ATTACK, "notes": [ATTACK]}
-    told["config"]["monocular"][ATTACK] = told["versions"][ATTACK] = ATTACK
-    (run / "run.yaml").write_text(yaml.safe_dump(told))
+    run_file = yaml.safe_load((run / "run.yaml").read_text())
+    run_file |= {"source": ATTACK, "sequence": ATTACK, "notes": [ATTACK]}
+    run_file["config"]["monocular"][ATTACK] = run_file["versions"][ATTACK] = ATTACK
+    (run / "run.yaml").write_text(yaml.safe_dump(run_file))
     for name in ("steps.csv", "decisions.csv"):
         text = (run / name).read_text()
         (run / name).write_text(text.replace("parallax", ATTACK).replace("track=", f"{ATTACK}="))
@@ -131,7 +131,7 @@ def test_what_files_say_is_never_markup(run: Path, tmp_path: Path) -> None:
     assert "<img" not in json.dumps([trace["name"] for f in json.loads(parsed.figures) for trace in f["traces"]])
 
 
-def test_a_folder_of_an_older_version_is_told_as_far_as_it_goes(run: Path, tmp_path: Path) -> None:
+def test_a_folder_of_an_older_version_is_reported_as_far_as_it_goes(run: Path, tmp_path: Path) -> None:
     for name in ("steps.csv", "decisions.csv", "run.rrd", "truth.tum"):
         (run / name).unlink()
     words = Parsed(report(tmp_path / "report.html", run)).words
@@ -142,8 +142,8 @@ def test_images_are_read_again_without_a_recording(run: Path, tmp_path: Path) ->
     (run / "run.rrd").write_bytes(b"no recording")
     parsed = Parsed(report(tmp_path / "report.html", run))
     assert "read again from" in parsed.words and any(r.startswith("data:image/jpeg") for r in parsed.references)
-    told = (run / "run.yaml").read_text().replace(yaml.safe_load((run / "run.yaml").read_text())["source"], "/gone")
-    (run / "run.yaml").write_text(told)
+    run_file = (run / "run.yaml").read_text().replace(yaml.safe_load((run / "run.yaml").read_text())["source"], "/gone")
+    (run / "run.yaml").write_text(run_file)
     assert "No images" in Parsed(report(tmp_path / "report.html", run)).words
 
 
@@ -182,13 +182,13 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
         (lambda run: (run / "steps.csv").write_bytes(b"\xff\xfe\x00"), "not a text file"),
     ],
 )
-def test_a_bad_folder_is_told_in_one_sentence(
+def test_a_bad_folder_is_reported_in_one_sentence(
     run: Path, tmp_path: Path, harm: Callable[[Path], None], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     harm(run)
     assert main(["report", str(run), "--out", str(tmp_path / "report.html")]) == 2
-    told = capsys.readouterr().err
-    assert said in told and told.startswith("ispom: ") and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert said in message and message.startswith("ispom: ") and message.count("\n") == 1
     assert not (tmp_path / "report.html").exists()
 
 
@@ -207,7 +207,7 @@ def test_a_page_of_somebody_else_stays(run: Path, tmp_path: Path, capsys: pytest
     assert report(tmp_path / "report.html", run) == report(tmp_path / "report.html", run)
 
 
-def test_a_run_of_the_papers_integration_beside_the_modern_one(tmp_path: Path) -> None:
+def test_a_run_of_the_papers_integration_together_with_the_modern_one(tmp_path: Path) -> None:
     methods = ["integrated", "integrated.paper"]
     arguments = ["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--methods", *methods]
     assert main([*arguments, "--out", str(tmp_path / "run")], helpers.build) == 0

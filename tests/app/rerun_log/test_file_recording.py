@@ -155,7 +155,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, 
     assert "/video" in entities_in(file.path)
 
 
-def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_asked(run, tmp_path, monkeypatch):
+def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_requested(run, tmp_path, monkeypatch):
     gone, answer = Event(), Event()
 
     class Stalled(FileIO):

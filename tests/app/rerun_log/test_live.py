@@ -115,7 +115,7 @@ def distance(pixels: np.ndarray, exposure: Measurement, camera: str) -> float:
     return float(np.abs(drawn - own).mean())
 
 
-def test_readers_are_told_of_more_and_of_another_run(run, stream, history):
+def test_readers_are_notified_of_more_and_of_another_run(run, stream, history):
     rung: list[object] = []
     stream.grown.add(lambda: rung.append(stream.tape))
     stream.open(run.opened, history)
@@ -139,7 +139,7 @@ def test_the_live_stream_hands_over_without_waiting(run, stream, history, monkey
     stream.close()
 
 
-def test_a_fault_of_the_live_thread_is_said_to_who_feeds_it(run, stream, history, monkeypatch):
+def test_a_fault_of_the_live_thread_is_raised_in_its_caller(run, stream, history, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -174,9 +174,9 @@ def image(value: int) -> pa.RecordBatch:
     return columns_of("video/image", entities.jpeg(np.full((8, 8), value, np.uint8)))
 
 
-def test_an_image_that_left_the_disk_is_missed_and_asked_for_and_all_else_stays(tmp_path):
-    asked: list[int] = []
-    found = tape.Tape(tmp_path, image_bytes=20_000, kinds=lambda: ("video",) * 100, request=asked.append)
+def test_an_image_that_left_the_disk_is_missed_and_requested_and_all_else_stays(tmp_path):
+    requested: list[int] = []
+    found = tape.Tape(tmp_path, image_bytes=20_000, kinds=lambda: ("video",) * 100, request=requested.append)
     for i in range(100):
         found.put(i, "video/image", image(i))
         found.put(i, "video/tracks", columns_of("video/tracks", rr.Points2D([[i, i]])))
@@ -185,7 +185,7 @@ def test_an_image_that_left_the_disk_is_missed_and_asked_for_and_all_else_stays(
     assert scenes[0].missing and not scenes[-1].missing and 5 < sum(not s.missing for s in scenes) < 20
     assert scenes[0].versions.keys() == {("video/tracks", "Points2D")}, "no other frame's image"
     found.request(0)
-    assert asked == [0]
+    assert requested == [0]
     found.put(0, "video/image", image(0))
     assert not found.scene(0).missing
     found.close()

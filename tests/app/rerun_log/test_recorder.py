@@ -147,7 +147,7 @@ def test_trails_follow_ids_and_stop_at_birth():
     assert_allclose(strips - 0.5, [[[21, 20], [20, 20]], [[11, 10], [10, 10]], [[1, 1], [1, 1]]])
 
 
-def test_what_moves_by_itself_is_drawn_as_long_as_it_is_told(run):
+def test_what_moves_by_itself_is_drawn_while_it_is_reported(run):
     recorder, first, second, third = Recorder(run.opened), run.step(), run.step(), run.step()
     at = next(i for i, step in enumerate(first.steps) if "video" in step.tracks)
     video = {"exposure": first.exposure, "index": first.index}

@@ -22,7 +22,7 @@ from ispom_app.views.viser.screen import Screen
 from ispom.errors import InputError
 from tests import doubles
 from tests.app.helpers import started, wait_for
-from tests.app.run.beside.made import elsewhere, read, written
+from tests.app.run.external_trajectories.made import elsewhere, read, written
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -65,16 +65,16 @@ def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, rec
     assert (alone.playback.sequence.times_ns == times).all()
 
 
-def test_another_programs_trajectory_is_beside_a_recording_at_the_times_of_its_source(
+def test_another_programs_trajectory_is_drawn_with_a_recording_at_the_times_of_its_source(
     recording: Path, run: Path, tmp_path: Path
 ) -> None:
     source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
-    session = started(tmp_path / "recordings", str(recording), beside=(orb,))
+    session = started(tmp_path / "recordings", str(recording), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
-    (beside,) = session.state[ExternalPaths].all
-    assert beside.of_truth is not None and "(14 poses)" in beside.of_truth.alignment
-    assert np.nanmax(beside.errors_m) < 1e-5
+    (external,) = session.state[ExternalPaths].all
+    assert external.of_truth is not None and "(14 poses)" in external.of_truth.alignment
+    assert np.nanmax(external.errors_m) < 1e-5
     session.close(5)
 
 
@@ -84,7 +84,7 @@ def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
 ) -> None:
     source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
-    options = {"beside": (orb,), "opener": lambda source, options: options.open(source)}
+    options = {"trajectory_options": (orb,), "opener": lambda source, options: options.open(source)}
     session = started(tmp_path / "recordings", str(recording if alone else run), **options)
     wait_for(lambda: session.state.index >= 0, "the recording")
     session.post(do.Seek(9))
@@ -94,9 +94,9 @@ def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
     line = next(e.value for e in found if e.path == "world/beside/orb/path/0")
     assert isinstance(line, rr.LineStrips3D) and line.strips is not None
     drawn = line.strips.as_arrow_array().flatten().flatten().to_numpy(zero_copy_only=False).reshape(-1, 3)
-    (beside,) = session.state[ExternalPaths].all
-    assert beside.of_truth is not None
-    poses = beside.of_truth.poses
+    (external,) = session.state[ExternalPaths].all
+    assert external.of_truth is not None
+    poses = external.of_truth.poses
     np.testing.assert_allclose(drawn, poses.translations[poses.times_ns <= source.times_ns[9]], atol=1e-5)
     session.close(5)
 
@@ -106,7 +106,7 @@ def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Pat
     assert main(["run", str(drive), "--out", str(tmp_path / "run")], build) == 0
     alone = (tmp_path / "run" / "run.rrd").rename(tmp_path / "alone.rrd")
     orb = read(written(tmp_path / "orb.tum", elsewhere(doubles.sequence(14))))
-    session = started(tmp_path / "recordings", str(alone), beside=(orb,))
+    session = started(tmp_path / "recordings", str(alone), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
     screen = Screen(session)
     screen.paint()

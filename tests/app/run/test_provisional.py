@@ -34,7 +34,7 @@ def test_before_the_first_fit_a_pose_is_provisional_and_has_no_live_error(tiny: 
     assert after and not any(steps[i].provisional for i in after)
     assert all(events[i].errors_m[method] < (0.01 if method == "integrated" else 0.1) for i in after)
     record = ExposureRecord.of(events[before[0]], None)
-    assert record.statuses[method].provisional and record.said[method]["provisional"] is True
+    assert record.statuses[method].provisional and record.values_by_method[method]["provisional"] is True
 
 
 def test_a_run_of_an_earlier_version_is_read_without_the_mark(run: Path, tmp_path: Path) -> None:  # noqa: F811
@@ -46,5 +46,5 @@ def test_a_run_of_an_earlier_version_is_read_without_the_mark(run: Path, tmp_pat
         writer.writeheader()
         writer.writerows(rows)
     with stored_steps(old) as steps:
-        assert {step.said["provisional"] for step in steps} == {None}
+        assert {step.values["provisional"] for step in steps} == {None}
     assert len(list(read_stored(old, opener, build).records())) == len(list(read_stored(run, opener, build).records()))

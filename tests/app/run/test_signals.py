@@ -17,7 +17,7 @@ NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_signal_that_is_held_is_raised_when_files_are_closed(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_deferred_signal_is_raised_when_files_are_closed(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signals, "PATIENCE_S", -1.0)
     before = signal.signal(number, signal.SIG_DFL)
     try:

@@ -57,7 +57,7 @@ def test_the_share_that_is_compiled_is_shown(monkeypatch: pytest.MonkeyPatch) ->
     [[sys.executable, "-c", "import sys; sys.exit('no room for LLVM')"], ["no-such-program"]],
     ids=["fails", "does not start"],
 )
-def test_one_that_fails_is_over_said_to_be_and_not_tried_again(
+def test_one_that_fails_is_over_reported_and_not_tried_again(
     monkeypatch: pytest.MonkeyPatch, command: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(warmup, "COMMAND", command)
@@ -86,13 +86,13 @@ def test_what_is_not_needed_is_not_compiled() -> None:
 def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.wait(wait_s))
-    asked: list[tuple[str, ...]] = []
-    session = helpers.started(tmp_path, compiling=lambda methods, config: asked.append(methods))
+    started_methods: list[tuple[str, ...]] = []
+    session = helpers.started(tmp_path, compiling=lambda methods, config: started_methods.append(methods))
     try:
         helpers.wait_for(
             lambda: session.state.activity and warmup.MESSAGE in session.state.activity.text, "the message"
         )
-        assert len(asked) == 1 and not session.history
+        assert len(started_methods) == 1 and not session.history
         session.post(do.Play(False))
         helpers.wait_for(lambda: not session.state.playing, "a pause meanwhile")
         over.set()
@@ -112,7 +112,7 @@ def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("exposures", [20, 2000])  # the run has ended by then, or goes on
-def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
+def test_the_page_reports_it_and_does_not_wait_where_nothing_needs_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, exposures: int
 ) -> None:
     over = threading.Event()
@@ -128,7 +128,7 @@ def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
 
 
 @pytest.mark.usefixtures("started")
-def test_the_page_tells_of_one_that_failed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_page_reports_one_that_failed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.exit('no room for LLVM')"))
     session = helpers.started(tmp_path, compiling=warmup.start)
     try:

@@ -50,10 +50,10 @@ def lost(session: Session) -> list[int]:
 
 
 def test_it_runs_on_to_each_exposure_at_which_the_condition_holds(session: Session) -> None:
-    told = asked(session, RunUntil(LOST))
+    text = asked(session, RunUntil(LOST))
     first = session.state.index
     assert lost(session) == [first] and session.state.computed == first + 1 and not session.state.playing
-    assert told == f"stopped at frame {first}: monocular.status lost"
+    assert text == f"stopped at frame {first}: monocular.status lost"
     asked(session, RunUntil(LOST))
     assert lost(session) == [first, session.state.index] and session.state.index > first
 
@@ -81,7 +81,7 @@ def test_next_and_previous_match(session: Session) -> None:
     assert "holds at no computed frame after" in asked(session, FindMatch(LOST))
 
 
-def test_a_condition_that_never_holds_is_said_at_the_end(session: Session) -> None:
+def test_a_condition_that_never_holds_is_reported_at_the_end(session: Session) -> None:
     assert "held at no frame up to the end" in asked(session, RunUntil("stereo.error_m > 1e6"))
     assert session.state.ended
     assert "holds at no frame after" in asked(session, RunUntil("stereo.error_m > 1e6"))
@@ -104,11 +104,11 @@ def test_another_move_ends_the_search(session: Session) -> None:
 
 
 def test_it_runs_on_to_the_next_event_and_says_in_words_what_happened(session: Session) -> None:
-    said = asked(session, StepToEvent(alarming=True))
+    text = asked(session, StepToEvent(alarming=True))
     first = session.state.index
     found = [e for e in (session.run.events.events if session.run else ()) if e.severity.alarming]
     assert [e.frame for e in found] == [first] and session.state.computed == first + 1 and not session.state.playing
-    assert said.startswith(f"Frame {first} · ") and found[0].sentence in said and "==" not in said
+    assert text.startswith(f"Frame {first} · ") and found[0].sentence in text and "==" not in text
     asked(session, StepToEvent(alarming=True))
     second = session.state.index
     assert second > first
@@ -116,11 +116,11 @@ def test_it_runs_on_to_the_next_event_and_says_in_words_what_happened(session: S
     assert session.state.index == first and session.state.computed == second + 1
 
 
-def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session) -> None:
+def test_the_end_of_the_events_is_reported_with_their_number(session: Session) -> None:
     session.post(do.Seek(43))
     wait_for(lambda: session.state.computed == 44, "the end")
-    said = asked(session, StepToEvent())
-    assert said.startswith("No event after frame 43.") and "earlier" in said
+    text = asked(session, StepToEvent())
+    assert text.startswith("No event after frame 43.") and "earlier" in text
     assert session.state.index == 43
     session.post(ToggleBookmark())
     session.post(do.Seek(42))
@@ -131,8 +131,8 @@ def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session
 def test_a_run_that_ends_without_another_event_says_so(session: Session) -> None:
     session.post(do.Seek(40))
     wait_for(lambda: session.state.computed == 41, "exposure 40")
-    while not (said := asked(session, StepToEvent(alarming=True))).startswith("No anomaly after"):
-        assert said.startswith("Frame ")
+    while not (text := asked(session, StepToEvent(alarming=True))).startswith("No anomaly after"):
+        assert text.startswith("Frame ")
     assert session.state.ended and session.state.until is None
 
 

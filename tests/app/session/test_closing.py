@@ -114,7 +114,7 @@ def lost(*branches: Branch, recorded: set[int] = frozenset()) -> list[str]:  # t
     return BranchService(session).loss()  # type: ignore[arg-type]
 
 
-def test_what_can_be_had_again_is_not_asked_about() -> None:
+def test_closing_needs_no_confirmation_for_what_can_be_had_again() -> None:
     first, fork = Branch(0, "first run"), Branch(1, "mine", 0, 4)
     assert not lost(first)
     assert "mine" in lost(first, fork)[0]

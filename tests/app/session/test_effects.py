@@ -40,7 +40,7 @@ def test_before_anything_is_seen_nothing_is_predicted(session: Session) -> None:
     wait_for(lambda: "move a slider" in session.state.notices[-1].text, "the refusal of a rerun")
 
 
-def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -> None:
+def test_the_rerun_is_a_branch_that_is_drawn_with_its_prediction(session: Session) -> None:
     session.post(do.Seek(session.state.total - 1))
     wait_for(lambda: session.state.ended, "the end", 120.0)
     session.post(Predict(WRONG))
@@ -54,7 +54,7 @@ def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -
     opened = session.opened
     assert opened is not None
     assert opened.sequence.rig.baseline_m == pytest.approx(1.02 * 0.4)
-    assert [beside.name for beside in opened.beside] == ["predicted-stereo"]
+    assert [external.name for external in opened.external_trajectories] == ["predicted-stereo"]
     session.post(do.Seek(session.state.total - 1))
     wait_for(
         lambda: (
@@ -65,9 +65,9 @@ def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -
     )
     assert session.state[CalibrationEffect].effect is not None
     (outcome,) = session.state[CalibrationEffect].effect.outcomes
-    assert outcome.held and outcome.ratio == pytest.approx(1, abs=0.3)
-    beside = opened.beside[0].of_truth
-    assert beside is not None and np.isfinite(beside.errors_m).any()
+    assert outcome.agrees and outcome.ratio == pytest.approx(1, abs=0.3)
+    external = opened.external_trajectories[0].of_truth
+    assert external is not None and np.isfinite(external.errors_m).any()
 
 
 def test_while_the_rerun_is_shown_predictions_are_of_the_run_before_it(session: Session) -> None:

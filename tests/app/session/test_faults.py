@@ -58,7 +58,7 @@ def paused(tmp_path: Path) -> Iterator[Session]:
     assert session.close(5.0)
 
 
-def test_five_steps_asked_during_a_slow_exposure_move_by_five(tmp_path: Path) -> None:
+def test_five_steps_requested_during_a_slow_frame_move_by_five(tmp_path: Path) -> None:
     gate = Gate(3)
     session = started(tmp_path, opener=gate, autoplay=False)
     session.post(do.Seek(3))
@@ -200,7 +200,7 @@ def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Pat
     assert foreign.read_bytes() == b"somebody else's, or another version's"
 
 
-def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
+def test_a_fault_anywhere_in_the_worker_is_reported_and_survived(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, paused: Session
 ) -> None:
     def fault(_: Path) -> None:

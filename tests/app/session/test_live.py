@@ -45,13 +45,13 @@ def test_a_run_of_a_stream_that_ends_is_complete(calibration: Path, tmp_path: Pa
         url = stream.url.replace("//", "//me:secret@")
         assert run(url, calibration, tmp_path / "out") == 0
     out = tmp_path / "out"
-    told = yaml.safe_load((out / "run.yaml").read_text())
-    assert told["exposures"] == {"video": N, "stereo": 0} and "ended by itself" in told["notes"][-1]
-    assert told["source"] == stream.url and not any(b"secret" in p.read_bytes() for p in out.glob("*.[yjct]*"))
+    run_file = yaml.safe_load((out / "run.yaml").read_text())
+    assert run_file["exposures"] == {"video": N, "stereo": 0} and "ended by itself" in run_file["notes"][-1]
+    assert run_file["source"] == stream.url and not any(b"secret" in p.read_bytes() for p in out.glob("*.[yjct]*"))
     assert len((out / "monocular.tum").read_text().splitlines()) == N and not (out / MARKER).exists()
 
 
-def test_the_images_asked_for_and_no_more(calibration: Path, tmp_path: Path) -> None:
+def test_only_the_requested_images(calibration: Path, tmp_path: Path) -> None:
     with streaming(images(N, 0), holds=True) as stream:
         assert run(stream.url, calibration, tmp_path / "out", "--max-exposures", "5") == 0
     assert len((tmp_path / "out" / "monocular.tum").read_text().splitlines()) == 5
@@ -84,7 +84,7 @@ def test_a_stall_keeps_what_came_and_says_why(
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]["monocular"]["poses"] == N
 
 
-def test_what_is_seen_of_it_is_told(calibration: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_seen_of_it_is_reported(calibration: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with streaming(images(N, 0), holds=True) as stream:
         assert main(["sources", stream.url, "--camera", str(calibration)]) == 0
     assert "video   96 x 64 px" in capsys.readouterr().out

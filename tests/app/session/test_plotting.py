@@ -21,7 +21,7 @@ def test_a_plot_is_added_and_removed_by_the_same_command(tmp_path: Path) -> None
     session.close(5)
 
 
-def test_what_cannot_be_plotted_is_said_and_changes_nothing(tmp_path: Path) -> None:
+def test_what_cannot_be_plotted_is_reported_and_changes_nothing(tmp_path: Path) -> None:
     session = started(tmp_path, autoplay=False)
     for count, name in enumerate(("monocular.status", "nonsense", "time_s"), 1):
         session.post(Plot(name))

@@ -20,7 +20,7 @@ from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
-from ispom_app.features.recording.state import Kept, Recordings
+from ispom_app.features.recording.state import ListedRun, Recordings
 from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.tracks.commands import Inspection, Pick
 from ispom_app.features.tracks.panel import LookTab, looked_at
@@ -105,7 +105,7 @@ def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
         "the comparison",
     )
     comparison = session.state[Branches].comparison
-    assert comparison is not None and (comparison.start, comparison.stop, comparison.apart) == (10, 21, 0)
+    assert comparison is not None and (comparison.start, comparison.stop, comparison.differing_frames) == (10, 21, 0)
 
 
 def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path) -> None:
@@ -226,7 +226,7 @@ def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, 
     again.close(5)
 
 
-def test_a_note_is_kept_with_the_run_beside_its_bookmarks_and_is_removed(run: Path, tmp_path: Path) -> None:
+def test_a_note_is_stored_with_the_run_and_its_bookmarks_and_is_removed(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "noted")
     session = opened(tmp_path, tmp_path / "noted")
     session.post(PutBookmark("here"))
@@ -252,7 +252,7 @@ def test_a_run_without_a_recording_is_listed_and_one_that_is_being_written_is_no
     assert (kept.name, kept.recording, kept.exposures) == ("whole", "", 21)
 
 
-def test_a_recording_of_the_page_has_its_picture_length_and_bookmarks_beside_it(run: Path, tmp_path: Path) -> None:
+def test_a_recording_of_the_page_has_picture_length_and_bookmarks_with_it(run: Path, tmp_path: Path) -> None:
     session = opened(tmp_path, run)
     session.post(do.Seek(9))
     session.post(Fork(session.state.methods, session.state.config))
@@ -264,7 +264,7 @@ def test_a_recording_of_the_page_has_its_picture_length_and_bookmarks_beside_it(
     session.post(StopRecording())
     wait_for(lambda: session.state[Recordings].listed, "the file")
     (kept,) = session.state[Recordings].listed
-    assert kept == Kept(
+    assert kept == ListedRun(
         "mine.rrd", (tmp_path / "mine.rrd").stat().st_size, "mine.rrd", "mine.jpg", session.state.name, 21, 1.3
     )
     session.post(PutNote("mine.rrd", "x"))
@@ -354,7 +354,7 @@ def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(sess
     assert own is not None and "data-pick" in track_picture(own, recorded(session)) and not own.missing
 
 
-def test_what_a_stored_run_does_not_have_of_tracks_is_said_with_what_to_do(session: Session) -> None:
+def test_missing_tracks_of_a_stored_run_are_reported_with_what_to_do(session: Session) -> None:
     assert all("fork it at an earlier frame" in text for text in reports(session).values())
     shown = looked_at(session, session.state)
     assert shown is not None and "data-pick" not in track_picture(shown, recorded(session))

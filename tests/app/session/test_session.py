@@ -120,7 +120,7 @@ def test_a_broken_image_stops_the_run_and_loses_nothing(tmp_path: Path):
     assert session.close(5.0)
 
 
-def test_a_fault_of_the_program_is_told_and_survived(paused: Session, monkeypatch: pytest.MonkeyPatch):
+def test_a_fault_of_the_program_is_reported_and_survived(paused: Session, monkeypatch: pytest.MonkeyPatch):
     def fault(*_):
         raise ZeroDivisionError("division by zero")
 
@@ -199,7 +199,7 @@ def test_a_recording_never_overwrites(paused: Session, tmp_path: Path):
     assert (tmp_path / "kept.rrd").read_bytes() == b"precious"
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     session = started(blocked / "recordings", autoplay=False)

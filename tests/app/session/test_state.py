@@ -46,14 +46,14 @@ def test_a_run_from_opening_to_its_end():
     assert state.ended and not state.playing
 
 
-def test_a_second_run_starts_empty_and_keeps_what_was_told():
+def test_a_second_run_starts_empty_and_keeps_the_notices():
     state = reduce(reduce(State("double"), OPENED), NoticeAdded("careful"))
     state = reduce(reduce(state, Computed(moment(0), Tally())), Opening("double"))
     assert state.displayed is None and state.computed == 0 and state.notices[0].text == "careful"
     assert reduce(state, OPENED).run == 2
 
 
-def test_a_failed_opening_is_told():
+def test_a_failed_opening_is_reported():
     state = reduce(State("nothing"), OpeningFailed("nothing does not exist: correct the path"))
     assert state.phase == "failed" and state.notices[-1].text.startswith("nothing does")
     assert state.failure == state.notices[-1].text, "for pages that come after the notice"

@@ -36,11 +36,11 @@ def test_the_share_and_the_time_left_follow_the_exposures() -> None:
     one = half.after(row(0), 70.0)
     assert one.share == 0.25 and one.left_s == pytest.approx(60.0) and not one.under_way
     assert one.outcomes[0].value == 100 and one.outcomes[0].values == {"ate_m": 0.1}
-    beside = one.after({"at": [2, 1, 2]}, 80.0).after({"at": [1, 1, 2]}, 80.0)
-    assert beside.share == 0.5, "runs at the same time"
+    parallel = one.after({"at": [2, 1, 2]}, 80.0).after({"at": [1, 1, 2]}, 80.0)
+    assert parallel.share == 0.5, "runs at the same time"
 
 
-def test_too_soon_nothing_is_said_of_the_time_left() -> None:
+def test_too_soon_no_remaining_time_is_reported() -> None:
     assert BEGUN.after({"at": [0, 1, 60]}, 50.2).left_s is None
 
 
@@ -53,15 +53,15 @@ def test_a_duration_is_read_as_people_say_it() -> None:
     assert [duration(s) for s in (0.4, 59.4, 60, 200)] == ["0 s", "59 s", "1 min 0 s", "3 min 20 s"]
 
 
-def test_a_process_tells_and_ends(tmp_path: Path) -> None:
+def test_a_process_reports_and_ends(tmp_path: Path) -> None:
     process = SweepProcess("plan", tmp_path, 0, (sys.executable, "-c", ECHO))
     wait_for(lambda: not process.running, "its end")
-    assert [told["folder"] for told in process.told()] == [str(tmp_path)]
-    assert process.failure == "" and process.told() == []
+    assert [told["folder"] for told in process.take_messages()] == [str(tmp_path)]
+    assert process.failure == "" and process.take_messages() == []
     process.stop()
 
 
-def test_how_it_failed_is_said(tmp_path: Path) -> None:
+def test_how_it_failed_is_reported(tmp_path: Path) -> None:
     process = SweepProcess("plan", tmp_path, 0, (sys.executable, "-c", "raise SystemExit('no such thing')"))
     wait_for(lambda: not process.running, "its end")
     assert process.failure == "ended with exit code 1 (no such thing)"

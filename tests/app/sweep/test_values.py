@@ -54,7 +54,7 @@ def test_the_proposal_is_around_the_value_that_the_setting_has() -> None:
         ("no_such", "1, 2", "'no_such' is no setting of stereo that can be swept"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(setting: str, text: str, said: str) -> None:
+def test_what_is_wrong_is_reported_in_one_sentence(setting: str, text: str, said: str) -> None:
     with pytest.raises(InputError, match=r"^[^\n]*$") as refused:
         parsed("stereo", setting, text)
     assert said in str(refused.value)

@@ -12,7 +12,7 @@ import viser
 from ispom_app.engine.model.run_model import Tally
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.accuracy import measured
-from ispom_app.features.branches.branches import Beside, Branch
+from ispom_app.features.branches.branches import Branch, BranchInView
 from ispom_app.features.branches.commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import DELETE, SHOW, BranchesPanel, _entry
 from ispom_app.features.branches.stage import trajectories
@@ -49,14 +49,14 @@ def two(run: CurrentRun) -> State:
 
 
 def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
-    asked: list[do.Command] = []
+    commands: list[do.Command] = []
     run: Any = SimpleNamespace(opened=SimpleNamespace(truth=None))
     session: Any = SimpleNamespace(
-        state=state, post=asked.append, service=lambda kind: SimpleNamespace(run_of=lambda number: run)
+        state=state, post=commands.append, service=lambda kind: SimpleNamespace(run_of=lambda number: run)
     )
     panel = BranchesPanel(server.gui, session)
     panel.show(state)
-    return panel, asked
+    return panel, commands
 
 
 def press(button: Any) -> None:
@@ -64,15 +64,17 @@ def press(button: Any) -> None:
         callback(SimpleNamespace(target=button, client=None, client_id=None))
 
 
-def test_it_says_how_much_of_a_run_is_held_and_what_is_thinned(server: viser.ViserServer, run: CurrentRun) -> None:
-    held = run.held
-    panel, _ = made(server, with_branches(run, Branch(0, "first run", held=held)))
-    assert held.in_memory == 22 and held.points_from == 0 and held.interval == 8
+def test_it_shows_how_much_of_a_run_is_in_memory_and_what_is_thinned(
+    server: viser.ViserServer, run: CurrentRun
+) -> None:
+    usage = run.history_usage
+    panel, _ = made(server, with_branches(run, Branch(0, "first run", history_usage=usage)))
+    assert usage.in_memory == 22 and usage.points_from == 0 and usage.interval == 8
     assert (
         "Held: all frames on disk, the newest 22 in memory (0 MB); tracks of all frames; 3 states to fork from"
         in panel._text.content
     )
-    panel.show(with_branches(run, Branch(0, "first run", held=replace(held, points_from=5))))
+    panel.show(with_branches(run, Branch(0, "first run", history_usage=replace(usage, points_from=5))))
     assert "tracks from frame 5 on" in panel._text.content
 
 
@@ -117,15 +119,15 @@ def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run
     assert places == sorted(places)
 
 
-def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.ViserServer, two: State) -> None:
-    panel, asked = made(server, two)
+def test_the_newest_branch_is_chosen_and_its_controls_act_on_it(server: viser.ViserServer, two: State) -> None:
+    panel, commands = made(server, two)
     assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
     panel._buttons.value = SHOW
     panel._buttons.value = DELETE
     press(panel._rename)
-    assert asked == [ShowBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
+    assert commands == [ShowBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
     panel._drawn.value = False
-    assert asked[-1] == HideBranch(1, True)
+    assert commands[-1] == HideBranch(1, True)
 
 
 def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:
@@ -139,17 +141,17 @@ def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: vis
 
 
 def test_choosing_another_fills_its_name(server: viser.ViserServer, two: State) -> None:
-    panel, asked = made(server, two)
+    panel, commands = made(server, two)
     panel._choice.value = "0: first run"
-    assert panel._name.value == "first run" and not asked
+    assert panel._name.value == "first run" and not commands
 
 
 def test_each_method_of_a_branch_is_a_line_where_its_poses_are(run: CurrentRun) -> None:
     last = run.history.last
     assert last is not None
     model = run.known_at(21)
-    beside = {1: Beside(model, last.placements, (1, 2, 3))}
-    drawn = {entry.path: entry.value for entry in trajectories(beside, frozenset({"stereo"}))}
+    branches = {1: BranchInView(model, last.placements, (1, 2, 3))}
+    drawn = {entry.path: entry.value for entry in trajectories(branches, frozenset({"stereo"}))}
     assert set(drawn) == {f"world/branches/1/{m}" for m in METHODS if m != "stereo"}
     (line, *others) = drawn["world/branches/1/monocular"].strips.as_arrow_array().to_pylist()
     poses = model.methods["monocular"].poses.trajectory(model.times).translations

@@ -38,11 +38,11 @@ def at_ten(run: CurrentRun) -> State:
 
 
 def made(server: viser.ViserServer, run: CurrentRun, state: State) -> tuple[BreakPointPanel, list[do.Command]]:
-    asked: list[do.Command] = []
-    session: Any = SimpleNamespace(state=state, post=asked.append, series=run.series)
+    commands: list[do.Command] = []
+    session: Any = SimpleNamespace(state=state, post=commands.append, series=run.series)
     panel = BreakPointPanel(server.gui, session)
     panel.show(state)
-    return panel, asked
+    return panel, commands
 
 
 def test_empty_it_says_what_to_write(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
@@ -72,9 +72,9 @@ def test_names_that_fit_are_listed_with_their_values(server: viser.ViserServer, 
     assert "<img" not in panel._text.content and "column " in panel._text.content
 
 
-def test_its_buttons_ask_for_the_condition(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
-    panel, asked = made(server, run, at_ten)
+def test_its_buttons_send_the_condition(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
+    panel, commands = made(server, run, at_ten)
     panel._condition.value = LOST
     for button in (UNTIL, NEXT, PREVIOUS):
         panel._buttons.value = button
-    assert asked == [RunUntil(LOST), FindMatch(LOST, True), FindMatch(LOST, False)]
+    assert commands == [RunUntil(LOST), FindMatch(LOST, True), FindMatch(LOST, False)]

@@ -71,11 +71,11 @@ def test_labels_carry_units(name: str, label: str):
     assert label_of(name) == label
 
 
-def test_the_methods_panel_offers_every_method_beside_each_other(server: viser.ViserServer):
-    asked: list[do.Command] = []
+def test_the_methods_panel_offers_all_methods_together(server: viser.ViserServer):
+    commands: list[do.Command] = []
     opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
     state = State("double:20", methods=PAPER, run=1)
-    session: Any = SimpleNamespace(state=state, opened=opened, post=asked.append)
+    session: Any = SimpleNamespace(state=state, opened=opened, post=commands.append)
     panel = MethodsPanel(server.gui, session)
     panel.show(state)
     assert panel._text.content == APPLIED and [m for m, box in panel._on.items() if box.value] == list(PAPER)
@@ -85,7 +85,7 @@ def test_the_methods_panel_offers_every_method_beside_each_other(server: viser.V
     assert panel._text.content == PENDING and panel._folders["stereo"].visible
     for press in panel._apply._impl.update_cb:
         press(SimpleNamespace())
-    restart = asked[-1]
+    restart = commands[-1]
     assert isinstance(restart, do.Restart) and restart.methods == ("stereo", *PAPER)
     assert restart.config.of("stereo").max_tracks == 321
     panel._forms["stereo.paper"]._inputs["min_inliers"].value = 77

@@ -80,7 +80,7 @@ def test_the_numbers_of_a_segment_shrink_from_row_to_row(run: CurrentRun) -> Non
     assert found["rows"][4][2][2] == "0°"
 
 
-def test_the_numbers_of_a_spline_stand_beside_those_before(run: CurrentRun) -> None:
+def test_the_numbers_of_a_spline_are_shown_with_those_before(run: CurrentRun) -> None:
     found = table(fit_of(run, "integrated"), 2)
     assert found["title"] == "3 of 3: Adjusted"
     rows = {name: values for name, _, values in found["rows"]}
@@ -103,7 +103,7 @@ class Panel:
         self.state = replace(reduce(State("double:40"), run.opened), displayed=run.history[43])
 
 
-def test_the_panel_offers_what_integrates_and_asks_for_steps(server: viser.ViserServer, run: CurrentRun) -> None:
+def test_the_panel_offers_what_integrates_and_requests_steps(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
     panel = made.panel
     panel.show(made.state)

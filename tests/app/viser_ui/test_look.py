@@ -90,7 +90,7 @@ def test_the_picture_is_the_cameras_latest_up_to_the_exposure_shown(run: Current
     assert shown.index is not None and shown.index <= 9 and run.history[shown.index].kind == "stereo"
 
 
-def test_an_image_that_cannot_be_read_again_is_said_to_be(run: CurrentRun):
+def test_an_image_that_cannot_be_read_again_is_reported(run: CurrentRun):
     def load(i: int) -> Any:
         raise UnreadableImage("gone")
 
@@ -129,10 +129,10 @@ def test_chips_are_spread_over_the_life_and_few_are_kept(run: CurrentRun):
     shown, chips = looked(run, "track:monocular:5"), TrackChips()
     assert shown.life is not None
     places = spread(shown.life)
-    assert places[0] == 0 and places[-1] == len(shown.life.sightings) - 1 and len(places) == 12
+    assert places[0] == 0 and places[-1] == len(shown.life.observations) - 1 and len(places) == 12
     for number in range(12):
         track_report(looked(run, f"track:monocular:{number}"), chips)
-    assert len(chips._kept) == MOST_KEPT
+    assert len(chips._pictures) == MOST_KEPT
 
 
 def test_a_chip_at_the_edge_repeats_it():
@@ -170,7 +170,7 @@ class Asked:
         self.post = self.asked.append
 
 
-def test_controls_ask_and_follow_without_asking(server: viser.ViserServer, run: CurrentRun):
+def test_controls_post_changes_and_follow_without_posting(server: viser.ViserServer, run: CurrentRun):
     session = Asked(run)
     tab = LookTab(server.gui, session)  # type: ignore[arg-type]
     tab.show(state_of(run, colour_by="depth", look="residuals"))

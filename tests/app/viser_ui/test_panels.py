@@ -32,9 +32,9 @@ def gui(server: viser.ViserServer) -> viser.GuiApi:
 
 @pytest.fixture
 def session(tmp_path: Path) -> Any:
-    asked: list[do.Command] = []
+    commands: list[do.Command] = []
     return SimpleNamespace(
-        state=STATE, opened=None, run=None, post=asked.append, asked=asked, folders=Folders(tmp_path)
+        state=STATE, opened=None, run=None, post=commands.append, asked=commands, folders=Folders(tmp_path)
     )
 
 

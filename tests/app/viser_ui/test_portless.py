@@ -62,10 +62,10 @@ def test_a_page_gets_the_panels(found: PortlessViser):
     with_a_page(found, check)
 
 
-def test_no_tunnel_to_the_world_can_be_asked_for(found: PortlessViser, monkeypatch: pytest.MonkeyPatch):
+def test_no_tunnel_to_the_world_can_be_requested(found: PortlessViser, monkeypatch: pytest.MonkeyPatch):
     """The button is hidden, but any page could send what it sends."""
-    asked: list[object] = []
-    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_, **__: asked.append("tunnel"))
+    requests: list[object] = []
+    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_, **__: requests.append("tunnel"))
 
     async def check(line: PageLine, sent: asyncio.Queue[bytes]) -> None:
         for message in ({"type": "ShareUrlRequest"}, {"type": "ShareUrlDisconnect"}):
@@ -76,7 +76,7 @@ def test_no_tunnel_to_the_world_can_be_asked_for(found: PortlessViser, monkeypat
 
     with_a_page(found, check)
     handlers = found.server._websock_server._incoming_handlers
-    assert not asked
+    assert not requests
     assert not {kind.__name__ for kind in handlers} & {"ShareUrlRequest", "ShareUrlDisconnect"}
 
 

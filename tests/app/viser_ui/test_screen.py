@@ -161,8 +161,8 @@ def test_a_panel_that_fails_is_reported_once_and_the_others_go_on(
             session.seek(index)
             screen.paint_or_report()
     assert f"Frame {4}<" in panel(screen, ExplainPanel)._verdicts.content
-    (told,) = session.asked
-    assert isinstance(told, do.Notify) and "no such colour" in told.text
+    (notice,) = session.asked
+    assert isinstance(notice, do.Notify) and "no such colour" in notice.text
 
 
 def test_the_thread_paints_until_it_is_closed(screen: Screen, session: FakeSession, monkeypatch: pytest.MonkeyPatch):

@@ -32,13 +32,13 @@ def told(place: int, failure: str | None = None, **values: float | None) -> dict
 
 
 def made(server: viser.ViserServer) -> tuple[SweepPanel, State, list[do.Command]]:
-    asked: list[do.Command] = []
+    commands: list[do.Command] = []
     state = State("double:20", phase="ready", run=1, methods=("stereo",))
     opened = SimpleNamespace(sequence=doubles.sequence(3))
-    session: Any = SimpleNamespace(state=state, opened=opened, post=asked.append)
+    session: Any = SimpleNamespace(state=state, opened=opened, post=commands.append)
     panel = SweepPanel(server.gui, session)
     panel.show(state)
-    return panel, state, asked
+    return panel, state, commands
 
 
 def press(button: Any) -> None:
@@ -46,8 +46,8 @@ def press(button: Any) -> None:
         callback(SimpleNamespace())
 
 
-def test_it_asks_for_what_is_chosen_and_proposes_values(server: viser.ViserServer) -> None:
-    panel, _, asked = made(server)
+def test_it_requests_what_is_chosen_and_proposes_values(server: viser.ViserServer) -> None:
+    panel, _, commands = made(server)
     assert panel._method.value == "Stereo" and panel._values.value == "100, 200, 400, 800"
     panel._setting.value = "relocalise"
     assert panel._values.value == "off, on"
@@ -56,11 +56,11 @@ def test_it_asks_for_what_is_chosen_and_proposes_values(server: viser.ViserServe
     panel._setting.value = "min parallax [°]"
     panel._values.value = "1, 2"
     press(panel._start)
-    assert asked == [RunSweep("monocular", "min_parallax_deg", "1, 2")]
+    assert commands == [RunSweep("monocular", "min_parallax_deg", "1, 2")]
 
 
 def test_it_shows_how_far_it_is_and_what_came(server: viser.ViserServer) -> None:
-    panel, state, asked = made(server)
+    panel, state, commands = made(server)
     sweep = begun(100, 200, 400).after({"at": [0, 10, 20]}, 10.0)
     panel.show(with_values(state, sweep=sweep))
     assert panel._cancel.visible and not panel._start.visible and panel._bar.visible
@@ -76,7 +76,7 @@ def test_it_shows_how_far_it_is_and_what_came(server: viser.ViserServer) -> None
     assert panel._start.visible and not panel._cancel.visible
     assert panel._choice.options == ("100",), "what failed has no run to show"
     press(panel._show)
-    assert asked == [CancelSweep(), ShowSwept(0)]
+    assert commands == [CancelSweep(), ShowSwept(0)]
 
 
 @pytest.mark.parametrize(

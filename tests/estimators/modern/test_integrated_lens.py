@@ -37,7 +37,7 @@ def asked(flight: Sequence, exposures: list[Measurement]) -> Asked:
         for name, member in members.items():
             if member.method.uses(exposure):
                 state[name], steps[name] = member.estimator.step(state[name], exposure)
-        found.append((exposure, ensemble.members["integrated"].asked(steps)[0]))
+        found.append((exposure, ensemble.members["integrated"].inputs(steps)[0]))
     return found
 
 

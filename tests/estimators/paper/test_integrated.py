@@ -37,8 +37,8 @@ def walked(video_ns: list[int], pairs_ns: list[int]) -> tuple[IntegratedState, l
     estimator = IntegratedConfig().build(rig())
     given = sorted([*map(video, video_ns), *map(pair, pairs_ns)], key=lambda g: (g[0].time_ns, "video" in g[1]))
     state, steps = estimator.start(), []
-    for exposure, asked in given:
-        state, step = estimator.step(state, exposure, asked)
+    for exposure, inputs in given:
+        state, step = estimator.step(state, exposure, inputs)
         steps.append(step)
     return state, steps
 
@@ -62,7 +62,7 @@ def test_where_pairs_stop_the_newest_frames_stay_and_live_poses_go_on() -> None:
     assert np.linalg.norm(last.world_from_frame.translation - pose_at(last.time_ns).translation) < 0.05
 
 
-def test_a_step_tells_how_each_of_its_segments_was_fitted() -> None:
+def test_a_step_reports_how_each_of_its_segments_was_fitted() -> None:
     every_ns = SECOND_NS // 10
     _, steps = walked([50_000_000 + i * every_ns for i in range(60)], [i * SECOND_NS for i in range(1, 6)])
     closing = [step for step in steps if len(step.revised)]

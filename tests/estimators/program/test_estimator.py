@@ -80,7 +80,7 @@ class CompassConfig(ProgramConfig):
     """Least spread of the columns [grey levels]."""
 
 
-def test_settings_are_those_of_the_class_and_the_program_is_told_its_own() -> None:
+def test_settings_are_those_of_the_class_and_the_program_receives_its_own() -> None:
     assert [s.name for s in settings(CompassConfig)] == ["timeout_s", "replay_mb", "min_contrast"]
     assert all(s.help and s.range for s in settings(CompassConfig))
     located, blind = (walk(CompassConfig(min_contrast=c).build(RIG), 2)[-1] for c in (5.0, 255.0))

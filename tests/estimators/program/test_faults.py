@@ -100,7 +100,7 @@ def test_one_that_is_not_there_is_no_method() -> None:
         program_method(type(config(("no-such-program",))), ("video",))
 
 
-def test_after_a_fault_the_next_step_begins_anew(tmp_path: Path) -> None:
+def test_after_a_fault_the_next_step_starts_again(tmp_path: Path) -> None:
     once = "if not os.path.exists('ONCE'):\n    open('ONCE', 'w'); sys.exit(1)\nsay(GOOD)"
     estimator = faulty(tmp_path, once.replace("ONCE", str(tmp_path / "once"))).build(RIG)
     states = walk(estimator, AT)

@@ -26,16 +26,16 @@ LENS = Adjustment((0.0, 0.0), 0.5, WHOLE)
 
 def adjusted(scene: Scene, values: Values, wrong: Perturbation, adjustment: Adjustment) -> Trajectory:
     """By the solver of the estimators, from the run's own poses and points, with the wrong calibration."""
-    told = wrong.of_rig(scene.rig)
+    stated_rig = wrong.of_rig(scene.rig)
     order = np.lexsort((scene.view, scene.point))
-    camera = told.camera(scene.camera)
+    camera = stated_rig.camera(scene.camera)
     seen = np.column_stack([camera.normalise(scene.uv), (scene.right_px - camera.cx) / camera.fx])[order]
     sigmas, late = np.array(adjustment.sigmas), np.zeros((len(order), 2))
     right, disparity = seen[:, [2, 1]], seen[:, 0] - seen[:, 2]
     factors = by_column(right, disparity, late) if scene.is_pair else np.zeros((0, len(sigmas)))
     window = Window(
         values.rotations, values.translations, values.xyz_in_world, scene.view[order], scene.point[order], seen,
-        told.baseline_m if scene.is_pair else 0.0, np.zeros(len(sigmas)), sigmas, factors, fixed=1,
+        stated_rig.baseline_m if scene.is_pair else 0.0, np.zeros(len(sigmas)), sigmas, factors, fixed=1,
     )  # fmt: skip
     if sigmas.any():
         from ispom.solvers.window.prior import Evidence, anchored

@@ -29,16 +29,16 @@ def sequence() -> Sequence:
 
 def test_each_part_changes_its_own_numbers_and_no_others() -> None:
     rig = simulated_rig()
-    told = Perturbation(pair_focal_percent=1, baseline_percent=-2, turn_y_deg=0.5, shift_z_m=0.01).of_rig(rig)
-    assert told.video == rig.video
-    assert told.camera("left").fx == pytest.approx(1.01 * rig.camera("left").fx)
-    assert told.camera("left").cx == rig.camera("left").cx
-    assert told.baseline_m == pytest.approx(0.98 * rig.baseline_m)
-    middle = [(r.rig_from_left.translation + r.rig_from_right.translation) / 2 for r in (rig, told)]
+    stated_rig = Perturbation(pair_focal_percent=1, baseline_percent=-2, turn_y_deg=0.5, shift_z_m=0.01).of_rig(rig)
+    assert stated_rig.video == rig.video
+    assert stated_rig.camera("left").fx == pytest.approx(1.01 * rig.camera("left").fx)
+    assert stated_rig.camera("left").cx == rig.camera("left").cx
+    assert stated_rig.baseline_m == pytest.approx(0.98 * rig.baseline_m)
+    middle = [(r.rig_from_left.translation + r.rig_from_right.translation) / 2 for r in (rig, stated_rig)]
     np.testing.assert_allclose(middle[0], middle[1], atol=1e-12)
-    way = told.rig_from_video @ rig.rig_from_video.inverse()
+    way = stated_rig.rig_from_video @ rig.rig_from_video.inverse()
     assert np.degrees(np.linalg.norm(way.rotvec)) == pytest.approx(0.5)
-    np.testing.assert_allclose(told.rig_from_video.translation - rig.rig_from_video.translation, [0, 0, 0.01])
+    np.testing.assert_allclose(stated_rig.rig_from_video.translation - rig.rig_from_video.translation, [0, 0, 0.01])
 
 
 def test_nothing_wrong_is_the_same_sequence() -> None:
@@ -73,7 +73,7 @@ def path(duration_s: float, bend: float) -> Trajectory:
     return Trajectory.of(items)
 
 
-def test_an_integration_meets_the_poses_of_the_pairs_whatever_the_video_is_told() -> None:
+def test_an_integration_meets_the_poses_of_the_pairs_whatever_calibration_the_video_gets() -> None:
     run, rig = path(3.0, 0.2), simulated_rig()
     pairs = run.select(np.arange(0, 301, 30))
     wrong = Perturbation(turn_y_deg=0.5, shift_x_m=0.02)
@@ -109,5 +109,5 @@ def test_a_wrong_rig_does_not_say_that_it_is_exact() -> None:
         (Perturbation(baseline_percent=1), EXACT_LENS, None),
         (Perturbation(turn_x_deg=1, clock_ms=1), EXACT_LENS, EXACT_PAIR),
     ):
-        told = wrong.of_rig(rig)
-        assert (told.video_sigma, told.pair_sigma) == (video, pair)
+        stated_rig = wrong.of_rig(rig)
+        assert (stated_rig.video_sigma, stated_rig.pair_sigma) == (video, pair)

@@ -198,7 +198,7 @@ def test_an_image_that_was_recorded_twice_is_left_out_and_noted(tmp_path: Path) 
     assert "3 of 6 images of /camera/image_raw skipped" in sequence.notes[0]
 
 
-def test_without_the_extra_its_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_extra_its_name_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "drive.bag").touch()
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(InputError, match=r"pip install 'ispom\[bags\]'"):

@@ -39,7 +39,7 @@ def test_a_camera_alone_keeps_its_distortion(tmp_path: Path) -> None:
     assert rig.video == Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5, (-0.05, 0.01, 0.0, 0.0)) and rig.left is None
 
 
-def test_images_without_a_partner_are_left_out_and_told(tmp_path: Path) -> None:
+def test_images_without_a_partner_are_left_out_and_reported(tmp_path: Path) -> None:
     folder = make_euroc(tmp_path)
     listing = folder / "mav0" / "cam1" / "data.csv"
     lines = listing.read_text().splitlines()
@@ -50,7 +50,7 @@ def test_images_without_a_partner_are_left_out_and_told(tmp_path: Path) -> None:
     assert "2 of 6 left and 0 of 4 right images have no partner" in sequence.notes[-1]
 
 
-def test_a_right_camera_that_stops_half_way_ends_the_pairs_and_is_told(tmp_path: Path) -> None:
+def test_a_right_camera_that_stops_half_way_ends_the_pairs_and_is_reported(tmp_path: Path) -> None:
     folder = make_euroc(tmp_path)
     for path in sorted((folder / "mav0" / "cam1" / "data").iterdir())[3:]:
         path.unlink()
@@ -59,7 +59,7 @@ def test_a_right_camera_that_stops_half_way_ends_the_pairs_and_is_told(tmp_path:
     assert "3 of 6 images that" in sequence.notes[1] and "3 of 6 left and 0 of 3 right" in sequence.notes[2]
 
 
-def test_a_truth_of_another_time_is_told(tmp_path: Path) -> None:
+def test_a_truth_of_another_time_is_reported(tmp_path: Path) -> None:
     folder = make_euroc(tmp_path)
     path = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
     path.write_text(path.read_text().replace("\n140", "\n130"))

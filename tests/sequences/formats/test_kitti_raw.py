@@ -37,7 +37,7 @@ def test_an_unrectified_drive_is_rectified(tmp_path: Path) -> None:
     assert abs(difference).mean() < 3
 
 
-def test_an_image_that_one_side_lacks_is_left_out_and_told(tmp_path: Path) -> None:
+def test_an_image_that_one_side_lacks_is_left_out_and_reported(tmp_path: Path) -> None:
     drive = make_kitti_raw(tmp_path)
     (drive / "image_01" / "data" / "0000000002.png").unlink()
     sequence = open_sequence(str(drive))

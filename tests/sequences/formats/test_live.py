@@ -59,7 +59,7 @@ def test_all_that_is_sent_comes_in_order_and_stays(calibration: Path) -> None:
         assert abs(image.astype(int) - sent(made[i])).mean() < 2  # decoders round differently
 
 
-def test_it_ends_after_the_images_asked_for(calibration: Path) -> None:
+def test_it_ends_after_the_requested_images(calibration: Path) -> None:
     with streaming(images(N, 0), holds=True) as stream:
         sequence = grown(open_sequence(stream.url, camera=calibration, max_exposures=5))
     assert len(sequence) == 5 and len(sequence.notes) == 1
@@ -79,7 +79,7 @@ def test_a_person_ends_it(calibration: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(sequence) == N and len(sequence.notes) == 1
 
 
-def test_a_stream_that_stalls_is_told_once_after_all_it_gave(
+def test_a_stream_that_stalls_is_reported_once_after_all_it_gave(
     calibration: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "PATIENCE_S", 0.3)
@@ -132,37 +132,37 @@ def test_a_device_that_is_not_there(calibration: Path) -> None:
         open_sequence("camera:977", camera=calibration)
 
 
-def test_a_device_is_asked_for_the_size_of_its_calibration(
+def test_a_device_is_set_to_the_size_of_its_calibration(
     calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[object, ...]] = []
+    settings_of_device: list[tuple[object, ...]] = []
 
     class Device:
         """Stands in for cv2.VideoCapture of a device."""
 
         def __init__(self, *arguments: object) -> None:
             self.made = iter(images(4, 0))
-            asked.append(arguments)
+            settings_of_device.append(arguments)
 
         def isOpened(self) -> bool:
             return True
 
         def set(self, *values: object) -> None:
-            asked.append(values)
+            settings_of_device.append(values)
 
         def read(self) -> tuple[bool, Image | None]:
             image = next(self.made, None)
             return image is not None, image
 
         def release(self) -> None:
-            asked.append(("release",))
+            settings_of_device.append(("release",))
 
     device = tmp_path / "video0"
     device.touch()
     monkeypatch.setattr(cv2, "VideoCapture", Device)
     sequence = grown(open_sequence(f"camera:{device}", camera=calibration))
     size = [(cv2.CAP_PROP_FRAME_WIDTH, 96), (cv2.CAP_PROP_FRAME_HEIGHT, 64)]
-    assert asked == [(str(device), cv2.CAP_V4L2), *size, ("release",)] and len(sequence) == 4
+    assert settings_of_device == [(str(device), cv2.CAP_V4L2), *size, ("release",)] and len(sequence) == 4
 
 
 def test_another_kind_of_source_takes_no_calibration(calibration: Path) -> None:

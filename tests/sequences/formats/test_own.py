@@ -85,7 +85,7 @@ def test_of_a_folder_with_more_than_a_video_one_is_named(beside: Callable[[Path]
         open_sequence(str(tmp_path))
 
 
-def test_images_beside_a_video_are_the_recording(tmp_path: Path) -> None:
+def test_images_next_to_a_video_are_the_recording(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     make_video(folder)
     assert open_sequence(str(folder)).name == "images shots"
@@ -112,14 +112,16 @@ def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
     assert open_sequence(str(folder)).times_ns[[0, 2, 5]].tolist() == [1_500_000_000, 1_750_000_000, 4_000_000_001]
 
 
-def test_times_that_are_hardly_seconds_are_told(tmp_path: Path) -> None:
+def test_times_that_are_hardly_seconds_are_reported(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
-    for apart, told in ((33.3, True), (0.0333, False)):
-        (folder / "times.txt").write_text("".join(f"{apart * i:.4f}\n" for i in range(6)))
-        assert any("33.3 s apart: are these times in seconds?" in n for n in open_sequence(str(folder)).notes) == told
+    for interval, reported in ((33.3, True), (0.0333, False)):
+        (folder / "times.txt").write_text("".join(f"{interval * i:.4f}\n" for i in range(6)))
+        assert (
+            any("33.3 s apart: are these times in seconds?" in n for n in open_sequence(str(folder)).notes) == reported
+        )
 
 
-def test_without_times_a_rate_is_assumed_and_told(tmp_path: Path) -> None:
+def test_without_times_a_rate_is_assumed_and_reported(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     camera = folder / "camera.yaml"
     camera.write_text(camera.read_text().replace("rate_hz: 20\n", ""))
@@ -128,7 +130,7 @@ def test_without_times_a_rate_is_assumed_and_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [make_images, make_video])
-def test_entries_of_a_camera_that_are_not_known_are_told(make: Callable[[Path], Path], tmp_path: Path) -> None:
+def test_entries_of_a_camera_that_are_not_known_are_reported(make: Callable[[Path], Path], tmp_path: Path) -> None:
     path = make(tmp_path)
     camera = path / "camera.yaml" if path.is_dir() else path.with_suffix(".yaml")
     assert not any("skipped" in note for note in open_sequence(str(path)).notes)
@@ -171,7 +173,7 @@ def test_a_cut_video_gives_what_can_be_decoded(tmp_path: Path) -> None:
         sequence[i]
 
 
-def test_pairs_are_of_one_time_and_those_without_partner_are_told(tmp_path: Path) -> None:
+def test_pairs_are_of_one_time_and_those_without_partner_are_reported(tmp_path: Path) -> None:
     root = make_described(tmp_path / "x", frames=12)
     (root / "right" / "5.png").unlink()
     sequence = open_sequence(str(root))
@@ -188,11 +190,11 @@ def test_pairs_of_folders_without_times_are_those_of_one_number(tmp_path: Path) 
     sequence = open_sequence(str(folder))
     pairs = [e for i in range(len(sequence)) if is_stereo(e := sequence[i])]
     complete = open_sequence(str(pair_folder(tmp_path / "complete", frames=8)))
-    told = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
+    pairs_by_time = {e.time_ns: e for i in range(len(complete)) if is_stereo(e := complete[i])}
     assert len(pairs) == 6 and any("1 of 7 left and 1 of 7 right" in note for note in sequence.notes)
     for pair in pairs:
-        np.testing.assert_array_equal(pair.left, told[pair.time_ns].left)
-        np.testing.assert_array_equal(pair.right, told[pair.time_ns].right)
+        np.testing.assert_array_equal(pair.left, pairs_by_time[pair.time_ns].left)
+        np.testing.assert_array_equal(pair.right, pairs_by_time[pair.time_ns].right)
 
 
 def test_pairs_of_folders_without_times_or_numbers_are_as_many_of_each(tmp_path: Path) -> None:
@@ -231,7 +233,7 @@ def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
     assert any("1 number is missing in the names" in note for note in sequence.notes)
 
 
-def test_names_without_numbers_are_told(tmp_path: Path) -> None:
+def test_names_without_numbers_are_reported(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     assert open_sequence(str(folder)).notes == ()
     for i in range(6):
@@ -315,7 +317,7 @@ def test_photos_of_two_sizes_are_those_of_the_larger_group(tmp_path: Path) -> No
     assert any("2 of 64 x 96" in note for note in sequence.notes)
 
 
-def test_a_folder_of_two_cameras_is_told_apart_from_one(tmp_path: Path) -> None:
+def test_a_folder_of_two_cameras_is_distinguished_from_one(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     for path in sorted(folder.glob("*.png")):
         write = path.read_bytes()
@@ -445,7 +447,7 @@ def test_a_rig_stays_as_sure_as_its_file_says(without: str, tmp_path: Path) -> N
     assert {name: getattr(rig, name) for name in sigmas} == sigmas
 
 
-def test_a_laser_stays_where_it_is_beside_the_cameras(tmp_path: Path) -> None:
+def test_a_laser_keeps_its_place_among_the_cameras(tmp_path: Path) -> None:
     """Also where the pair is rectified, and where the rig is made anew because no video is named."""
     seen = []
     for video in (True, False):

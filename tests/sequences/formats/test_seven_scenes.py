@@ -32,7 +32,7 @@ def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
     assert np.rint(times_ns * 30e-9).tolist() == [0, 1, 3, 4, 5]
 
 
-def test_poses_that_the_tracker_lost_are_left_out_and_told(tmp_path: Path) -> None:
+def test_poses_that_the_tracker_lost_are_left_out_and_reported(tmp_path: Path) -> None:
     folder = make_seven_scenes(tmp_path)
     (folder / "frame-000001.pose.txt").write_text("-1.#IND 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
     (folder / "frame-000004.pose.txt").unlink()

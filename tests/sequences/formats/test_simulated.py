@@ -21,7 +21,7 @@ def bytes_of(exposure: Measurement) -> bytes:
     return exposure.left.tobytes() + exposure.right.tobytes()
 
 
-def test_the_city_is_as_the_paper_asks(tmp_path: Path) -> None:
+def test_the_city_is_as_the_paper_requires(tmp_path: Path) -> None:
     sequence = open_simulated("city", cache_dir=tmp_path)
     rig, kinds, times = sequence.rig, np.array(sequence.kinds), sequence.times_ns
     assert (rig.video.width, rig.video.height, rig.left.width, rig.left.height) == (640, 480, 1280, 960)
@@ -33,8 +33,8 @@ def test_the_city_is_as_the_paper_asks(tmp_path: Path) -> None:
     assert (np.diff(times) > 0).all()
     assert (kinds == "video").sum() == 601
     assert (kinds == "stereo").sum() == 60
-    apart = times[kinds == "stereo"][:, None] - times[kinds == "video"][None]
-    assert np.abs(apart).min() > 5_000_000
+    offsets_ns = times[kinds == "stereo"][:, None] - times[kinds == "video"][None]
+    assert np.abs(offsets_ns).min() > 5_000_000
     assert np.array_equal(sequence.truth.times_ns, times)
     assert sequence.truth.frame == "rig"
 
@@ -63,7 +63,7 @@ def test_seed_and_blur_shape_the_pixels(tmp_path: Path) -> None:
     assert bytes_of(tiny(tmp_path, motion_blur=True)[0]) != plain
 
 
-def test_a_damaged_cache_entry_is_made_anew(tmp_path: Path) -> None:
+def test_a_damaged_cache_entry_is_rendered_again(tmp_path: Path) -> None:
     expected = bytes_of(tiny(tmp_path)[0])
     entry = next(tmp_path.glob("*/*_video.png"))
     whole = entry.read_bytes()

@@ -31,7 +31,7 @@ def test_truth_is_not_interpolated_over_a_gap(tmp_path: Path) -> None:
     assert open_sequence(str(folder)).truth.times_ns.tolist() == [33_333_000, 166_667_000]
 
 
-def test_entries_of_a_camera_that_are_not_known_are_told(tmp_path: Path) -> None:
+def test_entries_of_a_camera_that_are_not_known_are_reported(tmp_path: Path) -> None:
     folder = make_tum(tmp_path)
     assert not any("skipped" in note for note in open_sequence(str(folder)).notes)
     camera = folder / "camera.yaml"
@@ -39,7 +39,7 @@ def test_entries_of_a_camera_that_are_not_known_are_told(tmp_path: Path) -> None
     assert any(note.startswith(f"{camera}: distorsion skipped") for note in open_sequence(str(folder)).notes)
 
 
-def test_listed_images_that_are_not_there_are_left_out_and_told(tmp_path: Path) -> None:
+def test_listed_images_that_are_not_there_are_left_out_and_reported(tmp_path: Path) -> None:
     folder = make_tum(tmp_path)
     (folder / "rgb" / "2.jpg").unlink()
     sequence = open_sequence(str(folder))

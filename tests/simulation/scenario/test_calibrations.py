@@ -15,23 +15,23 @@ from ispom.types import Sequence
 from tests.simulation.scenario.conftest import pair
 
 
-def test_the_told_lens_is_off_by_what_is_asked(plain: Sequence) -> None:
+def test_the_stated_lens_is_off_by_the_fault(plain: Sequence) -> None:
     was = plain.rig.camera("video")
-    told = WrongLens(focal_percent=2, centre_x_px=3, k1=0.1).on(plain, 0).rig.camera("video")
-    assert (told.fx, told.fy) == pytest.approx((1.02 * was.fx, 1.02 * was.fy))
-    assert (told.cx - was.cx, told.cy - was.cy) == pytest.approx((3, 0))
-    assert told.distortion[0] - was.distortion[0] == pytest.approx(0.1)
+    stated = WrongLens(focal_percent=2, centre_x_px=3, k1=0.1).on(plain, 0).rig.camera("video")
+    assert (stated.fx, stated.fy) == pytest.approx((1.02 * was.fx, 1.02 * was.fy))
+    assert (stated.cx - was.cx, stated.cy - was.cy) == pytest.approx((3, 0))
+    assert stated.distortion[0] - was.distortion[0] == pytest.approx(0.1)
     both = WrongLens(camera="stereo", focal_percent=-1).on(plain, 0).rig
     assert both.camera("left").fx == both.camera("right").fx == pytest.approx(0.99 * plain.rig.camera("left").fx)
 
 
-def test_the_told_baseline_is_off_by_its_percentage(plain: Sequence) -> None:
+def test_the_stated_baseline_is_off_by_its_percentage(plain: Sequence) -> None:
     assert WrongBaseline(percent=5).on(plain, 0).rig.baseline_m == pytest.approx(1.05 * plain.rig.baseline_m)
 
 
-def test_the_told_mount_is_off_by_angle_and_shift(plain: Sequence) -> None:
-    told = WrongMount(yaw_deg=0.7, x_m=0.03).on(plain, 0).rig.rig_from_video
-    off = plain.rig.rig_from_video.inverse() @ told
+def test_the_stated_mount_is_off_by_angle_and_shift(plain: Sequence) -> None:
+    stated = WrongMount(yaw_deg=0.7, x_m=0.03).on(plain, 0).rig.rig_from_video
+    off = plain.rig.rig_from_video.inverse() @ stated
     assert np.degrees(rotation_angle_rad(off.rotation)) == pytest.approx(0.7)
     np.testing.assert_allclose(off.translation, [0.03, 0, 0], atol=1e-12)
 
@@ -60,9 +60,9 @@ def test_a_turned_right_camera_moves_its_image(plain: Sequence, asked: dict, axi
         (WrongMount(), {"pair_sigma", "video_sigma"}),
     ],
 )
-def test_what_is_wrong_is_not_said_to_be_exact(plain: Sequence, fault: Fault, exact: set[str]) -> None:
-    told = fault.on(replace(plain, rig=simulated_rig(0.1)), 0).rig
-    assert {name for name in ("video_sigma", "pair_sigma") if getattr(told, name) is not None} == exact
+def test_what_is_wrong_is_not_called_exact(plain: Sequence, fault: Fault, exact: set[str]) -> None:
+    stated_rig = fault.on(replace(plain, rig=simulated_rig(0.1)), 0).rig
+    assert {name for name in ("video_sigma", "pair_sigma") if getattr(stated_rig, name) is not None} == exact
 
 
 def test_the_left_images_and_the_rig_stay(plain: Sequence) -> None:

@@ -1,4 +1,4 @@
-"""What a method's checks tell."""
+"""Events of a method's checks."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def made() -> CurrentRun:
     return CurrentRun(playback, 10**8)
 
 
-def test_each_event_is_told_once_and_a_page_that_comes_late_hears_the_same() -> None:
+def test_each_event_is_reported_once_and_a_page_that_comes_late_hears_the_same() -> None:
     run, early, parts, state = made(), AxisNews(), [], State("double:40")
     while not run.playback.done:
         run.step()

@@ -56,14 +56,14 @@ def test_a_first_map_and_one_after_a_loss_are_maps_and_no_relocalisation() -> No
     assert told(found) == [("map", 2, 3), ("lost", 3, 4), ("map", 4, None)]
 
 
-def test_a_method_that_is_not_asked_at_a_frame_changes_nothing() -> None:
+def test_a_method_without_a_step_at_a_frame_changes_nothing() -> None:
     assert told(logged([step(T), None, step(L), None, step(L), None, step(T)])) == [
         ("lost", 2, 6),
         ("relocalised", 6, None),
     ]
 
 
-def test_a_new_segment_is_told_once_there_was_something_before_it() -> None:
+def test_a_new_segment_is_reported_once_there_was_something_before_it() -> None:
     assert told(logged([step(INIT), step(INIT, restarted=True)])) == []
     found = logged([step(T), step(L, restarted=True), step(INIT)])
     assert told(found) == [("lost", 1, 2), ("segment", 1, 2)]
@@ -132,7 +132,7 @@ def test_memory_is_bounded_and_what_is_not_kept_is_counted(monkeypatch: pytest.M
     assert sum(e.kind == "lost" for e in found.events) == 5 and found.omitted == 15 + 14
 
 
-def test_what_comes_later_is_told_in_increments() -> None:
+def test_what_comes_later_is_reported_in_increments() -> None:
     found = logged([step(T), step(L)])
     count = len(found)
     logged([step(T, FOUND)], found, start=2, row={"monocular": {"status": "lost"}})

@@ -76,7 +76,7 @@ def test_every_number_that_can_be_plotted_names_a_quantity_of_the_run():
     assert named <= quantities(("monocular",)).keys() and len(named) > 12
 
 
-def test_a_failed_check_that_decides_is_said_once_with_its_limit_and_margin():
+def test_a_failed_check_that_decides_is_reported_once_with_its_limit_and_margin():
     decided, other = checks.SCALE_DRIFT.of(51, 10), checks.FOCAL_LENGTH.of(1, 0.9)
     (card,) = cards(record(step("monocular", checks.POSE_POINTS.of(200, 15), other, decided)))
     assert card.verdict.headline == "Scale unreliable" and card.decisive is not None

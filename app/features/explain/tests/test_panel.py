@@ -47,8 +47,8 @@ def server() -> Iterator[viser.ViserServer]:
 
 @pytest.fixture
 def panel(server: viser.ViserServer, run: CurrentRun) -> ExplainPanel:
-    asked: list[do.Command] = []
-    session: Any = SimpleNamespace(run=run, post=asked.append, asked=asked)
+    commands: list[do.Command] = []
+    session: Any = SimpleNamespace(run=run, post=commands.append, asked=commands)
     return ExplainPanel(server.gui, session)
 
 
@@ -106,7 +106,7 @@ def test_the_button_runs_to_the_next_anomaly(panel: ExplainPanel) -> None:
     assert panel._session.asked == [StepToEvent(alarming=True)]  # type: ignore[attr-defined]
 
 
-def test_a_warning_of_an_earlier_frame_that_still_holds_stays_in_sight() -> None:
+def test_a_warning_of_an_earlier_frame_that_still_holds_stays_visible() -> None:
     bad, log, row = (
         Step(0, Status.TRACKING, decisions=(checks.SCALE_DRIFT.of(51, 10),), method="monocular"),
         EventLog(),

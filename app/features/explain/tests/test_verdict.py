@@ -107,7 +107,7 @@ def test_no_check_prints_a_comparison_that_is_false(method) -> None:
                 assert made.sentence.endswith(".") and ".." not in made.sentence and made.detail[-1:] != "."
 
 
-def test_a_topic_is_told_of_each_built_in_method_that_finds_poses() -> None:
+def test_each_built_in_method_that_finds_poses_has_a_topic() -> None:
     for method in BUILT_IN:
         topics = {check.topic for check in method.checks.values()}
         assert "pose" in topics or method.asks, method.name

@@ -24,15 +24,14 @@ def focal_times_baseline(ran: Ran) -> float:
 
 def doubled_world_px(ran: Ran, method: str) -> float:
     """How far the images of its points move where points and path are twice as large [px], the farthest of all."""
-    steps = [step for step in _steps(ran, method) if step.world_from_frame is not None and len(step.landmarks)]
-    if not steps:
+    steps = [step for step in _steps(ran, method) if len(step.landmarks)]
+    maps = [(s.frame, s.world_from_frame, s.landmarks.xyz_in_world) for s in steps if s.world_from_frame is not None]
+    if not maps:
         raise InputError(f"{method} has found no points: there is nothing to enlarge")
-    camera, farthest = ran.sequence.rig.camera(steps[0].frame), 0.0
-    for step in steps:
-        assert step.world_from_frame is not None
-        one, xyz = step.world_from_frame, step.landmarks.xyz_in_world
-        seen = camera.project(one.inverse().apply(xyz))
-        seen_double = camera.project((2 * xyz - 2 * one.translation) @ one.rotation)
+    camera, farthest = ran.sequence.rig.camera(maps[0][0]), 0.0
+    for _, pose, xyz in maps:
+        seen = camera.project(pose.inverse().apply(xyz))
+        seen_double = camera.project((2 * xyz - 2 * pose.translation) @ pose.rotation)
         farthest = max(farthest, float(np.nanmax(np.linalg.norm(seen - seen_double, axis=1))))
     return farthest
 

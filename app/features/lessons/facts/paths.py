@@ -1,4 +1,4 @@
-"""What the path of a method says, beside the true one."""
+"""Facts about the path of a method, compared with the true one."""
 
 from __future__ import annotations
 
@@ -131,21 +131,21 @@ def _seconds(path: Trajectory) -> float:
 
 
 def median(ran: Ran, quantity: str) -> float:
-    """Over the frames on which it was said."""
-    return float(np.median(_said(ran, quantity)[1]))
+    """Over the frames that have a value."""
+    return float(np.median(_frames_and_values(ran, quantity)[1]))
 
 
 def largest(ran: Ran, quantity: str) -> float:
-    return float(np.max(_said(ran, quantity)[1]))
+    return float(np.max(_frames_and_values(ran, quantity)[1]))
 
 
 def total(ran: Ran, quantity: str) -> float:
     """Of a flag, how often it was true."""
-    return float(np.sum(_said(ran, quantity)[1]))
+    return float(np.sum(_frames_and_values(ran, quantity)[1]))
 
 
 def last(ran: Ran, quantity: str) -> float:
-    return float(_said(ran, quantity)[1][-1])
+    return float(_frames_and_values(ran, quantity)[1][-1])
 
 
 def holds_percent(ran: Ran, condition: str) -> float:
@@ -157,14 +157,14 @@ def holds_percent(ran: Ran, condition: str) -> float:
 
 def quantity_curve(ran: Ran, quantity: str) -> tuple[Array, Array]:
     """Over time since the first frame [s]."""
-    at, values = _said(ran, quantity)
+    at, values = _frames_and_values(ran, quantity)
     return (ran.sequence.times_ns[at] - ran.sequence.times_ns[0]) * 1e-9, values
 
 
-def _said(ran: Ran, quantity: str) -> tuple[NDArray[np.int64], Array]:
+def _frames_and_values(ran: Ran, quantity: str) -> tuple[NDArray[np.int64], Array]:
     if quantity not in ran.series.quantities:
         raise InputError(f"{quantity!r} is no quantity of this run: give METHOD.KEY")
-    at, values = ran.series.said(quantity, ran.count)
+    at, values = ran.series.values_of(quantity, ran.count)
     known = np.isfinite(values)
     if not known.any():
         raise InputError(f"nothing was said of {quantity} in this run")

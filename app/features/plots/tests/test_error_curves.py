@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from ispom_app.engine.playback import Playback
-from ispom_app.features.branches.accuracy import errors_beside, measured
+from ispom_app.features.branches.accuracy import errors_of_external, measured
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.external_paths.state import ExternalPaths
@@ -19,7 +19,7 @@ from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.app.helpers import with_values
-from tests.app.run.beside.made import beside, elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, external, written
 
 SEQUENCE = doubles.sequence(20)
 OWN = ["Monocular (Sim(3))", "Integrated (SE(3))"]
@@ -29,7 +29,9 @@ OWN = ["Monocular (Sim(3))", "Integrated (SE(3))"]
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
     path = written(tmp_path_factory.mktemp("beside") / "a.tum", elsewhere(SEQUENCE, unit_m=0.9))
-    found = CurrentRun(Playback(SEQUENCE, METHODS, builder=helpers.build, beside=(beside(SEQUENCE, path),)), 10**8)
+    found = CurrentRun(
+        Playback(SEQUENCE, METHODS, builder=helpers.build, external_trajectories=(external(SEQUENCE, path),)), 10**8
+    )
     while not found.playback.done:
         found.step()
     return found
@@ -40,7 +42,7 @@ def state(run: CurrentRun) -> State:
     count, known = len(run.history), measured(run)
     branches = Branch(0, "first run", computed=count, measured=known), Branch(1, "fewer", 0, 5, (), 16, measured=known)
     state = with_values(reduce(State("double:20"), run.opened), branches=branches, computed=count, plots=("error",))
-    return with_values(state, external_errors=errors_beside(state[ExternalPaths].all, run))
+    return with_values(state, external_errors=errors_of_external(state[ExternalPaths].all, run))
 
 
 def labels(state: State) -> list[str]:
@@ -51,7 +53,7 @@ def test_every_drawn_branch_and_every_other_program_has_its_curves(state: State)
     assert labels(state) == [*OWN, *(f"fewer: {label}" for label in OWN), "orb (SE(3))"]
     found = [curve for curve, _ in error_curves(state)]
     assert len({curve.id for curve in found}) == len(found)
-    assert found[-1].colour == colours.css(colours.beside(0))
+    assert found[-1].colour == colours.css(colours.colour_of_external(0))
     assert found[len(OWN)].colour == colours.css(state[Branches].all[1].colour)
 
 

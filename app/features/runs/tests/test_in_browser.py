@@ -75,7 +75,7 @@ def test_without_a_source_the_demo_can_be_played_and_the_start_screen_opened_ove
     assert page.state["run"] == number and not page.faults
 
 
-def test_a_wrong_path_is_told_at_its_field_and_the_right_one_opens(page: Page, drive: Path) -> None:
+def test_a_wrong_path_is_reported_at_its_field_and_the_right_one_opens(page: Page, drive: Path) -> None:
     fault = page.tab.locator("#path-fault")
     page.tab.locator("#path").fill(f"{drive}/nowhere")
     page.tab.keyboard.press("Enter")

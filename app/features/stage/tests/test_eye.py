@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ispom_app.views.rerun.eye import FOV_RAD, Eye, eye_above, eye_behind, eye_beside, eye_of, eye_on, is_framed
+from ispom_app.views.rerun.eye import FOV_RAD, Eye, eye_above, eye_behind, eye_from_side, eye_of, eye_on, is_framed
 
 from ispom.geometry import Pose
 
@@ -30,9 +30,9 @@ def in_sight(eye: Eye, path: np.ndarray) -> bool:
     return bool((depth > 0).all() and (sides <= np.tan(FOV_RAD / 2) * depth).all())
 
 
-@pytest.mark.parametrize("place", [eye_on, eye_above, eye_beside])
+@pytest.mark.parametrize("place", [eye_on, eye_above, eye_from_side])
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
-def test_the_whole_path_is_in_sight_and_large(place, path):
+def test_the_whole_path_is_visible_and_large(place, path):
     eye = place(path, LEAST)
     assert in_sight(eye, path) and np.isfinite(eye.position).all()
     nearer = Eye(eye.target + 0.5 * (eye.position - eye.target), eye.target, eye.up)
@@ -40,7 +40,7 @@ def test_the_whole_path_is_in_sight_and_large(place, path):
 
 
 def test_up_on_the_screen_is_up_in_the_world():
-    for place in (eye_on, eye_beside):
+    for place in (eye_on, eye_from_side):
         assert place(PATHS["any"], LEAST).up @ [0, -1, 0] > 0.5
     assert np.allclose(eye_above(PATHS["any"], LEAST).up, [0, 0, 1]), "forward, as on a map"
     assert eye_on(PATHS["any"], LEAST).position[1] < PATHS["any"][:, 1].min(), "seen from above"

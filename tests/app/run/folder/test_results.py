@@ -33,7 +33,7 @@ def told(status: Status, restarted: bool) -> dict[str, Any]:
     return json.loads(metrics_text(results, ["monocular"], statistics))
 
 
-def test_poses_that_are_held_are_not_called_located() -> None:
+def test_predicted_poses_are_not_called_located() -> None:
     report = told(Status.INITIALISING, restarted=False)
     assert report["methods"]["monocular"]["located"] == 0
     assert "never located: its 40 poses are held ones" in summary(report) and "lost" not in summary(report)

@@ -82,7 +82,7 @@ def test_the_lock_of_a_killed_run_is_nobodys(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(20)
-def test_a_link_to_nothing_in_place_of_the_recordings_is_told(tmp_path: Path) -> None:
+def test_a_link_to_nothing_in_place_of_the_recordings_is_reported(tmp_path: Path) -> None:
     """All names in it seemed to be taken, for ever."""
     (tmp_path / "recordings").symlink_to("/nowhere/recordings")
     with pytest.raises(InputError, match="recordings is a link to /nowhere/recordings, which is missing"):

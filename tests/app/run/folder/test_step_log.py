@@ -35,8 +35,8 @@ def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> 
             events.append(playback.step())
             log.add(events[-1])
         assert not (tmp_path / run_folder.STEPS).exists(), "a file that still grows must not look finished"
-    found, said = rows(tmp_path / run_folder.STEPS), rows(tmp_path / run_folder.DECISIONS)
-    assert len(found) == len(events) == len(said)
+    found, decisions = rows(tmp_path / run_folder.STEPS), rows(tmp_path / run_folder.DECISIONS)
+    assert len(found) == len(events) == len(decisions)
     for event, row in zip(events, found, strict=True):
         (step,) = event.steps
         (tracks,) = step.tracks.values()
@@ -46,7 +46,7 @@ def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> 
         counted = sum(int(row[name]) for name in ("alive", "new", *DROPPED))
         assert counted == len(tracks)
         assert float(row["seconds"]) == pytest.approx(0.005) and row["stages"] == "track=0.004;pose=0.001"
-    assert said[0]["name"] == "parallax" and float(said[0]["value"]) == 14.2 and said[0]["passed"] == "0"
+    assert decisions[0]["name"] == "parallax" and float(decisions[0]["value"]) == 14.2 and decisions[0]["passed"] == "0"
 
 
 def test_a_full_disk_ends_the_table_and_not_the_run(

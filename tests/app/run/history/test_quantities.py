@@ -71,17 +71,17 @@ def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bo
     return row_after(row, index, exposure.time_ns, (made,), {})
 
 
-def test_a_step_is_told_beside_the_usual_one() -> None:
-    row, told = NO_ROW, []
+def test_a_step_is_compared_with_the_usual_one() -> None:
+    row, changes = NO_ROW, []
     for i, x in enumerate([0.0, 1.0, 2.0, 4.0, 4.0, 5.0]):
         row = at(row, i, x, turn_deg=10.0 * x)
-        told.append([row["monocular"][key] for key in MOTION])
-    assert told[0] == [None, None, None]
-    assert told[1] == [1.0, pytest.approx(10.0), None]
-    assert told[2] == [1.0, pytest.approx(10.0), 1.0]
-    assert told[3] == [2.0, pytest.approx(20.0), 1.0]
-    assert told[5][2] == told[4][2], "a step that does not move changes nothing"
-    assert told[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
+        changes.append([row["monocular"][key] for key in MOTION])
+    assert changes[0] == [None, None, None]
+    assert changes[1] == [1.0, pytest.approx(10.0), None]
+    assert changes[2] == [1.0, pytest.approx(10.0), 1.0]
+    assert changes[3] == [2.0, pytest.approx(20.0), 1.0]
+    assert changes[5][2] == changes[4][2], "a step that does not move changes nothing"
+    assert changes[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
 
 
 def test_no_step_goes_over_a_gap_or_into_a_new_world() -> None:
@@ -115,7 +115,7 @@ def test_what_a_step_says_is_finite_or_missing_and_of_its_kind() -> None:
             assert not quantity.choices or value in quantity.choices
 
 
-def test_a_method_that_did_not_step_keeps_what_it_said() -> None:
+def test_a_method_that_did_not_step_keeps_its_last_values() -> None:
     _, exposure, step = stepped(3)[1]
     first = row_after(NO_ROW, 0, exposure.time_ns, (step,), {})
     second = row_after(first, 1, 500_000_000, (replace(step, method="stereo"),), {})

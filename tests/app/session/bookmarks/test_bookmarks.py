@@ -43,7 +43,7 @@ def test_where_the_source_is_opened_otherwise_they_stay_at_their_times(tmp_path:
 @pytest.mark.parametrize(
     "text", ["bookmarks: 3", "bookmarks: [{exposure: a, time_ns: 3, note: x}]", "x", "bookmarks: [4]"]
 )
-def test_a_damaged_file_is_told_in_one_sentence(tmp_path: Path, text: str) -> None:
+def test_a_damaged_file_is_reported_in_one_sentence(tmp_path: Path, text: str) -> None:
     (tmp_path / "notes.yaml").write_text(text)
     with pytest.raises(InputError, match=r"notes\.yaml"):
         read_notes(tmp_path / "notes.yaml", doubles.sequence())

@@ -78,7 +78,7 @@ def compared(session: Session) -> Comparison:
 def test_a_fork_with_unchanged_settings_differs_in_nothing(session: Session) -> None:
     forked(session, Config())
     found = compared(session)
-    assert (found.start, found.stop, found.apart, found.first) == (FORK, 44, 0, ())
+    assert (found.start, found.stop, found.differing_frames, found.first) == (FORK, 44, 0, ())
 
 
 def other() -> Config:
@@ -95,7 +95,7 @@ def test_a_planted_difference_is_found_at_its_exposure_and_only_then(session: Se
     assert first.exposure == PLANTED and [(d.name, d.a, d.b, d.by) for d in first.differences] == [
         ("monocular.scale", 1.5, 1.0, 0.5)
     ]
-    assert found.apart == sum(kind == "video" for kind in doubles.sequence(40).kinds[PLANTED:])
+    assert found.differing_frames == sum(kind == "video" for kind in doubles.sequence(40).kinds[PLANTED:])
     session.post(ShowBranch(0))
     session.post(DeleteBranch(1))
     wait_for(lambda: session.state[Branches].comparison is None, "a deleted branch is not compared any more")
@@ -122,7 +122,7 @@ def test_of_thinned_records_the_rest_is_compared_and_they_are_counted(session: S
     thinned: Any = SimpleNamespace(history=[without_points(i) for i in range(44)], opened=b.opened)
     now = begin(session.state[Branches].all, 1, 0, a, thinned)
     found = advanced(now, a, thinned, 60.0)
-    assert (found.thinned, found.apart) == (44 - FORK, 0)
+    assert (found.thinned, found.differing_frames) == (44 - FORK, 0)
 
 
 def test_branches_part_where_the_earlier_of_them_was_forked() -> None:

@@ -74,7 +74,7 @@ def test_what_would_answer_an_open_question_is_refused(session: Session):
     assert session.state.computed == 6 and session.state[Layers].hidden == frozenset({"truth"})
 
 
-def test_nothing_that_pages_are_told_of_an_open_question_has_numbers_or_names_of_the_source(session: Session):
+def test_messages_to_pages_about_an_open_question_have_no_numbers_or_names_of_the_source(session: Session):
     session.post(Learn("stand-ins"))
     at(session, 0, "asking")
     seen, message = covered(session.state), message_of(session.state)
@@ -121,22 +121,22 @@ def test_a_text_that_says_otherwise_than_the_run_is_noticed(session: Session):
 
 def test_the_right_tracks_are_those_of_the_picture_for_which_the_condition_holds(session: Session):
     session.post(Learn("stand-ins", 2))
-    asked = at(session, 2, "asking")
-    assert asked.pictured is not None and asked.pictured[0] == 8
+    learning = at(session, 2, "asking")
+    assert learning.pictured is not None and learning.pictured[0] == 8
     session.post(Reveal())
     found = at(session, 2, "revealed").revealed
-    tracks = asked.pictured[1]
+    tracks = learning.pictured[1]
     assert found is not None and found.right == set(tracks.ids[tracks.status >= 2].tolist())
 
 
-def test_what_cannot_be_computed_is_said_and_the_question_stays_open(session: Session):
+def test_what_cannot_be_computed_is_reported_and_the_question_stays_open(session: Session):
     session.post(Learn("stand-ins", 4))
     at(session, 4, "asking")
     assert "stereo.paper says nothing of the clock" in refused(session, Reveal())
     assert at(session, 4, "asking").revealed is None
 
 
-def test_a_lesson_or_step_that_there_is_not_is_said(session: Session):
+def test_an_unknown_lesson_or_step_is_reported(session: Session):
     assert "there is no lesson 'none'" in refused(session, Learn("none"))
     assert "has 5 steps: there is no step 9" in refused(session, Learn("stand-ins", 8))
     assert session.state[Lessons].now is None

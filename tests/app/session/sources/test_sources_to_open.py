@@ -65,7 +65,7 @@ def test_folders_are_listed_below_the_root_only(tmp_path: Path):
     assert folders.entries(tmp_path) == []
 
 
-def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
+def test_what_is_recognised_is_distinguished_from_folders_to_look_into(tmp_path: Path):
     (tmp_path / "film.mp4").write_bytes(b"")
     (tmp_path / "notes.txt").write_text("")
     for name in ("walk", "films", "more"):
@@ -138,17 +138,17 @@ def test_files_of_no_known_kind_are_passed_over_by_their_names(tmp_path: Path, m
     """Each was asked for what a drive holds, and for more: of 100 000 files, that took longer than anybody waits."""
     for name in ("a.txt", "b.jpg", "c.csv"):
         (tmp_path / name).touch()
-    stat, asked = Path.stat, list[Path]()
-    monkeypatch.setattr(Path, "stat", lambda self, **options: (asked.append(self), stat(self, **options))[1])
+    stat, inspected = Path.stat, list[Path]()
+    monkeypatch.setattr(Path, "stat", lambda self, **options: (inspected.append(self), stat(self, **options))[1])
     assert Folders(tmp_path).entries(tmp_path) == []
-    assert not [path for path in asked if path.parent.parent == tmp_path]
+    assert not [path for path in inspected if path.parent.parent == tmp_path]
 
 
 def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: Path):
-    asked: list[SourceOptions | None] = []
+    opened_options: list[SourceOptions | None] = []
 
     def remembering(source: str, options: SourceOptions | None = None):
-        asked.append(options)
+        opened_options.append(options)
         return opener(source)
 
     session = started(tmp_path, opener=remembering, autoplay=False)
@@ -156,18 +156,20 @@ def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: P
     assert not session.state.playing
     session.post(do.Open("double:5", SourceOptions(stereo_every=3)))
     wait_for(lambda: session.state.run == 2 and session.state.ended, "the second source to play to its end")
-    assert asked == [None, SourceOptions(stereo_every=3)]
+    assert opened_options == [None, SourceOptions(stereo_every=3)]
     assert session.state.source_options.stereo_every == 3
     assert session.state.recent == ("double:5", "double:20")
     session.close(1.0)
 
 
-def test_finding_a_camera_that_has_no_calibration_is_told():
+def test_finding_a_camera_that_has_no_calibration_is_reported():
     def unknown(source: str, options: SourceOptions | None = None):
         return replace(opener(source), guess=Guess(224.0, 0.3, "a guess"))
 
-    told: list[str] = []
+    messages: list[str] = []
     source = SourceOpener(unknown, build, "modern")
-    source.playback("double:3", None, None, Config(), strict=False, progress=told.append)
-    SourceOpener(opener, build, "modern").playback("double:3", None, None, Config(), strict=False, progress=told.append)
-    assert told == ["double:3 has no calibration: finding focal length and distortion in its images"]
+    source.playback("double:3", None, None, Config(), strict=False, progress=messages.append)
+    SourceOpener(opener, build, "modern").playback(
+        "double:3", None, None, Config(), strict=False, progress=messages.append
+    )
+    assert messages == ["double:3 has no calibration: finding focal length and distortion in its images"]

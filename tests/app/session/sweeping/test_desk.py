@@ -50,7 +50,7 @@ def refusal(session: Session, command: do.Command, words: str) -> None:
     wait_for(lambda: any(words in notice.text for notice in session.state.notices), words)
 
 
-def test_what_cannot_be_swept_is_said(session: Session) -> None:
+def test_what_cannot_be_swept_is_reported(session: Session) -> None:
     refusal(session, RunSweep("stereo", "max_tracks", "200"), "1 value: give 2 to 6")
     refusal(session, ShowSwept(0), "this value has no run")
     assert session.state[SweepState].sweep is None
@@ -87,7 +87,7 @@ def test_a_value_is_shown_as_a_branch_of_the_run(session: Session) -> None:
         lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
     )
     comparison = session.state[Branches].comparison
-    assert comparison is not None and comparison.apart == 0, "the setting that the run has gives the run"
+    assert comparison is not None and comparison.differing_frames == 0, "the setting that the run has gives the run"
     session.post(ShowBranch(0))
     session.post(ShowSwept(1))
     wait_for(lambda: session.state[Branches].shown == 1, "the same branch again")
@@ -115,7 +115,7 @@ class Ended:
     def __init__(self, rows: int) -> None:
         self.rows = rows
 
-    def told(self) -> list[dict]:
+    def take_messages(self) -> list[dict]:
         return [{"row": i, "folder": str(i), "failure": None, "values": None, "ms": None} for i in range(self.rows)]
 
     def cancel(self) -> None: ...

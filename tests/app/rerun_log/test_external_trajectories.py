@@ -13,7 +13,7 @@ from ispom_app.views.rerun.recorder import Recorder
 from ispom.types import Trajectory
 from tests import doubles
 from tests.app import helpers
-from tests.app.run.beside.made import beside, elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, external, written
 
 SEQUENCE = doubles.sequence(60)
 TRUTH = truth_from_start(SEQUENCE) or Trajectory.empty()
@@ -25,7 +25,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory):
     rr.set_strict_mode(True)
     half = elsewhere(SEQUENCE).select(np.arange(40))
     path: Path = written(tmp_path_factory.mktemp("beside") / "a.tum", half)
-    playback = Playback(SEQUENCE, ("stereo",), builder=helpers.build, beside=(beside(SEQUENCE, path),))
+    playback = Playback(SEQUENCE, ("stereo",), builder=helpers.build, external_trajectories=(external(SEQUENCE, path),))
     recorder = Recorder(playback.opened)
     found: dict[str, list[tuple[int, object]]] = {}
     batches = [recorder.opening()]
@@ -52,6 +52,6 @@ def test_a_line_never_runs_ahead_of_the_exposure(logged) -> None:
     assert np.allclose(last[-1], TRUTH.translations[20], atol=1e-5)
 
 
-def test_its_error_curve_is_beside_those_of_the_methods(logged) -> None:
+def test_its_error_curve_is_drawn_with_those_of_the_methods(logged) -> None:
     curve = logged["plots/error/beside/orb"]
     assert isinstance(curve[0][1], rr.SeriesLines) and [i for i, _ in curve[1:]] == list(range(40))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.engine.external_trajectories.placed import given
+from ispom_app.engine.external_trajectories.placed import read_options
 
 from ispom.errors import InputError
 from tests import doubles
-from tests.app.run.beside.made import elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, written
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_name_frame_file_and_alignment_are_read(path: Path) -> None:
-    a, b = given([f"ORB-SLAM3:left={path}", f"lib={path}"], ["lib=sim3"])
+    a, b = read_options([f"ORB-SLAM3:left={path}", f"lib={path}"], ["lib=sim3"])
     assert (a.name, a.frame, a.alignment, a.file.format) == ("ORB-SLAM3", "left", "se3", "TUM")
     assert (b.name, b.frame, b.alignment) == ("lib", "rig", "sim3")
 
@@ -41,16 +41,16 @@ MISTAKES = {
 def test_a_mistake_is_one_sentence(path: Path, tmp_path: Path, flag: str) -> None:
     (tmp_path / "unknown.txt").write_text("1 2 3\n")
     with pytest.raises(InputError, match=MISTAKES[flag]) as found:
-        given([flag.format(path=path, unknown=tmp_path / "unknown.txt")], [])
+        read_options([flag.format(path=path, unknown=tmp_path / "unknown.txt")], [])
     assert "\n" not in str(found.value)
 
 
 def test_one_name_for_two_files_is_refused(path: Path) -> None:
     with pytest.raises(InputError, match="as another trajectory is called"):
-        given([f"orb={path}", f"ORB={path}"], [])
+        read_options([f"orb={path}", f"ORB={path}"], [])
 
 
 @pytest.mark.parametrize("alignment", ["orb", "orb=", "orb=best", "lib=se3"])
 def test_an_alignment_must_be_known_and_of_a_trajectory(path: Path, alignment: str) -> None:
     with pytest.raises(InputError, match="--beside-alignment is"):
-        given([f"orb={path}"], [alignment])
+        read_options([f"orb={path}"], [alignment])

@@ -5,7 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.engine.external_trajectories.placed import Beside, Given, beside_run, given
+from ispom_app.engine.external_trajectories.placed import (
+    ExternalTrajectory,
+    TrajectoryOption,
+    external_trajectory,
+    read_options,
+)
 from ispom_app.engine.playback import truth_from_start
 
 from ispom.geometry import Pose
@@ -28,9 +33,9 @@ def elsewhere(sequence: Sequence, unit_m: float = 1.0, right: Pose | None = None
     return Trajectory(moved.times_ns, moved.rotations, moved.translations / unit_m)
 
 
-def read(path: Path, flag: str = "orb", *alignments: str) -> Given:
-    return given([f"{flag}={path}"], alignments)[0]
+def read(path: Path, flag: str = "orb", *alignments: str) -> TrajectoryOption:
+    return read_options([f"{flag}={path}"], alignments)[0]
 
 
-def beside(sequence: Sequence, path: Path, flag: str = "orb", *alignments: str) -> Beside:
-    return beside_run(0, read(path, flag, *alignments), sequence, truth_from_start(sequence))
+def external(sequence: Sequence, path: Path, flag: str = "orb", *alignments: str) -> ExternalTrajectory:
+    return external_trajectory(0, read(path, flag, *alignments), sequence, truth_from_start(sequence))

@@ -14,15 +14,15 @@ from numpy.testing import assert_allclose
 
 from tests import doubles
 from tests.app import helpers
-from tests.app.run.beside.made import beside, elsewhere, written
+from tests.app.run.external_trajectories.made import elsewhere, external, written
 
 SEQUENCE = replace(doubles.sequence(60), truth=None)
 
 
 def followed(path: Path, methods: tuple[str, ...], *alignments: str) -> list[Placed | None]:
     """Where it is after each frame."""
-    found = (beside(SEQUENCE, path, "orb", *alignments),)
-    playback = Playback(SEQUENCE, methods, builder=helpers.build, beside=found)
+    found = (external(SEQUENCE, path, "orb", *alignments),)
+    playback = Playback(SEQUENCE, methods, builder=helpers.build, external_trajectories=found)
     places, model, seen = Places(playback.opened), RunModel.start(methods), list[Placed | None]()
     while not playback.done:
         event = playback.step()

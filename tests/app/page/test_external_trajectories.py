@@ -20,7 +20,7 @@ PAPER = "integrated.paper"
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     folder = tmp_path_factory.mktemp("beside")
-    found = launched([sys.executable, "-m", "tests.app.page.serve_beside", str(folder), "0"], folder)
+    found = launched([sys.executable, "-m", "tests.app.page.serve_external_trajectories", str(folder), "0"], folder)
     yield found
     found.process.kill()
     found.process.wait()
@@ -53,7 +53,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
     curves = page.tab.locator('.plot[data-name="error"] .now span')
     page.until("document.querySelectorAll('[data-name=error] .now span').length >= 3", "the curves")
-    assert colours.css(colours.beside(0)) in curves.last.get_attribute("style")
+    assert colours.css(colours.colour_of_external(0)) in curves.last.get_attribute("style")
 
 
 def test_the_integration_is_clicked_through_step_by_step(page: Page):

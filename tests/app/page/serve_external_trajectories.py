@@ -1,5 +1,5 @@
 """The app with both integrations as stand-ins, and another program's trajectory beside them:
-`python -m tests.app.page.serve_beside FOLDER PORT`."""
+`python -m tests.app.page.serve_external_trajectories FOLDER PORT`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ispom_app.session.session import Session
 from ispom_app.views.web.server import Serving, serve
 
 from tests.app import helpers
-from tests.app.run.beside.made import elsewhere, read, written
+from tests.app.run.external_trajectories.made import elsewhere, read, written
 
 METHODS = ("monocular", "stereo", "integrated", "integrated.paper")
 SOURCE = "double:40"
@@ -27,7 +27,7 @@ if __name__ == "__main__":
                 live=live,
                 builder=helpers.build,
                 methods=METHODS,
-                beside=(read(path),),
+                trajectory_options=(read(path),),
             ),
             Serving(port=port, base="/ispom/", open_browser=False),
         )
