@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.errors import InputError, required
+from ispom.errors import InputError
 from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
@@ -119,15 +119,10 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
     if video is not None:
         opened = _sequence(name, rig, video, stereo, truth)
-<<<<<<< HEAD
-    else:
-        opened = _recording(name, required(stereo, f"{path} names no camera"), truth)
-=======
     elif stereo is not None:
         opened = _recording(name, stereo, truth)
     else:
         raise InputError(no_camera)
->>>>>>> words
     opened = replace(opened, notes=notes + opened.notes)
     if truth is None:
         return opened
