@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.calibration.adjust.lens import projected
-from ispom.calibration.adjust.problem import Observations, Unknowns, normal_equations
+from ispom.calibration.adjust.problem import BoardProblem, Observations, Unknowns, by_twist
 from ispom.calibration.adjust.solve import Solution, adjusted, solution, with_views
+from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
 from ispom.calibration.targets.target import Target
-from ispom.geometry import Array, skew
+from ispom.cameras.opencv import project_with_derivatives
+from ispom.geometry import Array
 from ispom.types import Camera
 
 ROUNDS = 3
@@ -102,7 +103,7 @@ def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
     rate = rates[filmed.view]
     moving = -rate[:, :3] - np.cross(rate[:, 3:], in_camera)  # the camera moves, the board stands still
     rows = filmed.uv[:, 1:] - (camera.height - 1) / 2
-    return rows * (projected(camera, in_camera)[1] @ moving[..., None])[..., 0]
+    return rows * (project_with_derivatives(camera, in_camera)[1] @ moving[..., None])[..., 0]
 
 
 def _by_noise(found: Solution, covariance: Array) -> float:
@@ -110,8 +111,8 @@ def _by_noise(found: Solution, covariance: Array) -> float:
     less what the poses absorb of it."""
     seen, estimate, camera = found.seen, found.estimate, found.estimate.cameras[0]
     _, in_camera = estimate.in_camera(seen, 0, np.ones(len(seen), bool))
-    by_point = projected(camera, in_camera)[1] / seen.sigma_px[:, None, None]
-    by_pose = np.concatenate([by_point, -by_point @ skew(in_camera)], axis=2)
+    by_point = project_with_derivatives(camera, in_camera)[1] / seen.sigma_px[:, None, None]
+    by_pose = by_twist(by_point, in_camera)
     rows = seen.uv[:, 1] - (camera.height - 1) / 2
     total = 0.0
     for v in np.flatnonzero(covariance.any((1, 2))).tolist():
@@ -130,12 +131,13 @@ def _step(found: Solution, shift: Array, by_noise: float) -> tuple[float, float]
     weights = 1 / seen.sigma_px**2
     predicted = seen.uv + found.residuals_px
     # Residuals that are the shift itself: their gradient is what interior and poses can make of it.
-    equations = normal_equations(estimate, seen.with_uv(predicted - shift), found.unknowns, weights)
+    problem = BoardProblem(seen.with_uv(predicted - shift), found.unknowns, estimate.views)
+    equations = normal_equations(problem, estimate)
     shared, views = equations.step(0.0)
     alone = float((weights[:, None] * shift**2).sum())
-    alone += float(equations.shared_gradient @ shared + (equations.view_gradients * views).sum())
+    alone += float(equations.shared_gradient @ shared + (equations.block_gradients * views).sum())
     pulled = float((weights[:, None] * shift * found.residuals_px).sum())
-    pulled += float(found.equations.shared_gradient @ shared + (found.equations.view_gradients * views).sum())
+    pulled += float(found.equations.shared_gradient @ shared + (found.equations.block_gradients * views).sum())
     true = alone - by_noise
     if true <= 0:
         return 0.0, np.inf
