@@ -117,6 +117,11 @@ class Eliminated:
             shared = -scale * np.linalg.lstsq(scaled, scale * gradient, rcond=1e-15)[0]
         return shared, -inner - (self.inverse @ (self.mixed @ shared)[..., None])[..., 0]
 
+    def scores(self, equations: NormalEquations) -> Array:
+        """Returns each block's part (N, G) of the gradient of the shared unknowns alone, for a sandwich covariance."""
+        inner = self.inverse @ equations.block_gradients[..., None]
+        return equations.scores - (np.swapaxes(inner, 1, 2) @ self.mixed)[:, 0]
+
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
@@ -166,7 +171,6 @@ def adjust(
     iterations: int,
     tolerance: float,
     curved: bool = False,
-    highest: float = HIGHEST,
 ) -> Minimum[T]:
     """Minimises the cost from `start` on by Levenberg-Marquardt.
 
@@ -192,7 +196,7 @@ def adjust(
 
     first, lowest = (FINE_FIRST, FINE_LOWEST) if curved else (FIRST, LOWEST)
     return minimise(
-        start, lambda values: cost(problem, values, loss), stepped, iterations, tolerance, highest, first, lowest
+        start, lambda values: cost(problem, values, loss), stepped, iterations, tolerance, HIGHEST, first, lowest
     )
 
 

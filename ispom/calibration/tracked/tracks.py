@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.tracked.scene import Observations
 from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import at_subpixel, detect_spread
 from ispom.geometry import Array
@@ -71,6 +72,11 @@ class Tracks:
             return self
         end = int(apart[0]) + 1
         return replace(self.in_views(0, end), views=self.views[:end], images=self.images[:end])
+
+    @property
+    def observations(self) -> Observations:
+        """All of them, as `scene` has them."""
+        return Observations(self.view, self.point, self.uv)
 
     @property
     def points(self) -> int:
