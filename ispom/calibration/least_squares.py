@@ -2,7 +2,8 @@
 
 A board's views share the cameras, and each has a pose; tracked points share lens and poses, and each has a position.
 The blocks are eliminated by their Schur complement, which leaves an equation of the size of the shared unknowns.
-`scipy.optimize.least_squares` can't: with a sparse Jacobian it took 5 to 20 times as long on the same problems.
+`scipy.optimize.least_squares` has no such elimination: on the same problems, with the same derivatives, it took 5 to 20
+times as long with a sparse Jacobian, and 40 times with a dense one.
 """
 
 from __future__ import annotations
