@@ -107,8 +107,8 @@ def _first_pose(left: Course, video: Course, start: Start) -> Pose:
     turn = start.left_from_video.T
     seen = video.at(left.times_s - start.offset_s)
     inverse = np.swapaxes(seen.rotations, 1, 2)[seen.known]
-    apart = (inverse @ (left.positions - seen.positions)[seen.known][..., None])[..., 0]
-    return Pose(turn, np.median(apart, axis=0) if len(apart) else np.zeros(3))
+    offsets = (inverse @ (left.positions - seen.positions)[seen.known][..., None])[..., 0]
+    return Pose(turn, np.median(offsets, axis=0) if len(offsets) else np.zeros(3))
 
 
 def course_of(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:

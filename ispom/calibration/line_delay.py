@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.calibration.adjust.problem import BoardProblem, Observations, Unknowns, by_twist
-from ispom.calibration.adjust.solve import Solution, adjusted, solution, with_views
+from ispom.calibration.adjust.solve import Solution, adjust_views, solution, with_views
 from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
@@ -54,7 +54,7 @@ class Film:
             seen = self.seen.with_uv(self.seen.uv - delay_s * _per_second(before, self.seen, rates))
             start = replace(before.estimate, cameras=(camera,))
         unknowns = Unknowns.all_of(start, interior=False)
-        return solution(adjusted(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
+        return solution(adjust_views(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
 
     def moves(self, solved: Solution, at_s: Array) -> tuple[Array, Array]:
         """Returns velocities (V, 6) [m/s] and [rad/s] of the camera at times (V,), and their covariances (V, 6, 6).
@@ -79,7 +79,7 @@ def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Soluti
     """
     height = found.estimate.cameras[0].height
     filmed, delay_s = found.seen, 0.0
-    best, told, around = found, LineDelay(0.0, np.inf, height), None
+    best, delay, around = found, LineDelay(0.0, np.inf, height), None
     for _ in range(ROUNDS):
         around = film.solved(best.estimate.cameras[0], delay_s, around)
         rates, covariance = film.moves(around, times_s)
@@ -88,12 +88,12 @@ def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Soluti
         shift = _per_second(best, filmed, rates)
         step_s, error_s = _step(best, shift, _by_noise(best, covariance))
         delay_s += step_s
-        told = LineDelay(delay_s, error_s, height)
-        if not told.rolls:
-            return found, told
+        delay = LineDelay(delay_s, error_s, height)
+        if not delay.rolls:
+            return found, delay
         part = filmed.with_uv(filmed.uv - delay_s * shift)
-        best = solution(adjusted(best.estimate, part, best.unknowns), part, best.unknowns)
-    return best, told
+        best = solution(adjust_views(best.estimate, part, best.unknowns), part, best.unknowns)
+    return best, delay
 
 
 def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:

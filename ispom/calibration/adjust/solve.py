@@ -37,7 +37,7 @@ def start_of(seen: Observations, size: tuple[int, int], model: Model) -> Estimat
         camera = as_model(best.cameras[0], each)
         free = np.arange(4 + len(camera.distortion)) if each != "pinhole" or model == "pinhole" else np.array([0, 1])
         start = replace(best, cameras=(camera,))
-        best = adjusted(start, few, Unknowns((free,), (False,)), HUBER_SIGMAS, iterations=25)
+        best = adjust_views(start, few, Unknowns((free,), (False,)), HUBER_SIGMAS, iterations=25)
     return with_views(best.cameras[0], seen)
 
 
@@ -141,7 +141,7 @@ class Solution:
         return self.unit_sigma**2 * inverse, -inverse @ self.equations.mixed
 
 
-def adjusted(
+def adjust_views(
     start: Estimate,
     seen: Observations,
     unknowns: Unknowns,
@@ -163,13 +163,13 @@ def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solu
     for _ in range(ROUNDS):
         part = seen.select(keep)
         scale = _scale(estimate.residuals_px(part), part.sigma_px)
-        estimate = adjusted(estimate, part, unknowns, HUBER * scale, tolerance=ROUGH_TOLERANCE)
+        estimate = adjust_views(estimate, part, unknowns, HUBER * scale, tolerance=ROUGH_TOLERANCE)
         fits = _fitting(estimate.residuals_px(seen), seen)
         if (fits == keep).all():
             break
         keep = fits
     part = seen.select(keep)
-    return solution(adjusted(estimate, part, unknowns), part, unknowns), keep
+    return solution(adjust_views(estimate, part, unknowns), part, unknowns), keep
 
 
 def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solution:

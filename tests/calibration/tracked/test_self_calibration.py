@@ -49,7 +49,7 @@ def test_the_camera_of_a_simulation_is_found_in_its_images() -> None:
         (found(0.008), "+- 0.8 %, distortion k1 -0.210 +- 0.010. Better", 230.0),
     ],
 )
-def test_how_sure_it_is_stands_in_the_notes(
+def test_the_notes_have_the_uncertainty(
     lens: TrackedLens | None, said: str, focal: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: lens)
@@ -59,7 +59,7 @@ def test_how_sure_it_is_stands_in_the_notes(
     assert sequence.guess is not None and sequence.guess.focal_px == focal
 
 
-def test_a_calibrated_sequence_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calibrated_sequence_is_unchanged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: pytest.fail("its images are not looked at"))
     sequence = open_sequence("sim:tiny")
     assert self_calibration.self_calibrated(sequence) is sequence
