@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from ispom.calibration.tracked.opened import self_calibrated
+from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
-from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve, start_of, with_views
+from ispom.calibration.adjust.solve import Solution, adjust_views, solution, solve, start_of, with_views
 from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
 from ispom.calibration.detection.detection import Detection
 from ispom.calibration.diagnostics import correlations, coverage, difference_map, parameters, uncertainty_map
@@ -237,7 +237,7 @@ def _halves(found: Solution) -> tuple[Estimate, Estimate] | None:
         start = replace(
             found.estimate, rotations=found.estimate.rotations[part], positions=found.estimate.positions[part]
         )
-        out.append(adjusted(start, seen, found.unknowns, iterations=25))
+        out.append(adjust_views(start, seen, found.unknowns, iterations=25))
     return out[0], out[1]
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns, normal_equations
+from ispom.calibration.adjust.problem import BoardProblem, Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import Solution, board_poses
+from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.before_board import placed, views_of
 from ispom.calibration.motion.course import LONGEST_S, Course, Start, start_of
 from ispom.calibration.result import Clock, Redo, Views
@@ -84,7 +85,7 @@ def with_video_placed(
     estimate, unknowns = _moved(found.estimate, best.video_from_left, image_of), Unknowns.all_of(found.estimate)
     unknowns = Unknowns(found.unknowns.interior, unknowns.pose)
     covariance = np.block([[found.covariance, best.with_shared[:6].T], [best.with_shared[:6], best.covariance[:6, :6]]])
-    equations = normal_equations(estimate, found.seen, unknowns, 1 / found.seen.sigma_px**2)
+    equations = normal_equations(BoardProblem(found.seen, unknowns, estimate.views), estimate)
     error = float(np.sqrt(best.covariance[6, 6]))
     known = 0 < error <= OFFSET_S
     clock = Clock(best.offset_s, error, known)
@@ -106,8 +107,8 @@ def _first_pose(left: Course, video: Course, start: Start) -> Pose:
     turn = start.left_from_video.T
     seen = video.at(left.times_s - start.offset_s)
     inverse = np.swapaxes(seen.rotations, 1, 2)[seen.known]
-    apart = (inverse @ (left.positions - seen.positions)[seen.known][..., None])[..., 0]
-    return Pose(turn, np.median(apart, axis=0) if len(apart) else np.zeros(3))
+    offsets = (inverse @ (left.positions - seen.positions)[seen.known][..., None])[..., 0]
+    return Pose(turn, np.median(offsets, axis=0) if len(offsets) else np.zeros(3))
 
 
 def course_of(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:

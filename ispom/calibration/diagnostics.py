@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.adjust.lens import model_of, parameter_names, projected, vector_of
+from ispom.calibration.adjust.lens import model_of, parameter_names, vector_of
 from ispom.calibration.adjust.solve import Solution
+from ispom.cameras.opencv import project_with_derivatives
 from ispom.geometry import Array, Pose, skew
 from ispom.types import Camera
 
@@ -129,11 +130,11 @@ def difference_map(one: Camera, other: Camera) -> ImageMap:
     uv, rays = _seen_rays(one)
     turned = rays
     for _ in range(3):
-        seen, by_point, _ = projected(other, turned)
+        seen, by_point, _ = project_with_derivatives(other, turned)
         by_turn = -by_point @ skew(turned)
         step = np.linalg.lstsq(by_turn.reshape(-1, 3), (uv - seen).ravel(), rcond=None)[0]
         turned = turned + np.cross(step, turned)
-    vectors = projected(other, turned)[0] - uv
+    vectors = project_with_derivatives(other, turned)[0] - uv
     return ImageMap(
         uv.reshape(MAP_ROWS, MAP_COLUMNS, 2), np.linalg.norm(vectors, axis=1).reshape(MAP_ROWS, MAP_COLUMNS),
         vectors.reshape(MAP_ROWS, MAP_COLUMNS, 2),
@@ -149,7 +150,7 @@ def _seen_rays(camera: Camera) -> tuple[Array, Array]:
 
 def _jacobians(camera: Camera, rays: Array) -> tuple[Array, Array]:
     """Returns derivatives of pixels by the camera's vector (N, 2, P), and by a rotation of the rays (N, 2, 3)."""
-    _, by_point, by_camera = projected(camera, rays)
+    _, by_point, by_camera = project_with_derivatives(camera, rays)
     return by_camera, -by_point @ skew(rays)
 
 

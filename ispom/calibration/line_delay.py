@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.calibration.adjust.lens import projected
-from ispom.calibration.adjust.problem import Observations, Unknowns, normal_equations
-from ispom.calibration.adjust.solve import Solution, adjusted, solution, with_views
+from ispom.calibration.adjust.problem import BoardProblem, Observations, Unknowns, by_twist
+from ispom.calibration.adjust.solve import Solution, adjust_views, solution, with_views
+from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
 from ispom.calibration.targets.target import Target
-from ispom.geometry import Array, skew
+from ispom.cameras.opencv import project_with_derivatives
+from ispom.geometry import Array
 from ispom.types import Camera
 
 ROUNDS = 3
@@ -53,7 +54,7 @@ class Film:
             seen = self.seen.with_uv(self.seen.uv - delay_s * _per_second(before, self.seen, rates))
             start = replace(before.estimate, cameras=(camera,))
         unknowns = Unknowns.all_of(start, interior=False)
-        return solution(adjusted(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
+        return solution(adjust_views(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
 
     def moves(self, solved: Solution, at_s: Array) -> tuple[Array, Array]:
         """Returns velocities (V, 6) [m/s] and [rad/s] of the camera at times (V,), and their covariances (V, 6, 6).
@@ -78,7 +79,7 @@ def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Soluti
     """
     height = found.estimate.cameras[0].height
     filmed, delay_s = found.seen, 0.0
-    best, told, around = found, LineDelay(0.0, np.inf, height), None
+    best, delay, around = found, LineDelay(0.0, np.inf, height), None
     for _ in range(ROUNDS):
         around = film.solved(best.estimate.cameras[0], delay_s, around)
         rates, covariance = film.moves(around, times_s)
@@ -87,12 +88,12 @@ def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Soluti
         shift = _per_second(best, filmed, rates)
         step_s, error_s = _step(best, shift, _by_noise(best, covariance))
         delay_s += step_s
-        told = LineDelay(delay_s, error_s, height)
-        if not told.rolls:
-            return found, told
+        delay = LineDelay(delay_s, error_s, height)
+        if not delay.rolls:
+            return found, delay
         part = filmed.with_uv(filmed.uv - delay_s * shift)
-        best = solution(adjusted(best.estimate, part, best.unknowns), part, best.unknowns)
-    return best, told
+        best = solution(adjust_views(best.estimate, part, best.unknowns), part, best.unknowns)
+    return best, delay
 
 
 def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
@@ -102,7 +103,7 @@ def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
     rate = rates[filmed.view]
     moving = -rate[:, :3] - np.cross(rate[:, 3:], in_camera)  # the camera moves, the board stands still
     rows = filmed.uv[:, 1:] - (camera.height - 1) / 2
-    return rows * (projected(camera, in_camera)[1] @ moving[..., None])[..., 0]
+    return rows * (project_with_derivatives(camera, in_camera)[1] @ moving[..., None])[..., 0]
 
 
 def _by_noise(found: Solution, covariance: Array) -> float:
@@ -110,8 +111,8 @@ def _by_noise(found: Solution, covariance: Array) -> float:
     less what the poses absorb of it."""
     seen, estimate, camera = found.seen, found.estimate, found.estimate.cameras[0]
     _, in_camera = estimate.in_camera(seen, 0, np.ones(len(seen), bool))
-    by_point = projected(camera, in_camera)[1] / seen.sigma_px[:, None, None]
-    by_pose = np.concatenate([by_point, -by_point @ skew(in_camera)], axis=2)
+    by_point = project_with_derivatives(camera, in_camera)[1] / seen.sigma_px[:, None, None]
+    by_pose = by_twist(by_point, in_camera)
     rows = seen.uv[:, 1] - (camera.height - 1) / 2
     total = 0.0
     for v in np.flatnonzero(covariance.any((1, 2))).tolist():
@@ -130,12 +131,13 @@ def _step(found: Solution, shift: Array, by_noise: float) -> tuple[float, float]
     weights = 1 / seen.sigma_px**2
     predicted = seen.uv + found.residuals_px
     # Residuals that are the shift itself: their gradient is what interior and poses can make of it.
-    equations = normal_equations(estimate, seen.with_uv(predicted - shift), found.unknowns, weights)
+    problem = BoardProblem(seen.with_uv(predicted - shift), found.unknowns, estimate.views)
+    equations = normal_equations(problem, estimate)
     shared, views = equations.step(0.0)
     alone = float((weights[:, None] * shift**2).sum())
-    alone += float(equations.shared_gradient @ shared + (equations.view_gradients * views).sum())
+    alone += float(equations.shared_gradient @ shared + (equations.block_gradients * views).sum())
     pulled = float((weights[:, None] * shift * found.residuals_px).sum())
-    pulled += float(found.equations.shared_gradient @ shared + (found.equations.view_gradients * views).sum())
+    pulled += float(found.equations.shared_gradient @ shared + (found.equations.block_gradients * views).sum())
     true = alone - by_noise
     if true <= 0:
         return 0.0, np.inf

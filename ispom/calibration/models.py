@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
-from ispom.calibration.adjust.solve import Solution, adjusted, solve, start_of, with_views
+from ispom.calibration.adjust.solve import Solution, adjust_views, solve, start_of, with_views
 from ispom.geometry import Array
 from ispom.types import Camera
 
@@ -97,14 +97,14 @@ def _trial(model: Model, start: Estimate, seen: Observations) -> Trial:
 def _solved(estimate: Estimate, seen: Observations) -> Camera:
     """Solves the camera from these views only, starting from the result of all views."""
     start = with_views(estimate.cameras[0], seen)
-    return adjusted(start, seen, Unknowns.all_of(start), iterations=25).cameras[0]
+    return adjust_views(start, seen, Unknowns.all_of(start), iterations=25).cameras[0]
 
 
 def _tried(camera: Camera, seen: Observations) -> Array:
     """Returns the error (V,) [px] of each view with the camera fixed and the board's poses adjusted, robust to
     outliers."""
     start = with_views(camera, seen)
-    held = adjusted(start, seen, Unknowns.all_of(start, interior=False), huber=3.0, iterations=15)
-    squared = (held.residuals_px(seen) ** 2).sum(1)
+    found = adjust_views(start, seen, Unknowns.all_of(start, interior=False), huber=3.0, iterations=15)
+    squared = (found.residuals_px(seen) ** 2).sum(1)
     views = int(seen.view.max()) + 1
     return np.array([np.sqrt(np.median(squared[seen.view == v]) / np.log(2)) for v in range(views)])

@@ -34,7 +34,7 @@ class _InFront(CameraModel):
 
     def _jacobian(self, camera: Camera, xyz: Array) -> Array:
         """(N, 2, 3) at points in front."""
-        raise NotImplementedError
+        return project_with_derivatives(camera, xyz)[1]
 
     def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
         out, front = np.full((len(xyz_in_camera), 2), np.nan), xyz_in_camera[:, 2] > LEAST_DEPTH
@@ -99,10 +99,6 @@ class Perspective(_InFront):
         uv, _ = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
         return np.asarray(uv, float).reshape(-1, 2)
 
-    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
-        _, derivatives = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
-        return np.asarray(derivatives, float).reshape(len(xyz), 2, -1)[..., 3:6]  # rotation, translation, f, c, k
-
 
 @dataclass(frozen=True)
 class Fisheye(_InFront):
@@ -122,11 +118,26 @@ class Fisheye(_InFront):
         uv, _ = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
         return np.asarray(uv, float).reshape(-1, 2)
 
-    def _jacobian(self, camera: Camera, xyz: Array) -> Array:
-        _, derivatives = cv2.fisheye.projectPoints(xyz[:, None], STILL, STILL, camera.matrix, _four(camera))
-        return np.asarray(derivatives, float).reshape(len(xyz), 2, -1)[
-            ..., 11:14
-        ]  # f, c, k, rotation, translation, skew
+
+def project_with_derivatives(camera: Camera, xyz: Array) -> tuple[Array, Array, Array]:
+    """Projects points (N, 3) in front of a camera with one of OpenCV's models.
+
+    Returns pixels (N, 2), and their derivatives by the point (N, 2, 3) and by fx, fy, cx, cy and the coefficients
+    (N, 2, P).
+    """
+    n, count = len(xyz), 4 + len(camera.distortion)
+    if not n:
+        return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, count))
+    if camera.lens == "fisheye":
+        points = np.ascontiguousarray(xyz)[:, None]
+        uv, jacobian = cv2.fisheye.projectPoints(points, STILL, STILL, camera.matrix, _four(camera))
+        by_all = np.asarray(jacobian, float).reshape(n, 2, -1)  # f, c, k, rotation, translation, skew
+        by_parameters, by_point = by_all[..., :8], by_all[..., 11:14]
+    else:
+        uv, jacobian = cv2.projectPoints(xyz, STILL, STILL, camera.matrix, np.array(camera.distortion, float))
+        by_all = np.asarray(jacobian, float).reshape(n, 2, -1)  # rotation, translation, f, c, k
+        by_point, by_parameters = by_all[..., 3:6], by_all[..., 6 : 6 + count]
+    return np.asarray(uv, float).reshape(n, 2), by_point, by_parameters
 
 
 def _four(camera: Camera) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.calibration.diagnostics import Parameter
 from ispom.calibration.result import Redo, Verdict
-from ispom.calibration.tracked.opened import RELIABLE_SIGMA, estimate_lens, is_informative, rounded
+from ispom.calibration.tracked.self_calibration import RELIABLE_SIGMA, estimate_lens, is_informative, rounded
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError, printable
 from ispom.sequences import open_sequence

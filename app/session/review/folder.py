@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ispom.calibration.tracked.opened import self_calibrated
+from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists
 from ispom.io.rig import read_rig

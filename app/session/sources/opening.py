@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ispom.calibration.tracked.opened import self_calibrated
+from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods

@@ -1,11 +1,10 @@
-"""Camera models as vectors of parameters, and how projections follow them."""
+"""Camera models as vectors of parameters."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from ispom.geometry import Array
@@ -55,24 +54,3 @@ def with_vector(camera: Camera, vector: Array) -> Camera:
     """Returns the camera of this vector, as `vector_of` has it."""
     values = [float(v) for v in vector]
     return replace(camera, fx=values[0], fy=values[1], cx=values[2], cy=values[3], distortion=tuple(values[4:]))
-
-
-def projected(camera: Camera, xyz_in_camera: Array) -> tuple[Array, Array, Array]:
-    """Projects points (N, 3) in front of the camera.
-
-    Returns pixels (N, 2), and their derivatives by the point (N, 2, 3) and by the camera's vector (N, 2, P).
-    """
-    n, count = len(xyz_in_camera), 4 + len(camera.distortion)
-    if not n:
-        return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, count))
-    still, coefficients = np.zeros(3), np.array(camera.distortion, float)
-    if camera.lens == "fisheye":
-        points = np.ascontiguousarray(xyz_in_camera)[:, None]
-        uv, jacobian = cv2.fisheye.projectPoints(points, still, still, camera.matrix, coefficients)
-        jacobian = np.asarray(jacobian).reshape(n, 2, -1)  # f, c, k, rotation, translation, skew
-        by_camera, by_point = jacobian[..., :8], jacobian[..., 11:14]
-    else:
-        uv, jacobian = cv2.projectPoints(xyz_in_camera, still, still, camera.matrix, coefficients)
-        jacobian = np.asarray(jacobian).reshape(n, 2, -1)  # rotation, translation, f, c, k
-        by_point, by_camera = jacobian[..., 3:6], jacobian[..., 6 : 6 + count]
-    return np.asarray(uv, float).reshape(n, 2), np.asarray(by_point, float), np.asarray(by_camera, float)

@@ -12,10 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.adjust.lens import projected, vector_of, with_vector
+from ispom.calibration.adjust.lens import vector_of, with_vector
 from ispom.calibration.detection.detection import Detection
+from ispom.calibration.least_squares import Derivatives, Problem
 from ispom.calibration.targets.target import Target
-from ispom.geometry import Array, Pose, skew, so3_exp
+from ispom.cameras.opencv import project_with_derivatives
+from ispom.geometry import Array, Pose, skew
+from ispom.numerics.twist import moved
 from ispom.types import Camera
 
 
@@ -80,6 +83,10 @@ class Estimate:
     positions: Array
     """(V, 3) [m]: rig_from_board of each view."""
 
+    @property
+    def views(self) -> int:
+        return len(self.rotations)
+
     @staticmethod
     def of(cameras: tuple[Camera, ...], camera_from_rig: tuple[Pose, ...], boards: Sequence[Pose]) -> Estimate:
         rotations, positions = [pose.rotation for pose in boards], [pose.translation for pose in boards]
@@ -139,87 +146,55 @@ class Unknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """J'WJ and J'Wr by the shared parameters (G) and by each view's pose (V, 6)."""
+class BoardProblem(Problem[Estimate]):
+    """The views of a board; their poses are the blocks."""
 
-    shared: Array
-    """(G, G)."""
-    mixed: Array
-    """(V, G, 6)."""
-    views: Array
-    """(V, 6, 6)."""
-    shared_gradient: Array
-    """(G,)."""
-    view_gradients: Array
-    """(V, 6)."""
+    seen: Observations
+    unknowns: Unknowns
+    blocks: int
 
-    def reduced(self, damping: float) -> tuple[Array, Array, Array]:
-        """Returns the shared parameters' (G, G) and (G,) with the views eliminated (Schur), and the views' inverses."""
-        views = self.views * (1 + damping * np.eye(6)) + 1e-12 * np.eye(6)
-        inverse = np.linalg.inv(views)
-        gain = self.mixed @ inverse
-        shared = self.shared * (1 + damping * np.eye(len(self.shared)))
-        matrix = shared - np.einsum("vgi,vhi->gh", gain, self.mixed)
-        return matrix, self.shared_gradient - np.einsum("vgi,vi->g", gain, self.view_gradients), inverse
+    @property
+    def shared(self) -> int:
+        return self.unknowns.count
 
-    def step(self, damping: float) -> tuple[Array, Array]:
-        """(G,) and (V, 6) that lower the cost."""
-        matrix, gradient, inverse = self.reduced(damping)
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.shared), 1e-30))
-        shared = -scale * np.linalg.lstsq(matrix * np.outer(scale, scale), scale * gradient, rcond=1e-15)[0]
-        rest = self.view_gradients + np.einsum("vgi,g->vi", self.mixed, shared)
-        return shared, -np.einsum("vij,vj->vi", inverse, rest)
+    @property
+    def widths(self) -> Array:
+        return self.seen.sigma_px
 
+    def residuals(self, values: Estimate) -> Array:
+        return values.residuals_px(self.seen)
 
-def normal_equations(estimate: Estimate, seen: Observations, unknowns: Unknowns, weights: Array) -> NormalEquations:
-    """Computes the equations at an estimate, with weights (M,) of squared residuals in px."""
-    count, views = unknowns.count, len(estimate.rotations)
-    out = NormalEquations(
-        np.zeros((count, count)),
-        np.zeros((views, count, 6)),
-        np.zeros((views, 6, 6)),
-        np.zeros(count),
-        np.zeros((views, 6)),
-    )
-    for c, camera in enumerate(estimate.cameras):
-        mine = seen.camera == c
-        in_rig, in_camera = estimate.in_camera(seen, c, mine)
-        ahead = in_camera[:, 2] > 1e-6
-        in_camera = np.where(ahead[:, None], in_camera, [0, 0, 1.0])
-        uv, by_point, by_camera = projected(camera, in_camera)
-        root = np.sqrt(np.where(ahead, weights[mine], 0))[:, None]
-        residual = root * (uv - seen.uv[mine])
-        by_point = root[..., None] * by_point
-        blocks = [root[..., None] * by_camera[..., unknowns.interior[c]]]
-        if unknowns.pose[c]:
-            blocks.append(np.concatenate([by_point, -by_point @ skew(in_camera)], axis=2))
-        in_rig_frame = by_point @ estimate.camera_from_rig[c].rotation
-        by_view = np.concatenate([in_rig_frame, -in_rig_frame @ skew(in_rig)], axis=2).reshape(-1, 6)
-        shared = np.concatenate(blocks, axis=2).reshape(len(by_view), -1)
-        flat = residual.ravel()
-        interior, pose = unknowns.slices[c]
-        here = slice(interior.start, pose.stop)
-        out.shared[here, here] += shared.T @ shared
-        out.shared_gradient[here] += shared.T @ flat
-        view = seen.view[mine]
-        starts = np.searchsorted(view, np.arange(views + 1))
-        for v in np.unique(view):
-            rows = slice(2 * starts[v], 2 * starts[v + 1])
-            out.mixed[v, here] += shared[rows].T @ by_view[rows]
-            out.views[v] += by_view[rows].T @ by_view[rows]
-            out.view_gradients[v] += by_view[rows].T @ flat[rows]
-    return out
+    def derivatives(self, values: Estimate) -> Derivatives:
+        seen, most = self.seen, max(4 + len(camera.distortion) for camera in values.cameras)
+        by_shared, columns = np.zeros((len(seen), 2, most + 6)), np.full((len(seen), most + 6), -1)
+        by_view = np.zeros((len(seen), 2, 6))
+        for c, camera in enumerate(values.cameras):
+            mine = seen.camera == c
+            in_rig, in_camera = values.in_camera(seen, c, mine)
+            in_camera = np.where(in_camera[:, 2:] > 1e-6, in_camera, [0, 0, 1.0])
+            _, by_point, by_camera = project_with_derivatives(camera, in_camera)
+            by_shared[mine, :, : by_camera.shape[2]] = by_camera
+            by_shared[mine, :, most:] = by_twist(by_point, in_camera)
+            interior, pose = self.unknowns.slices[c]
+            own = np.full(most + 6, -1)
+            own[self.unknowns.interior[c]] = np.arange(interior.start, interior.stop)
+            own[most:] = np.arange(pose.start, pose.stop) if self.unknowns.pose[c] else -1
+            columns[mine] = own
+            by_view[mine] = by_twist(by_point @ values.camera_from_rig[c].rotation, in_rig)
+        return Derivatives(by_shared, columns, by_view, seen.view)
+
+    def moved(self, values: Estimate, shared: Array, blocks: Array) -> Estimate:
+        """Adds to the interiors, and moves poses by left twists."""
+        cameras, poses = [], []
+        for c, (interior, pose) in enumerate(self.unknowns.slices):
+            vector = vector_of(values.cameras[c])
+            vector[self.unknowns.interior[c]] += shared[interior]
+            cameras.append(with_vector(values.cameras[c], vector))
+            twist = Pose.exp(shared[pose]) if self.unknowns.pose[c] else Pose()
+            poses.append(twist @ values.camera_from_rig[c])
+        return Estimate(tuple(cameras), tuple(poses), *moved(values.rotations, values.positions, blocks))
 
 
-def moved(estimate: Estimate, unknowns: Unknowns, shared: Array, views: Array) -> Estimate:
-    """Returns the estimate after a step: interiors by addition, poses by left twists."""
-    cameras, poses = [], []
-    for c, (interior, pose) in enumerate(unknowns.slices):
-        vector = vector_of(estimate.cameras[c])
-        vector[unknowns.interior[c]] += shared[interior]
-        cameras.append(with_vector(estimate.cameras[c], vector))
-        turn = Pose.exp(shared[pose]) if unknowns.pose[c] else Pose()
-        poses.append(turn @ estimate.camera_from_rig[c])
-    turns = so3_exp(views[:, 3:])
-    positions = (turns @ estimate.positions[..., None])[..., 0] + views[:, :3]
-    return Estimate(tuple(cameras), tuple(poses), turns @ estimate.rotations, positions)
+def by_twist(by_point: Array, xyz: Array) -> Array:
+    """Returns derivatives (N, 2, 6) by a left twist of points (N, 3), from those by the points (N, 2, 3)."""
+    return np.concatenate([by_point, -by_point @ skew(xyz)], axis=2)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import Model, as_model
-from ispom.calibration.adjust.problem import Estimate, NormalEquations, Observations, Unknowns, moved, normal_equations
+from ispom.calibration.adjust.problem import BoardProblem, Estimate, Observations, Unknowns
+from ispom.calibration.least_squares import NormalEquations, adjust, normal_equations, quadratic
+from ispom.calibration.least_squares import huber as huber_loss
 from ispom.geometry import Array, Pose
-from ispom.numerics.levenberg_marquardt import minimise
 from ispom.types import Camera
 
 FOCALS = np.geomspace(0.25, 6.0, 20)
@@ -36,7 +37,7 @@ def start_of(seen: Observations, size: tuple[int, int], model: Model) -> Estimat
         camera = as_model(best.cameras[0], each)
         free = np.arange(4 + len(camera.distortion)) if each != "pinhole" or model == "pinhole" else np.array([0, 1])
         start = replace(best, cameras=(camera,))
-        best = adjusted(start, few, Unknowns((free,), (False,)), HUBER_SIGMAS, iterations=25)
+        best = adjust_views(start, few, Unknowns((free,), (False,)), HUBER_SIGMAS, iterations=25)
     return with_views(best.cameras[0], seen)
 
 
@@ -136,11 +137,11 @@ class Solution:
 
         Both are of the left twist of rig_from_board: [m], [rad].
         """
-        _, _, inverse = self.equations.reduced(0.0)
-        return self.unit_sigma**2 * inverse, -np.einsum("vij,vgj->vig", inverse, self.equations.mixed)
+        inverse = self.equations.eliminated(0.0).inverse
+        return self.unit_sigma**2 * inverse, -inverse @ self.equations.mixed
 
 
-def adjusted(
+def adjust_views(
     start: Estimate,
     seen: Observations,
     unknowns: Unknowns,
@@ -150,26 +151,9 @@ def adjusted(
 ) -> Estimate:
     """Returns the estimate of least cost; with `huber` (in sigmas of the observations) large residuals have linear
     cost."""
-    inverse_variance = 1 / seen.sigma_px**2
-
-    def sizes(estimate: Estimate) -> Array:
-        """Returns residuals (M,) in sigmas; large behind a camera."""
-        away = np.linalg.norm(estimate.residuals_px(seen), axis=1)
-        return np.nan_to_num(away, nan=1e4) / seen.sigma_px
-
-    def cost(estimate: Estimate) -> float:
-        size = sizes(estimate)
-        if huber is None:
-            return float((size**2).sum())
-        return float(np.where(size <= huber, size**2, huber * (2 * size - huber)).sum())
-
-    def stepped(estimate: Estimate, damping: float) -> Estimate:
-        weights = inverse_variance
-        if huber is not None:
-            weights = weights * np.minimum(1, huber / np.maximum(sizes(estimate), 1e-12))
-        return moved(estimate, unknowns, *normal_equations(estimate, seen, unknowns, weights).step(damping))
-
-    return minimise(start, cost, stepped, iterations, tolerance, highest=1e8).values
+    loss = quadratic if huber is None else huber_loss(huber)
+    problem = BoardProblem(seen, unknowns, start.views)
+    return adjust(problem, start, loss, iterations, tolerance).values
 
 
 def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solution, NDArray[np.bool_]]:
@@ -179,13 +163,13 @@ def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solu
     for _ in range(ROUNDS):
         part = seen.select(keep)
         scale = _scale(estimate.residuals_px(part), part.sigma_px)
-        estimate = adjusted(estimate, part, unknowns, HUBER * scale, tolerance=ROUGH_TOLERANCE)
+        estimate = adjust_views(estimate, part, unknowns, HUBER * scale, tolerance=ROUGH_TOLERANCE)
         fits = _fitting(estimate.residuals_px(seen), seen)
         if (fits == keep).all():
             break
         keep = fits
     part = seen.select(keep)
-    return solution(adjusted(estimate, part, unknowns), part, unknowns), keep
+    return solution(adjust_views(estimate, part, unknowns), part, unknowns), keep
 
 
 def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solution:
@@ -195,7 +179,7 @@ def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solu
     freedom = 2 * len(seen) - unknowns.count - 6 * views
     chi2 = float(((residuals / seen.sigma_px[:, None]) ** 2).sum())
     unit = float(np.sqrt(chi2 / max(freedom, 1)))
-    equations = normal_equations(estimate, seen, unknowns, 1 / seen.sigma_px**2)
+    equations = normal_equations(BoardProblem(seen, unknowns, estimate.views), estimate)
     return Solution(
         estimate=estimate,
         seen=seen,
@@ -209,7 +193,7 @@ def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solu
 
 def _inverse(equations: NormalEquations) -> Array:
     """Inverts the reduced matrix; infinite on the diagonal where a parameter is part of an undetermined direction."""
-    matrix = equations.reduced(0.0)[0]
+    matrix = equations.eliminated(0.0).matrix
     if not len(matrix):
         return matrix
     scale = 1 / np.sqrt(np.maximum(np.diag(equations.shared), 1e-300))

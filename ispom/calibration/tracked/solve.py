@@ -11,29 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ispom.calibration.tracked.adjust import realigned, settled
-from ispom.calibration.tracked.bundle import (
-    LENS,
-    POSE,
-    Fixed,
-    Observed,
-    Prior,
-    Scene,
-    errors_px,
-    normal_equations,
-    reduced,
-)
-from ispom.calibration.tracked.reconstruct import (
-    adjusted_part,
-    begun,
-    first_views,
-    grown,
-    outliers,
-)
+from ispom.calibration.least_squares import cauchy, normal_equations
+from ispom.calibration.tracked.realign import realign
+from ispom.calibration.tracked.reconstruct import add_keyframes, count_first_views, initialise
+from ispom.calibration.tracked.scene import LENS, POSE, Observations, Prior, Scene, SceneProblem, adjust_scene
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
-from ispom.numerics.robust import cauchy_weights
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -48,7 +33,7 @@ LEAST_VIEWS = 5
 LEAST_SEEN = 3
 """Least number of keyframes of a point."""
 ROUNDS, STEPS = (4, 4, 8), 12
-"""Adjustments as followed, and as found again by a first and by a better scene."""
+"""Most adjustments of the tracks as they are, and of those realigned by a first and by a better scene."""
 LEAST_PX = 0.1
 """Prior of a track's errors."""
 CLASS = 3.0
@@ -62,7 +47,7 @@ MOST_SHARE = 0.9
 HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
-UNTOLD = 1e-9
+LEAST_DAMPING = 1e-9
 """Damping of a point whose distance is not determined, as a share of its information."""
 
 
@@ -77,7 +62,7 @@ class TrackedLens:
     prior_sigma: Array
     """(5,) of the same, before any image."""
     rms_px: float
-    """Number of observations used, in the original images."""
+    """Root mean square reprojection error in the original images, of these keyframes and points."""
     views: int
     points: int
 
@@ -100,42 +85,36 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
         np.array([np.log(guess.fx * tracks.factor), (width - 1) / 2, (height - 1) / 2, 0, 0]),
         np.array([focal_sigma, CENTRE_SHARE * width, CENTRE_SHARE * width, *RADIAL_SIGMA]),
     )
-    scale_px, count = width / REFERENCE_PX, first_views(tracks)
-    tried = []
+    unit_px, count = width / REFERENCE_PX, count_first_views(tracks)
+    candidates = []
     for start in STARTS:
         lens = prior.mean.copy()
         lens[0] += start * focal_sigma
-        tried.append(begun(tracks, lens, prior, scale_px, count))
-    good = [each for each in tried if each is not None]
-    if not good:
+        candidates.append(initialise(tracks, lens, prior, unit_px, count))
+    valid = [each for each in candidates if each is not None]
+    if not valid:
         return None
-    scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
-    fixed = Fixed(np.arange(len(tracks.views)) == 0)
-    followed, left = tracks, np.zeros(LENS)
+    scene = add_keyframes(min(valid, key=lambda each: each[1])[0], tracks, prior, unit_px, count)
+    original, remaining = tracks, np.zeros(LENS)
     for rounds in ROUNDS:
-        scene, left = _weighed(scene, _seen(tracks), prior, fixed, scale_px, rounds)
+        scene, remaining = _adjust_with_widths(scene, tracks.observations, prior, unit_px, rounds)
         if rounds != ROUNDS[-1]:
-            tracks = realigned(followed, scene)
-    seen = _seen(tracks)
-    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, fixed, scale_px, tracks, guess)
-    left = left * _units(tracks.factor)
-    return replace(found, covariance=found.covariance + np.outer(left, left))
+            tracks = realign(original, scene)
+    seen = tracks.observations
+    errors = scene.errors_px(seen)
+    seen = seen.select(errors <= max(OUTLIER * float(np.median(errors)), 1.0))
+    return _result(scene, seen, prior, unit_px, tracks.factor, remaining, guess)
 
 
-def _seen(tracks: Tracks) -> Observed:
-    return Observed(tracks.view, tracks.point, tracks.uv)
-
-
-def _weighed(
-    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, unit_px: float, rounds: int
+def _adjust_with_widths(
+    scene: Scene, seen: Observations, prior: Prior, unit_px: float, rounds: int
 ) -> tuple[Scene, Array]:
-    """Adjusts lens and loss widths of tracks in turn, until the lens converges; returns the remaining change (5,),
-    too."""
+    """Adjusts the scene and the loss widths of tracks in turn, until the lens converges; returns the remaining change
+    (5,), too."""
     last = step = np.zeros(LENS)
     for _ in range(rounds):
         before = scene.lens
-        weights = scales(scene, seen, unit_px)
-        scene = adjusted_part(scene, seen, prior, fixed, weights, STEPS, TOLERANCE, settled)[0]
+        scene, _ = adjust_scene(scene, seen, prior, widths(scene, seen, unit_px), STEPS, TOLERANCE, curved=True)
         last, step = step, scene.lens - before
         if (np.abs(step) < SMALL).all():
             return scene, np.zeros(LENS)
@@ -151,19 +130,14 @@ def remaining_change(last: Array, step: Array) -> Array:
     return step * share / (1 - share)
 
 
-def _units(factor: float) -> Array:
-    """(5,) of the lens in the images as they are, for one in those reduced by this."""
-    return np.array([1, 1 / factor, 1 / factor, 1, 1])
-
-
-def scales(scene: Scene, seen: Observed, unit_px: float) -> Array:
+def widths(scene: Scene, seen: Observations, unit_px: float) -> Array:
     """Returns the loss width (K,) of each observation: that of its track.
 
     A printed corner is exact to a twentieth of a pixel; one on an edge, in a glass, or on a moving hand is off by
     pixels in every image: each track has the width of its own errors. In classes, so that tracks of one kind are not
     weighted by how well they happen to fit.
     """
-    errors = np.minimum(errors_px(scene, seen), MOST_PX * unit_px)
+    errors = np.minimum(scene.errors_px(seen), MOST_PX * unit_px)
     free = np.maximum(2 * np.bincount(seen.point, minlength=len(scene.points)) - 3, 1)
     squares = np.bincount(seen.point, errors**2, minlength=len(scene.points))
     least = LEAST_PX * unit_px
@@ -173,32 +147,36 @@ def scales(scene: Scene, seen: Observed, unit_px: float) -> Array:
 
 
 def _result(
-    scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: float, tracks: Tracks, guess: Camera
+    scene: Scene, seen: Observations, prior: Prior, unit_px: float, factor: float, remaining: Array, guess: Camera
 ) -> TrackedLens:
-    often = np.bincount(seen.point, minlength=tracks.points) >= LEAST_SEEN
-    seen = seen.select(often[seen.point])
-    points, owner = np.unique(seen.point, return_inverse=True)
-    scene, seen = replace(scene, points=scene.points[points]), replace(seen, point=owner)
-    errors, factor, lens = errors_px(scene, seen), tracks.factor, scene.lens
+    """Returns the lens in the original images, of which the tracked ones are reduced by `factor`."""
+    scene, seen, _ = _often_observed(scene, seen)
+    errors, lens = scene.errors_px(seen), scene.lens
     focal = float(np.exp(lens[0])) / factor
     cx, cy = ((float(v) + 0.5) / factor - 0.5 for v in lens[1:3])
-    camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
-    units = _units(factor)
-    scale = scales(scene, seen, scale_px)
-    covariance = sandwich_covariance(scene, seen, prior, fixed, scale) * np.outer(units, units)
-    covariance *= halves_differ(scene, seen, prior, scale) ** 2
-    rms = float(np.sqrt((errors**2).mean())) / factor
+    width_px = widths(scene, seen, unit_px)
+    covariance = sandwich_covariance(scene, seen, prior, width_px)
+    covariance *= difference_of_halves(scene, seen, prior, width_px) ** 2
+    covariance += np.outer(remaining, remaining)
+    units = np.array([1, 1 / factor, 1 / factor, 1, 1])
     return TrackedLens(
-        camera=camera,
-        covariance=covariance,
+        camera=replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0)),
+        covariance=covariance * np.outer(units, units),
         prior_sigma=prior.sigma * units,
-        rms_px=rms,
+        rms_px=float(np.sqrt((errors**2).mean())) / factor,
         views=len(scene.rotations),
-        points=len(points),
+        points=len(scene.points),
     )
 
 
-def halves_differ(scene: Scene, seen: Observed, prior: Prior, scale_px: Array) -> float:
+def _often_observed(scene: Scene, seen: Observations) -> tuple[Scene, Observations, NDArray[np.bool_]]:
+    """Selects the points with enough observations; returns which observations (K,) those are, too."""
+    often = (np.bincount(seen.point, minlength=len(scene.points)) >= LEAST_SEEN)[seen.point]
+    points, owner = np.unique(seen.point[often], return_inverse=True)
+    return replace(scene, points=scene.points[points]), Observations(seen.view[often], owner, seen.uv[often]), often
+
+
+def difference_of_halves(scene: Scene, seen: Observations, prior: Prior, width_px: Array) -> float:
     """Returns the difference of the lenses of both halves of the keyframes, in standard errors; at least 1.
 
     Errors that many tracks share (a rolling shutter, another kind of lens) show only in it.
@@ -207,40 +185,35 @@ def halves_differ(scene: Scene, seen: Observed, prior: Prior, scale_px: Array) -
     lenses, covariances = [], []
     for first, end in ((0, middle), (middle, len(scene.rotations))):
         inside = (seen.view >= first) & (seen.view < end)
-        often = np.bincount(seen.point[inside], minlength=len(scene.points)) >= LEAST_SEEN
-        inside &= often[seen.point]
-        if not inside.any():
+        part = Observations(seen.view[inside] - first, seen.point[inside], seen.uv[inside])
+        half = replace(scene, rotations=scene.rotations[first:end], translations=scene.translations[first:end])
+        half, part, often = _often_observed(half, part)
+        if not often.any():
             return 1.0
-        points, owner = np.unique(seen.point[inside], return_inverse=True)
-        half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
-        part, fixed = Observed(seen.view[inside] - first, owner, seen.uv[inside]), Fixed(np.arange(end - first) == 0)
-        half = settled(half, part, prior, fixed, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
+        own = width_px[inside][often]
+        half, _ = adjust_scene(half, part, prior, own, HALF_STEPS, TOLERANCE, curved=True)
         lenses.append(half.lens)
-        covariances.append(sandwich_covariance(half, part, prior, fixed, scale_px[inside]))
-    apart = lenses[1] - lenses[0]
-    chi2 = float(apart @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ apart)
+        covariances.append(sandwich_covariance(half, part, prior, own))
+    difference = lenses[1] - lenses[0]
+    chi2 = float(difference @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ difference)
     return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
-def sandwich_covariance(scene: Scene, seen: Observed, prior: Prior, fixed: Fixed, scale_px: Array) -> Array:
+def sandwich_covariance(scene: Scene, seen: Observations, prior: Prior, width_px: Array) -> Array:
     """Returns the covariance (5, 5) of the lens at the least cost, by the scatter of the points.
 
     Errors of one track are correlated from image to image, those of different tracks are not: the points are the
     clusters of a sandwich covariance (Huber 1967), and the prior is one more. The degrees of freedom correct for the
     errors that points and poses absorb.
     """
-    normal = normal_equations(scene, seen, prior, fixed, scale_px, UNTOLD, scored=True)
-    matrix, _ = reduced(normal)
-    matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
-    inverse = np.linalg.inv(matrix)[:LENS]
-    by_point = (normal.inverse @ normal.by_point[..., None])[..., 0]
-    scores = normal.scores - (by_point[:, None] @ normal.mixed)[:, 0]
-    weights = cauchy_weights((errors_px(scene, seen) / scale_px) ** 2, 1.0)
+    equations = normal_equations(SceneProblem(scene, seen, prior, width_px), scene, cauchy)
+    reduced = equations.eliminated(LEAST_DAMPING)
+    inverse = np.linalg.inv(reduced.matrix)[:LENS]
+    influences = reduced.scores(equations) @ inverse.T
+    weights = cauchy((scene.errors_px(seen) / width_px) ** 2)[1]
     # Across an error the loss curves by the weight, along it by w (2 w - 1): the mean of both is w^2.
-    bent = float((weights**2).mean() / weights.mean())
-    pulled = scores @ inverse.T
-    free = prior.sigma > 0
-    of_prior = inverse[:, :LENS][:, free] / prior.sigma[free]
+    curvature = float((weights**2).mean() / weights.mean())
+    of_prior = inverse[:, :LENS] / prior.sigma
     measured, unknown = 2 * len(seen.uv), 3 * len(scene.points) + POSE * len(scene.rotations) + LENS
-    short = measured / max(measured - unknown, 1)
-    return short * pulled.T @ pulled / bent**2 + of_prior @ of_prior.T
+    small_sample = measured / max(measured - unknown, 1)
+    return small_sample * influences.T @ influences / curvature**2 + of_prior @ of_prior.T

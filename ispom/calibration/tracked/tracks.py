@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.tracked.scene import Observations
 from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import at_subpixel, detect_spread
 from ispom.geometry import Array
@@ -66,11 +67,16 @@ class Tracks:
         first = np.full(self.points, len(self.views))
         np.minimum.at(first, self.point, self.view)
         shared = np.bincount(self.view[self.view > first[self.point]], minlength=len(self.views))
-        apart = np.flatnonzero(shared[1:] < LEAST_JOINED)
-        if not len(apart):
+        unjoined = np.flatnonzero(shared[1:] < LEAST_JOINED)
+        if not len(unjoined):
             return self
-        end = int(apart[0]) + 1
+        end = int(unjoined[0]) + 1
         return replace(self.in_views(0, end), views=self.views[:end], images=self.images[:end])
+
+    @property
+    def observations(self) -> Observations:
+        """All of them, as `scene` has them."""
+        return Observations(self.view, self.point, self.uv)
 
     @property
     def points(self) -> int:
@@ -83,7 +89,7 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
     last: Image | None = None
     key: Image | None = None
     factor, ids, uv, at_key, next_id = 1.0, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), None, 0
-    begun = 0
+    count_at_key = 0
     views: list[int] = []
     kept: list[Image] = []
     rows: list[tuple[NDArray[np.int64], Array]] = []
@@ -96,21 +102,21 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
             at_key = at_key[alive] if at_key is not None else None
         last = grey
         if at_key is not None:
-            ways = np.linalg.norm(uv - at_key, axis=1)
-            moved = len(ids) > 0 and float(np.median(ways)) >= MOVED_SHARE * max(grey.shape)
-            if not moved and len(ids) >= LEFT_SHARE * begun:
+            lengths = np.linalg.norm(uv - at_key, axis=1)
+            moved = len(ids) > 0 and float(np.median(lengths)) >= MOVED_SHARE * max(grey.shape)
+            if not moved and len(ids) >= LEFT_SHARE * count_at_key:
                 continue
             if moved:
-                goes = ways > STILL_PX
-                ids, uv, at_key = ids[goes], uv[goes], at_key[goes]
-        if key is not None and at_key is not None:  # from one key frame to the next: less drift than over all images
-            again, status = klt.track(key, grey, at_key, uv)
-            same = (status == TrackStatus.ALIVE) & (np.linalg.norm(again - uv, axis=1) < SAME_PX)
-            ids, uv = ids[same], again[same]
-        fresh = _corners(grey, uv)
-        ids = np.concatenate([ids, next_id + np.arange(len(fresh))])
-        uv, next_id = np.concatenate([uv, fresh]), next_id + len(fresh)
-        key, at_key, begun = grey, uv, len(uv)
+                moves = lengths > STILL_PX
+                ids, uv, at_key = ids[moves], uv[moves], at_key[moves]
+        if key is not None and at_key is not None:  # from one keyframe to the next: less drift than over all images
+            retracked, status = klt.track(key, grey, at_key, uv)
+            same = (status == TrackStatus.ALIVE) & (np.linalg.norm(retracked - uv, axis=1) < SAME_PX)
+            ids, uv = ids[same], retracked[same]
+        new = _corners(grey, uv)
+        ids = np.concatenate([ids, next_id + np.arange(len(new))])
+        uv, next_id = np.concatenate([uv, new]), next_id + len(new)
+        key, at_key, count_at_key = grey, uv, len(uv)
         views.append(i)
         kept.append(grey)
         rows.append((ids, uv.astype(float)))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from ispom.calibration.tracked import solve
-from ispom.calibration.tracked.adjust import adjusted
+from ispom.calibration.tracked.scene import Scene, adjust_scene
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks, remaining_change
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.types import Camera
@@ -53,6 +55,10 @@ def test_where_the_lens_still_goes_it_says_how_far() -> None:
 
 def test_what_is_left_to_go_is_in_the_standard_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """With straight steps it stays a third below the truth."""
-    monkeypatch.setattr(solve, "settled", adjusted)
+
+    def adjust_straight(*args: Any, curved: bool) -> tuple[Scene, float]:
+        return adjust_scene(*args, curved=False)
+
+    monkeypatch.setattr(solve, "adjust_scene", adjust_straight)
     found = solved(tracks(0, over_floor, noise_px=0.0, depths=(2.97, 3.03)), 0.7)
     assert abs(np.log(found.camera.fx / LENS.fx)) < 3 * found.sigma[0]

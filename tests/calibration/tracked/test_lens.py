@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.calibration.tracked.bundle import Fixed, Observed, Prior, Scene, cost, normal_equations
+from ispom.calibration.least_squares import cauchy, cost, normal_equations
+from ispom.calibration.tracked.scene import Prior, Scene, SceneProblem
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks, sandwich_covariance
 from ispom.calibration.tracked.tracks import Tracks, key_tracks
 from ispom.types import Camera
@@ -105,15 +106,15 @@ def test_derivatives_are_those_of_the_cost() -> None:
     lens = np.array([np.log(400.0), 370.0, 240.0, -0.1, 0.02])
     scene = Scene(lens, np.tile(np.eye(3), (5, 1, 1)), 0.1 * rng.normal(0, 1, (5, 3)), points)
     prior = Prior(lens + 0.01, np.array([0.3, 10, 10, 0.2, 0.1]))
-    observed, scale = Observed(seen.view, seen.point, seen.uv), 50.0
-    normal = normal_equations(scene, observed, prior, Fixed(np.zeros(5, bool)), scale, 0.0)
+    problem = SceneProblem(scene, seen.observations, prior, 50.0)
+    equations = normal_equations(problem, scene, cauchy)
     for i, step in enumerate((1e-6, 1e-3, 1e-3, 1e-6, 1e-6)):
         ends = []
         for sign in (1, -1):
             moved = lens.copy()
             moved[i] += sign * step
-            ends.append(cost(Scene(moved, scene.rotations, scene.translations, points), observed, prior, scale))
-        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(normal.gradient[i], rel=1e-4)
+            ends.append(cost(problem, replace(scene, lens=moved), cauchy))
+        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(equations.shared_gradient[i], rel=1e-4)
 
 
 def test_points_whose_distance_no_image_tells_leave_the_lens_a_covariance() -> None:
@@ -128,9 +129,7 @@ def test_points_whose_distance_no_image_tells_leave_the_lens_a_covariance() -> N
     rotations = np.array([pose.rotation for pose in poses])
     scene = Scene(TRUTH.copy(), rotations, np.zeros((len(poses), 3)), rays)
     prior = Prior(TRUTH, np.array([SIGMA, 10.0, 10.0, 0.3, 0.1]))
-    places = Observed(seen.view, seen.point, seen.uv)
-    fixed = Fixed(np.arange(len(poses)) == 0)
-    covariance = sandwich_covariance(scene, places, prior, fixed, np.ones(len(seen.uv)))
+    covariance = sandwich_covariance(scene, seen.observations, prior, np.ones(len(seen.uv)))
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert covariance[0, 0] < SIGMA**2
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ispom.calibration.tracked.adjust import realigned
-from ispom.calibration.tracked.bundle import Scene
+from ispom.calibration.tracked.realign import realign
+from ispom.calibration.tracked.scene import Scene
 from ispom.calibration.tracked.tracks import Tracks
 
 SIZE, FOCAL = (400, 300), 300.0
@@ -39,7 +39,7 @@ def wall() -> tuple[Tracks, Scene, np.ndarray]:
 
 def test_corners_are_found_again_where_the_scene_came_nearer() -> None:
     tracks, scene, true = wall()
-    found = realigned(tracks, scene)
+    found = realign(tracks, scene)
     again = found.view == 1
     assert again.sum() >= 50 and (found.uv[found.view == 0] == tracks.uv[tracks.view == 0]).all()
     assert np.median(np.linalg.norm(found.uv[again] - true[found.point[again]], axis=1)) < 0.05
@@ -49,11 +49,11 @@ def test_a_corner_that_looks_like_another_one_is_gone() -> None:
     tracks, scene, _ = wall()
     swapped = tracks.uv.copy()
     swapped[1::2] = np.roll(tracks.uv[1::2], 1, axis=0)
-    found = realigned(replace(tracks, uv=swapped), scene)
+    found = realign(replace(tracks, uv=swapped), scene)
     assert (found.view == 1).sum() <= 5 and (found.view == 0).sum() == 60
 
 
 def test_tracks_without_images_stay() -> None:
     tracks, scene, _ = wall()
     bare = replace(tracks, images=())
-    assert realigned(bare, scene) is bare
+    assert realign(bare, scene) is bare

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.calibration.tracked.opened import self_calibrated
+from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
 from ispom.types import Sequence, is_video

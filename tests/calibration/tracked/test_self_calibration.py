@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.calibration.tracked import opened
+from ispom.calibration.tracked import self_calibration
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Guess, Rig, Sequence
@@ -30,7 +30,7 @@ def found(sigma: float) -> TrackedLens:
 
 def test_the_camera_of_a_simulation_is_found_in_its_images() -> None:
     truth = open_sequence("sim:tiny").rig.camera("video")
-    sequence = opened.self_calibrated(uncalibrated())
+    sequence = self_calibration.self_calibrated(uncalibrated())
     camera, guess = sequence.rig.camera("video"), sequence.guess
     assert camera.fx == camera.fy == pytest.approx(truth.fx, rel=0.01)
     assert camera.distortion[0] == pytest.approx(truth.distortion[0], abs=0.01)
@@ -49,17 +49,17 @@ def test_the_camera_of_a_simulation_is_found_in_its_images() -> None:
         (found(0.008), "+- 0.8 %, distortion k1 -0.210 +- 0.010. Better", 230.0),
     ],
 )
-def test_how_sure_it_is_stands_in_the_notes(
+def test_the_notes_have_the_uncertainty(
     lens: TrackedLens | None, said: str, focal: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(opened, "estimate_lens", lambda *_: lens)
-    sequence = opened.self_calibrated(uncalibrated())
+    monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: lens)
+    sequence = self_calibration.self_calibrated(uncalibrated())
     assert said in sequence.notes[0]
     assert sequence.rig.camera("video").fx == focal
     assert sequence.guess is not None and sequence.guess.focal_px == focal
 
 
-def test_a_calibrated_sequence_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opened, "estimate_lens", lambda *_: pytest.fail("its images are not looked at"))
+def test_a_calibrated_sequence_is_unchanged(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: pytest.fail("its images are not looked at"))
     sequence = open_sequence("sim:tiny")
-    assert opened.self_calibrated(sequence) is sequence
+    assert self_calibration.self_calibrated(sequence) is sequence

@@ -1,0 +1,169 @@
+"""Keyframes, points and their one lens (focal length, principal point, k1, k2), and their bundle adjustment.
+
+Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which separate rotations from the
+focal length, are as good as any other. The loss is Cauchy's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.calibration.least_squares import Derivatives, Problem, adjust, cauchy
+from ispom.cameras.opencv import project_with_derivatives
+from ispom.geometry import Array, skew
+from ispom.numerics.twist import moved
+from ispom.types import Camera
+
+LENS, POSE = 5, 6
+"""Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
+LEAST_DEPTH = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Prior of the lens."""
+
+    mean: Array
+    """(5,)."""
+    sigma: Array
+    """(5,) 0 fixes a value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Where points were observed."""
+
+    view: NDArray[np.int64]
+    """(K,)."""
+    point: NDArray[np.int64]
+    """(K,)."""
+    uv: Array
+    """(K, 2) [px]."""
+
+    def select(self, keep: NDArray) -> Observations:
+        """Selects observations by a boolean mask or index array."""
+        return Observations(self.view[keep], self.point[keep], self.uv[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Values to be adjusted; views and points are numbered as the observations have them."""
+
+    lens: Array
+    """(5,) log f, cx, cy, k1, k2."""
+    rotations: Array
+    """(V, 3, 3) camera_from_world and"""
+    translations: Array
+    """(V, 3)."""
+    points: Array
+    """(M, 4) homogeneous, of length 1."""
+
+    @property
+    def camera(self) -> Camera:
+        """The lens as a camera; the size of its images is not known here."""
+        focal, cx, cy, k1, k2 = float(np.exp(self.lens[0])), *self.lens[1:].tolist()
+        return Camera(1, 1, focal, focal, cx, cy, (k1, k2, 0.0, 0.0))
+
+    def in_camera(self, seen: Observations) -> Array:
+        """Returns points (K, 3) in their cameras, up to scale."""
+        x = self.points[seen.point]
+        rotated = (self.rotations[seen.view] @ x[:, :3, None])[..., 0]
+        return rotated + x[:, 3:] * self.translations[seen.view]
+
+    def residuals_px(self, seen: Observations) -> Array:
+        """Returns predicted minus observed pixels (K, 2); NaN behind a camera."""
+        return self.camera.project(self.in_camera(seen)) - seen.uv
+
+    def errors_px(self, seen: Observations) -> Array:
+        """Returns distances (K,) of predicted from observed pixels; large behind a camera."""
+        return np.nan_to_num(np.linalg.norm(self.residuals_px(seen), axis=1), nan=1e9)
+
+
+class SceneProblem(Problem[Scene]):
+    """Bundle adjustment with the first pose fixed, or localisation: of all poses, with points fixed."""
+
+    def __init__(
+        self, scene: Scene, seen: Observations, prior: Prior, width_px: float | Array, localise: bool = False
+    ) -> None:
+        """`width_px` is the width of the loss: of all observations, or (K,) of each."""
+        self.seen, self._prior, self._localise = seen, prior, localise
+        self.widths = np.broadcast_to(width_px, len(seen.uv))
+        views = np.full(len(scene.rotations), True)
+        views[0] = localise
+        self._free = np.concatenate([prior.sigma > 0, np.repeat(views, POSE)])
+        self.shared, self.blocks = int(self._free.sum()), len(scene.points)
+        number = np.where(self._free, np.cumsum(self._free) - 1, -1)
+        lens = np.broadcast_to(number[:LENS], (len(seen.uv), LENS))
+        self._columns = np.concatenate([lens, number[LENS:].reshape(-1, POSE)[seen.view]], axis=1)
+
+    def residuals(self, values: Scene) -> Array:
+        return values.residuals_px(self.seen)
+
+    def derivatives(self, values: Scene) -> Derivatives:
+        seen, q = self.seen, values.in_camera(self.seen)
+        q = np.where(q[:, 2:] > LEAST_DEPTH, q, [0, 0, 1.0])
+        _, by_q, by_camera = project_with_derivatives(values.camera, q)
+        by_lens = by_camera[..., 1:6].copy()
+        by_lens[..., 0] = (by_camera[..., 0] + by_camera[..., 1]) * np.exp(values.lens[0])
+        x, view = values.points[seen.point], seen.view
+        # q = R x_3 + t w: a left twist moves it by w rho + phi x q
+        by_shared = np.concatenate([by_lens, by_q * x[:, 3, None, None], -by_q @ skew(q)], axis=2)
+        moves = np.concatenate([values.rotations[view], values.translations[view][..., None]], axis=2)
+        by_point = by_q @ (moves @ _tangents(values.points)[seen.point])
+        return Derivatives(by_shared, self._columns, by_point * (not self._localise), seen.point)
+
+    def moved(self, values: Scene, shared: Array, blocks: Array) -> Scene:
+        step = np.zeros(len(self._free))
+        step[self._free] = shared
+        points = values.points + (_tangents(values.points) @ blocks[..., None])[..., 0]
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        rotations, translations = moved(values.rotations, values.translations, step[LENS:].reshape(-1, POSE))
+        return Scene(values.lens + step[:LENS], rotations, translations, points)
+
+    def prior(self, values: Scene) -> tuple[Array, Array]:
+        away, information = np.zeros(self.shared), np.zeros(self.shared)
+        free = self._free[:LENS]
+        count = int(free.sum())
+        away[:count] = (values.lens - self._prior.mean)[free]
+        information[:count] = self._prior.sigma[free] ** -2.0
+        return away, information
+
+
+def adjust_scene(
+    scene: Scene,
+    seen: Observations,
+    prior: Prior,
+    width_px: float | Array,
+    iterations: int,
+    tolerance: float = 1e-4,
+    curved: bool = False,
+) -> tuple[Scene, float]:
+    """Adjusts lens, views up to the last observed one, and the points observed at least twice.
+
+    Returns the scene of least cost, and that cost. `curved` as in `least_squares.adjust`.
+    """
+    often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
+    width_px = np.broadcast_to(width_px, len(often))[often]
+    seen = seen.select(often)
+    points, owner = np.unique(seen.point, return_inverse=True)
+    views = int(seen.view.max()) + 1
+    part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
+    problem = SceneProblem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
+    found = adjust(problem, part, cauchy, iterations, tolerance, curved)
+    rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
+    rotations[:views], translations[:views] = found.values.rotations, found.values.translations
+    places[points] = found.values.points
+    return Scene(found.values.lens, rotations, translations, places), found.cost
+
+
+def _tangents(points: Array) -> Array:
+    """Returns bases (M, 4, 3) orthonormal to unit vectors (M, 4): the Householder reflection that maps them to the
+    last axis."""
+    sign = np.where(points[:, 3] < 0, -1.0, 1.0)
+    normal = points.copy()
+    normal[:, 3] += sign
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return (np.eye(4) - 2 * normal[:, :, None] * normal[:, None])[:, :, :3]
