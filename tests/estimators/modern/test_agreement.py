@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular import begin
-from ispom.estimators.modern.monocular.agreement import RIGHT, YOUNG
+from ispom.estimators.modern.monocular.agreement import KEYFRAMES, RIGHT, YOUNG, lasting_share
 from ispom.estimators.modern.monocular.begin import Progress, advance
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
 from ispom.estimators.modern.monocular.map import Map
@@ -207,3 +207,9 @@ def test_after_a_wrong_map_the_next_one_requires_the_full_parallax(wrong_before:
     assert (found.map is not None) is expected
     if wrong_before:
         assert not found.start.requires_full_parallax, "its points left, so the next reference has the usual limits"
+
+
+@pytest.mark.parametrize(("every", "expected"), [(1, 0.9**KEYFRAMES), (2, 0.9 ** (2 * KEYFRAMES + 1)), (50, 0.9**10)])
+def test_points_should_agree_for_ten_frames_or_three_keyframes(every: int, expected: float) -> None:
+    agreeing = tuple((0.9, i % every == 0) for i in range(20))
+    assert lasting_share(agreeing) == pytest.approx(expected)

@@ -34,12 +34,12 @@ POSE_POINTS = Check(
 )
 LASTING_POINTS = Check(
     "lasting_points",
-    "share of points that agree with the map for ten frames",
+    "share of points that agree with the map for long",
     "warning",
     LOCATED,
-    passes="Points agree for long: {value:.0%} of the map's points would agree with it for ten frames (at least "
+    passes="Points agree for long: {value:.0%} of the map's points do so for three keyframes or ten frames (at least "
     "{threshold:.0%} expected).",
-    fails="Few points agree for long: only {value:.0%} of the map's points would agree with it for ten frames "
+    fails="Few points agree for long: only {value:.0%} of the map's points do so for three keyframes or ten frames "
     "({threshold:.0%} expected), so the map may be wrong, or the scene may move.",
     topic="map",
 )

@@ -60,8 +60,9 @@ class ModernMonocularState:
     """Loop closures and their corrections; everything else here is odometry without them."""
     outlier_tracks: OutlierTracks = OutlierTracks()
     """Outliers of the last poses, tracked further; they do not affect the pose."""
-    agreeing: tuple[float, ...] = ()
-    """Shares of the map's points that agreed with it in its last localised frames, see `agreement`."""
+    agreeing: tuple[tuple[float, bool], ...] = ()
+    """For the last frames localised in the map: share of its points that agreed with it, and whether it is a keyframe;
+    see `agreement`."""
     before_map: BeforeMap | None = None
     """While the map is young and may be taken back."""
 
