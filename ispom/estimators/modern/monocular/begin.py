@@ -100,7 +100,7 @@ def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: f
     x1, x2 = reference.at(ids), frame.at(ids)
     rotation = dominant_rotation(x1, x2, TURN_LOSS * noise.width)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
-    needed = min_parallax_rad * (1 if enough.passed else LEAVING_PARALLAX)
+    needed = min_parallax_rad * (1 if enough.passed or start.requires_full_parallax else LEAVING_PARALLAX)
     moved = checks.START_PARALLAX.of(np.degrees(parallax), np.degrees(needed), passed=parallax >= needed)
     held = Pose(start.base.rotation @ rotation.T, start.base.translation)
     frame = replace(frame, world_from_camera=held)

@@ -32,6 +32,17 @@ POSE_POINTS = Check(
     fails="Lost: {value} inliers of the best pose ({threshold} needed).",
     topic="pose",
 )
+LASTING_POINTS = Check(
+    "lasting_points",
+    "share of points that agree with the map for long",
+    "warning",
+    LOCATED,
+    passes="Points agree for long: {value:.0%} of the map's points do so for three keyframes or ten frames (at least "
+    "{threshold:.0%} expected).",
+    fails="Few points agree for long: only {value:.0%} of the map's points do so for three keyframes or ten frames "
+    "({threshold:.0%} expected), so the map may be wrong, or the scene may move.",
+    topic="map",
+)
 DESCRIBED_POINTS = Check(
     "described_points",
     "points matched by descriptors",
@@ -225,6 +236,7 @@ UNIT_SPREAD = Check(
 
 CHECKS = by_key(
     POSE_POINTS,
+    LASTING_POINTS,
     DESCRIBED_POINTS,
     TURN_ONLY,
     PARALLAX,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.state import BeforeMap, ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import LiveTracks, as_tracks, moving, next_live_tracks, speed_where
 from ispom.estimators.modern.rolling import late_px
 from ispom.types import (
@@ -87,7 +87,19 @@ def next_state(
         segments=segments,
         segment=segment,
         outlier_tracks=outcome.outlier_tracks,
+        agreeing=() if state.map is None else state.agreeing,
+        before_map=_before_map(state, outcome),
     )
+
+
+def _before_map(state: ModernMonocularState, outcome: Outcome) -> BeforeMap | None:
+    """Returns the state before the map, while that may be taken back: once for each initialisation, so that a scene
+    where no map agrees for long gets one, with warnings."""
+    if outcome.map is None or state.map is not None:
+        return state.before_map if outcome.map is not None else None
+    if state.start is None or state.start.taken_back or outcome.segment is not None:
+        return None
+    return BeforeMap(state.start, state.settled, state.database, state.loops)
 
 
 def _depth_sigmas(setup: Setup, state: ModernMonocularState, outcome: Outcome) -> tuple[float, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.agreement import with_agreement
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
 from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
@@ -109,7 +110,7 @@ class ModernMonocular:
         """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
         corners."""
         exposure = self._size.reduced(require_frame(exposure, VIDEO))
-        setup, watch, before = self._setup, Stopwatch(), state
+        setup, watch = self._setup, Stopwatch()
         state = remembered(setup, state, exposure.time_ns)
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
         for sight in updated_coordinates(setup.camera, state.live, new.followed):
@@ -124,13 +125,14 @@ class ModernMonocular:
         else:
             state, outcome = track_map(setup, state, state.map, new, watch)
             outcome = with_other_motion(setup, state, outcome, new)
+            state, outcome = with_agreement(setup, state, outcome, new)
             watch.lap("other motion")
         fresh = corners_for(setup, outcome, new.grey)
         after = next_state(setup, state, outcome, new, fresh)
         watch.lap("new points")
         step = as_step(setup, state, after, outcome, exposure, fresh, watch.seconds)
         if self.config.loops:
-            after, step = with_loops(setup, before, after, outcome, new, step)
+            after, step = with_loops(setup, state, after, outcome, new, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
 

@@ -53,6 +53,8 @@ class Start:
     map may localise them."""
     passed: PersistentList[tuple[int, Pose]] = PersistentList()
     """Held poses of frames that are no longer stored; they are interpolated once there is a map."""
+    taken_back: bool = False
+    """Whether a map of this initialisation was wrong and taken back."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks that start in the reference, while that is the only frame."""
@@ -70,6 +72,12 @@ class Start:
             return tuple(f.with_updated_coordinates(ids, x) if f.time_ns == time_ns else f for f in frames)
 
         return replace(self, earlier=placed(self.earlier), frames=placed(self.frames))
+
+    @property
+    def requires_full_parallax(self) -> bool:
+        """Whether no map is made with less parallax, though points leave the image: the one before was wrong. If all of
+        them leave, the next reference has the usual limits, as a turning camera might never have a map."""
+        return self.taken_back and not self.earlier
 
     @property
     def held(self) -> tuple[tuple[int, Pose], ...]:

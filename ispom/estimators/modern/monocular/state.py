@@ -21,6 +21,16 @@ from ispom.types import Decision, Image, Status, Tracks
 
 
 @dataclass(frozen=True, eq=False)
+class BeforeMap:
+    """What a map replaced or added to, so that it can be taken back."""
+
+    start: Start
+    settled: PersistentList[tuple[int, Pose]]
+    database: KeyframeDatabase
+    loops: Loops
+
+
+@dataclass(frozen=True, eq=False)
 class ModernMonocularState:
     live: LiveTracks = LiveTracks()
     sights: tuple[Sight, ...] = ()
@@ -50,6 +60,11 @@ class ModernMonocularState:
     """Loop closures and their corrections; everything else here is odometry without them."""
     outlier_tracks: OutlierTracks = OutlierTracks()
     """Outliers of the last poses, tracked further; they do not affect the pose."""
+    agreeing: tuple[tuple[float, bool], ...] = ()
+    """For the last frames localised in the map: share of its points that agreed with it, and whether it is a keyframe;
+    see `agreement`."""
+    before_map: BeforeMap | None = None
+    """While the map is young and may be taken back."""
 
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
         """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if it is stored."""
