@@ -78,12 +78,12 @@ class WindowCovariance:
             sandwich = prior.sandwich or Sandwich(prior.hessian, prior.hessian)
             curvature[np.ix_(at, at)] += sandwich.curvature - prior.hessian
             scatter[np.ix_(at, at)] = sandwich.scatter
-            if sandwich.lasting is not None:
-                earlier = np.zeros((len(sandwich.lasting.ids), size))
-                earlier[:, at] = sandwich.lasting.slopes
-                place = places(ids, sandwich.lasting.ids)
+            if sandwich.pending is not None:
+                earlier = np.zeros((len(sandwich.pending.ids), size))
+                earlier[:, at] = sandwich.pending.scores
+                place = places(ids, sandwich.pending.ids)
                 scores[place[place >= 0]] += earlier[place >= 0]
-                pending = PendingScores(sandwich.lasting.ids[place < 0], earlier[place < 0])
+                pending = PendingScores(sandwich.pending.ids[place < 0], earlier[place < 0])
         return WindowCovariance(window, scale, ids, equations.eliminated, curvature, scores, pending, scatter)
 
     @cached_property
@@ -116,7 +116,7 @@ class WindowCovariance:
     @cached_property
     def _scatter(self) -> Array:
         """Returns S (D, D)."""
-        own, pending = self.left_out, self.pending.slopes
+        own, pending = self.left_out, self.pending.scores
         return self.prior_scatter + self.inflation * own.T @ own + pending.T @ pending
 
     def marginal(self, continuing: NDArray[np.int64], inverse: Array) -> Sandwich:
@@ -127,9 +127,9 @@ class WindowCovariance:
         """
         ends, pending_ends = (~np.isin(own, continuing, kind="table") for own in (self.ids, self.pending.ids))
         own = self._left_out(np.arange(len(self.ids)), self.scores, inverse)
-        ended, last = self.pending.slopes[pending_ends], own[ends]
+        ended, last = self.pending.scores[pending_ends], own[ends]
         inflation = self._inflation(ends, own, inverse)
-        left = PendingScores(self.pending.ids[~pending_ends], self.pending.slopes[~pending_ends])
+        left = PendingScores(self.pending.ids[~pending_ends], self.pending.scores[~pending_ends])
         return Sandwich(
             self.curvature,
             self.prior_scatter + inflation * last.T @ last + ended.T @ ended,

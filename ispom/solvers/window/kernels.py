@@ -1,8 +1,8 @@
-"""The compiled parts of a window's adjustment: normal equations without the points, the points' steps.
+"""The compiled parts of bundle adjustment in a window: normal equations without the points, and the points' steps.
 
 With q a point in its camera, a pose's left twist moves q by B = [I | -[q]x] times it, and the point's own step moves q
-by R: all derivatives of an observation follow from those by q. So 3 x 3 terms are summed up first, and widened to 6 x 6
-by B at the very end.
+by R: all derivatives of an observation follow from those by q. So 3 x 3 terms are summed first, and extended to 6 x 6
+by B at the end.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from ispom.solvers.window.observation import (
 from ispom.solvers.window.prior import LENS
 
 LANES = 8
-"""Corrections are worked on so many at a time: arrays have room for a multiple of it, W, filled with zeros."""
+"""Number of corrections processed at a time: arrays have W columns, a multiple of it, filled with zeros."""
 
 
 FIXED_WEIGHTS, OWN_CURVATURE = 0.0, 2.0
@@ -62,7 +62,7 @@ LEAST_SHARE = 0.1
 
 
 def padded(count: int) -> int:
-    """W of so many corrections; of few as many."""
+    """Returns W for `count` corrections, which is `count` if that is less than LANES."""
     return count if count < LANES else -(-count // LANES) * LANES
 
 
@@ -70,11 +70,11 @@ class Reduced(NamedTuple):
     """Normal equations of C poses and E corrections, without the points."""
 
     blocks: Array
-    """(C, C, 6, 6) of pairs of poses, the first index not below the second."""
+    """(C, C, 6, 6) blocks of pairs of poses, the first index not below the second."""
     side: Array
-    """(C, 6, W) of the poses with the corrections."""
+    """(C, 6, W) blocks of poses and corrections."""
     corner: Array
-    """(E, W) of the corrections."""
+    """(E, W) block of the corrections."""
     by_poses: Array
     """(C, 6) gradient."""
     by_corrections: Array
@@ -82,12 +82,12 @@ class Reduced(NamedTuple):
 
 
 class Eliminated(NamedTuple):
-    """What gives back the steps of the points, once those of poses and corrections are known."""
+    """Data for the points' steps that follow from those of poses and corrections."""
 
     inverses: Array
-    """(M, 6) of the points' own symmetric blocks."""
+    """(M, 6) inverses of the points' own symmetric blocks."""
     gradients: Array
-    """(M, 3) by the points."""
+    """(M, 3) gradients by the points."""
     mixed: Array
     """(K, 12) per observation: q, and the 3 x 3 matrix F for which B' F is the block of pose and point."""
     mixed_extra: Array
@@ -143,7 +143,7 @@ def _is_curved(m, begin, per, second_order, observed):
 
 @part
 def _reduce_point(m, begin, per, damping, second_order, reduced, eliminated, terms, observed):
-    """Point m, whose observations start at `begin`; where they end."""
+    """Eliminates point m, whose observations start at `begin`; returns where they end."""
     end, block, gradient = _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed)
     if observed.baseline == 0.0:
         inverted = inverse(damped(block, damping))
@@ -160,7 +160,7 @@ def _reduce_point(m, begin, per, damping, second_order, reduced, eliminated, ter
 
 @part
 def _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed):
-    """Sums up the observations of point m, from `begin` on: where they end, its own block (6), its gradient (3)."""
+    """Sums the observations of point m, from `begin` on; returns where they end, its own block (6) and gradient (3)."""
     block, gradient, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), begin
     wrong, baseline = correction(observed.extra), observed.baseline
     while k < len(observed.owners) and observed.owners[k] == m:
@@ -168,10 +168,8 @@ def _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed
         if q[2] > MIN_DEPTH:
             hessian, by_q, mixed, second, first = linearised(q, vector(observed.seen, k), baseline, wrong, per)
             if second_order > 0.0:
-                hessian, mixed = (
-                    plus_square(hessian, -second_order, by_q),
-                    minus(mixed, scaled(second_order * first, by_q)),
-                )
+                hessian = plus_square(hessian, -second_order, by_q)
+                mixed = minus(mixed, scaled(second_order * first, by_q))
                 second -= second_order * first * first
             fill_factors(terms, n, FACTORS, q, observed, k)
             with_point, own = congruent(rotation, hessian)
@@ -189,7 +187,7 @@ def _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed
 
 @part
 def _add_lenses(m, begin, end, per, second_order, reduced, eliminated, terms, observed):
-    """Adds to the blocks of a pair's corrections what the first ones do to the left x and y of point m."""
+    """Adds the derivatives of the left x and y of point m by a pair's first corrections to the corrections' blocks."""
     at, corner, baseline = terms.shape[1] - LENS, reduced.corner, observed.baseline
     for k in range(begin, end):
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
@@ -225,7 +223,7 @@ def _couple_lenses(n, at, product, corner, terms):
 
 @part
 def _store_mixed(out, k, q, m):
-    """Into row k of Eliminated.mixed."""
+    """Fills row k of Eliminated.mixed."""
     out[k, 0], out[k, 1], out[k, 2] = q
     out[k, 3], out[k, 4], out[k, 5] = m[0]
     out[k, 6], out[k, 7], out[k, 8] = m[1]
@@ -234,7 +232,7 @@ def _store_mixed(out, k, q, m):
 
 @part
 def mixed_of(mixed, k):
-    """q and F of row k of Eliminated.mixed."""
+    """Returns q and F of row k of Eliminated.mixed."""
     return (mixed[k, 0], mixed[k, 1], mixed[k, 2]), (
         (mixed[k, 3], mixed[k, 4], mixed[k, 5]),
         (mixed[k, 6], mixed[k, 7], mixed[k, 8]),
@@ -258,7 +256,7 @@ def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
 
 @part
 def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
-    """Schur complement: takes M V^-1 M' and M V^-1 b from what the corrections have, M their block with the point."""
+    """Schur complement: subtracts M V^-1 M' and M V^-1 b from the corrections' terms, M their block with the point."""
     mixed, corner = eliminated.mixed_extra, reduced.corner
     for e in range(len(corner)):
         a, b, c = times(symmetric(inverted), (mixed[m, 0, e], mixed[m, 1, e], mixed[m, 2, e]))
@@ -283,7 +281,7 @@ def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminat
 
 @part
 def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
-    """Its block with the corrections; those go many at a time."""
+    """Adds its block with the corrections, several of these at a time."""
     own, (x, y, z) = vector(terms, n, MIXED), transposed(gain)
     own_turn, x_turn, y_turn, z_turn = cross(q, own), cross(q, x), cross(q, y), cross(q, z)
     for d in range(3):
@@ -299,7 +297,7 @@ def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
 
 @part
 def _add_lens_to_pose(n, c, q, side, terms):
-    """Adds to it what the first corrections do to the left x and y."""
+    """Adds the derivatives of the left x and y by the first corrections to it."""
     at = terms.shape[1] - LENS
     own = vector(terms, n, at - 3)
     turn = cross(q, own)
@@ -317,7 +315,7 @@ def _minus_symmetric(m, s):
 
 @kernel(fastmath={"contract"})
 def point_steps(cameras, owners, eliminated, pose_step, extra_step):
-    """Back-substitution: (M, 3) steps of the points that go with those of the poses (C, 6) and corrections (E,)."""
+    """Back-substitution: returns the points' steps (M, 3) for those of the poses (C, 6) and corrections (E,)."""
     left = np.empty_like(eliminated.gradients)
     for m in range(len(left)):
         store(left, m, scaled(-1.0, vector(eliminated.gradients, m)))

@@ -1,4 +1,4 @@
-"""Groups of neighbours in the image."""
+"""Groups of neighbouring tracks, and the inflation by them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Covariances of a pair's window by what groups of its tracks say: by chance, and across what leaves the window."""
+"""Covariance of a pair's window against its errors, also across marginalisation."""
 
 from __future__ import annotations
 
@@ -82,13 +82,13 @@ def test_what_a_track_said_is_squared_with_what_it_says_later() -> None:
     assert whole.prior is not None and whole.prior.sandwich is not None
     said = found(whole)
     first = said.scores[ids][:, np.r_[0:6, -PAIR:0]]  # those that the prior is about
-    for lasting, share in ((PendingScores(ids, first), 2.0), (PendingScores(ids + 1000, first), 1.0)):
-        sandwich = replace(whole.prior.sandwich, lasting=lasting)
+    for pending, share in ((PendingScores(ids, first), 2.0), (PendingScores(ids + 1000, first), 1.0)):
+        sandwich = replace(whole.prior.sandwich, pending=pending)
         window = replace(whole, prior=replace(whole.prior, sandwich=sandwich))
         after = found(window)
         np.testing.assert_allclose(after.scores[ids][:, :6], share * first[:, :6])
         assert len(after.pending.ids) == (0 if share == 2 else 2)
-        went_on = after.marginal(np.array([3, 1010]), said.inverse).lasting
+        went_on = after.marginal(np.array([3, 1010]), said.inverse).pending
         assert went_on is not None and went_on.ids.tolist() == ([3] if share == 2 else [3, 1010])
 
 

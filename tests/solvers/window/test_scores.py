@@ -1,4 +1,4 @@
-"""What tracks say of the slope of a window's cost, and how it curves: numerically, as its points follow."""
+"""Scores of tracks and curvature of a window's cost, against finite differences in which the points follow."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def direction(kind: str, window: Window) -> Array:
 
 
 @pytest.mark.parametrize("kind", ["one camera", "pair"])
-def test_slopes_and_curvature_are_the_derivatives_of_the_cost_where_points_follow(kind: str) -> None:
+def test_scores_and_curvature_are_the_derivatives_of_the_cost_where_points_follow(kind: str) -> None:
     window, scale = settled(kind)
     poses, way = POSE * len(window.rotations), direction(kind, window)
 
@@ -63,7 +63,7 @@ def test_slopes_and_curvature_are_the_derivatives_of_the_cost_where_points_follo
 
 @pytest.mark.parametrize("second_order", [FIXED_WEIGHTS, OWN_CURVATURE])
 @pytest.mark.parametrize("kind", ["one camera", "pair"])
-def test_slopes_follow_as_the_curvature_says(kind: str, second_order: float) -> None:
+def test_scores_change_as_the_curvature_says(kind: str, second_order: float) -> None:
     window, scale = settled(kind)
     window = adjust(replace(window, seen=window.seen - 0.9 * _errors(window)), scale, 200, 1e-15).window
     equations = Equations.of(replace(window, extra_sigma=np.ones_like(window.extra)), scale, second_order=second_order)

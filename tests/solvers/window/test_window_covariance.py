@@ -1,4 +1,4 @@
-"""Covariances of a window by how its cost curves and its gradient scatters: numerically, by leaving out, by chance."""
+"""Covariance of one camera's window: against finite differences, tracks that are left out, and errors."""
 
 from __future__ import annotations
 

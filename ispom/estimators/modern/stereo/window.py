@@ -133,7 +133,8 @@ def with_key(
             prior = replace(prior, extra=state.extra, hessian=hessian, sandwich=Sandwich(hessian, hessian))
     else:
         assert prior is not None
-        prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
+        remaining = float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s))
+        prior = prior.with_process_noise(remaining, extra_sigma)
         if len(keys) == 1:
             # The first keyframe has no predecessor, so it gets the motion of the second one.
             keys = (replace(keys[0], motion=key.motion),)
