@@ -21,6 +21,7 @@ fixed weights: in simulations they overestimate the precision, in some direction
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,7 +208,7 @@ def sum_by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
     return out
 
 
-def cluster_inflation(left_out: Array, grouped: list[Array]) -> float:
+def cluster_inflation(left_out: Array, grouped: Sequence[Array]) -> float:
     """Returns the factor of a pose's variance from single tracks, for correlated neighbours and the small sample.
 
     `left_out` (N, D) are the changes of the pose by each track, `grouped` (G, D) those by groups of neighbours, for one
