@@ -35,7 +35,7 @@ from ispom.estimators.adjustment import ADJUSTED
 from ispom.geometry import Array
 from ispom.numerics.reductions import median
 from ispom.solvers.window.adjustment import Adjusted, Window
-from ispom.solvers.window.leftovers import leftovers
+from ispom.solvers.window.variance_components import residual_forms
 from ispom.types import Check, ImageNoise
 
 MEMORY = 2
@@ -77,7 +77,7 @@ class TrackNoise:
 
     def after(self, done: Adjusted, scale: float) -> TrackNoise:
         """Adds the statistics of another optimised window; `scale` is the width of its loss."""
-        kept, new = 1 - 1 / MEMORY, _said_by(done, scale)
+        kept, new = 1 - 1 / MEMORY, _statistics_of(done, scale)
         return TrackNoise(
             kept * self.expected + new.expected,
             kept * self.found + new.found,
@@ -160,30 +160,30 @@ NOISE = Check(
 )
 
 
-def _said_by(done: Adjusted, scale: float) -> TrackNoise:
+def _statistics_of(done: Adjusted, scale: float) -> TrackNoise:
     """Computes the statistics of one window."""
     window = done.window
     first = window.baseline > 0 and len(window.rotations) == 2
-    left = leftovers(window.observed, scale, 2 if first else LEAST_VIEWS, GROSS)
+    forms = residual_forms(window.observed, scale, 2 if first else LEAST_VIEWS, GROSS)
     return TrackNoise(
-        left.expected,
-        left.found,
-        left.weight,
-        left.lengths,
-        median(done.distances[left.used]) / scale if left.used.any() else 0.0,
-        _cells(window, left.pulls, left.used),
+        forms.expected,
+        forms.found,
+        forms.weight,
+        forms.lengths,
+        median(done.distances[forms.used]) / scale if forms.used.any() else 0.0,
+        _cells(window, forms.weighted, forms.used),
         2 if window.baseline else 1,
     )
 
 
-def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
+def _cells(window: Window, weighted: Array, use: NDArray[np.bool_]) -> Array:
     """Returns (2,) TrackNoise.cells, from the weighted residuals (K, 2) of the observations in use."""
-    seen, camera, pull = np.ascontiguousarray(window.seen[use, :2].T), window.cameras[use], pull[use]
+    seen, camera, weighted = np.ascontiguousarray(window.seen[use, :2].T), window.cameras[use], weighted[use]
     if not len(camera):
         return np.zeros(2)
     low, high = seen.min(axis=1, keepdims=True), seen.max(axis=1, keepdims=True)
     share = np.minimum((seen - low) / np.maximum(high - low, 1e-12), 1 - 1e-9)
     column, row = (share * np.array(GRID)[:, None]).astype(int)
     cell = (camera * GRID[1] + row) * GRID[0] + column
-    together = sum(float((np.bincount(cell, pull[:, i]) ** 2).sum()) for i in range(2))
-    return np.array([together, float((pull**2).sum())])
+    together = sum(float((np.bincount(cell, weighted[:, i]) ** 2).sum()) for i in range(2))
+    return np.array([together, float((weighted**2).sum())])

@@ -21,7 +21,7 @@ from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
 from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
-from ispom.solvers.spline.points import point_pulls, point_sensitivity, point_steps, views_moved
+from ispom.solvers.spline.points import point_scores, point_sensitivity, point_steps, views_moved
 from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, SplineProblem
 
 Tried = tuple[SplineProblem, Sampled, float]
@@ -73,12 +73,12 @@ class Solution:
     cost_after: float
     iterations: int
 
-    def parameter_covariance(self, held: PosePrior) -> Array:
-        """Returns the covariance (n, n) of knots and rig with the pose prior `held`; zero for fixed parameters."""
+    def parameter_covariance(self, reference: PosePrior) -> Array:
+        """Returns the covariance (n, n) of knots and rig with a `reference` pose; zero for fixed ones."""
         knots = 6 * len(self.problem.spline)
-        j = self.sampled.jacobian(held.exposure, len(self.problem.spline))
+        j = self.sampled.jacobian(reference.exposure, len(self.problem.spline))
         hessian, free = self.hessian.copy(), _free(self.problem)
-        hessian[:knots, :knots] += j.T @ held.information @ j
+        hessian[:knots, :knots] += j.T @ reference.information @ j
         full = np.zeros_like(hessian)
         full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
@@ -86,30 +86,29 @@ class Solution:
     def sandwich_covariance(self, parameters: Array) -> tuple[Array, Array]:
         """Returns the covariance (n, n) of knots and rig by actual residuals, and each point's changes of them (M, n).
 
-        It is the sandwich H^-1 M H^-1 (Huber 1981, section 7.6), with M the sum over points of their squared scores:
-        errors along a track may be correlated, as with drift (Liang and Zeger 1986). Scores are those, to first order,
-        without the point's part in the estimate (a jackknife: Bell & McCaffrey 2002), as the many knots follow the
-        errors of tracks. Priors keep their covariance. `parameters` is as of `parameter_covariance`.
+        It is the sandwich of `window.covariance`, with scores as if left out, as the many knots follow the errors of
+        tracks; the loss's own curvature is approximated by its mean over each camera's observations (`slope`; Huber
+        1981, section 7.6). Priors keep their covariance. `parameters` is as of `parameter_covariance`.
         """
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
-        pulls = point_pulls(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
-        pulls -= self._pulls_of(pulls @ parameters)
-        weights, slopes = cauchy_weights(self.errors**2, p.loss), np.ones(len(pulls))
+        scores = point_scores(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
+        scores -= self._score_changes(scores @ parameters)
+        weights, slopes = cauchy_weights(self.errors**2, p.loss), np.ones(len(scores))
         for camera, images in ((VIDEO, 2), (LEFT, 3)):
             its = o.camera == camera
             slopes[o.owner[its]] = slope(weights[its], images)
-        pulls /= slopes[:, None]
+        scores /= slopes[:, None]
         believed = np.zeros((n, n))
         add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
         believed[-RIG:, -RIG:] += p.rig_prior.information
-        moves = pulls @ parameters
+        moves = scores @ parameters
         return parameters + moves.T @ moves - parameters @ (self.hessian - believed) @ parameters, moves
 
-    def _pulls_of(self, moves: Array) -> Array:
+    def _score_changes(self, moves: Array) -> Array:
         """Returns the change (M, n) of each point's score as it moves spline and rig by `moves` (M, n)."""
         p, o, knots = self.problem, self.problem.observations, _knots(self.problem, self.sampled)
         moved = views_moved(moves, knots, _observed(p, self.sampled), bool(p.rig.free.any()))
-        return point_pulls(knots, o.exposure, o.owner, self._where_moved(-moved)[2])
+        return point_scores(knots, o.exposure, o.owner, self._where_moved(-moved)[2])
 
     def _where_moved(self, moved: Array) -> tuple[Array, Array, Eliminated]:
         """Returns the result of `_reduced` for residuals `moved` (O, 3) only."""

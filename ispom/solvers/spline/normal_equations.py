@@ -53,10 +53,10 @@ class Eliminated(NamedTuple):
     """(O, 6, 3) blocks of pose and point, per observation."""
     mixed_rig: Array
     """(M, RIG, 3) blocks of rig and point."""
-    pulls: Array
-    """(O, 6) parts of the right side of a pose, per observation."""
-    pulls_rig: Array
-    """(M, RIG) parts of the right side of the rig."""
+    scores: Array
+    """(O, 6) negative gradients by a pose, per observation."""
+    scores_rig: Array
+    """(M, RIG) negative gradients by the rig."""
 
 
 @kernel()
@@ -135,7 +135,7 @@ def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, re
 @part
 def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
     """Adds observation o of point m at exposure e to the blocks of pose and point."""
-    block, side, mixed, pull = eliminated.inverses[m], eliminated.sides[m], eliminated.mixed[o], eliminated.pulls[o]
+    block, side, mixed, score = eliminated.inverses[m], eliminated.sides[m], eliminated.mixed[o], eliminated.scores[o]
     pose, right = reduced.poses[e], reduced.poses_right[e]
     for i in range(count):
         for k in range(3):
@@ -146,7 +146,7 @@ def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
         for k in range(6):
             f = weight * rows.by_pose[i, k]
             right[k] -= f * rows.errors[i]
-            pull[k] -= f * rows.errors[i]
+            score[k] -= f * rows.errors[i]
             for j in range(6):
                 pose[k, j] += f * rows.by_pose[i, j]
             for j in range(3):
@@ -170,9 +170,9 @@ def _add_rig(m, weight, e, g, reduced, eliminated, rows, by_rig):
     """Adds an observation of point m by the video camera to the rig's blocks, which start at row g."""
     for k in range(RIG):
         f0, f1 = weight * by_rig[0, k], weight * by_rig[1, k]
-        pull = f0 * rows.errors[0] + f1 * rows.errors[1]
-        reduced.right[g + k] -= pull
-        eliminated.pulls_rig[m, k] -= pull
+        gradient = f0 * rows.errors[0] + f1 * rows.errors[1]
+        reduced.right[g + k] -= gradient
+        eliminated.scores_rig[m, k] -= gradient
         for j in range(6):
             reduced.poses_rig[e, k, j] += f0 * rows.by_pose[0, j] + f1 * rows.by_pose[1, j]
         for j in range(3):

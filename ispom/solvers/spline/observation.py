@@ -150,10 +150,10 @@ def cauchy_weight(rows, count, loss):
 
 
 def slope(weights: Array, images: int) -> float:
-    """How fast pulls of observations with such weights (O,) of `cauchy_weight` grow with their errors.
+    """Returns the mean derivative of observations' scores by their errors, relative to the mean of `weights` (O,).
 
-    As a share of the weights: less than 1, as the loss flattens. Each has so many errors (`images`), alike in size.
-    A pull w e changes by w - 2 w^2 e_i^2 / c^2 with e_i, and w |e|^2 / c^2 is 1 - w.
+    It is less than 1, as the loss flattens. An observation has `images` errors of one variance.
+    A score w e changes by w - 2 w^2 e_i^2 / c^2 with e_i, and w |e|^2 / c^2 is 1 - w.
     """
     first, second = float(weights.sum()), float((weights**2).sum())
     return 1.0 - 2 * (first - second) / (images * first) if first > 0 else 1.0

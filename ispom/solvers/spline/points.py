@@ -90,32 +90,32 @@ def point_sensitivity(chosen, knots, exposures, owners, eliminated):
 
 
 @kernel()
-def point_pulls(knots, exposures, owners, eliminated):
-    """(M, n): what each point adds to the right side of spline and rig, once it is eliminated."""
+def point_scores(knots, exposures, owners, eliminated):
+    """Scores (M, n): each point's negative gradient by spline and rig, the point eliminated."""
     g, steps = 6 * knots.count, eliminated.sides.copy()
-    out, pull = np.zeros((len(steps), g + RIG)), np.empty(6)
+    out, score = np.zeros((len(steps), g + RIG)), np.empty(6)
     for m in range(len(steps)):
         _multiply(steps[m], eliminated.inverses[m])
         for k in range(RIG):
-            out[m, g + k] = _left(eliminated.pulls_rig[m, k], eliminated.mixed_rig[m, k], steps[m])
+            out[m, g + k] = _left(eliminated.scores_rig[m, k], eliminated.mixed_rig[m, k], steps[m])
     for o in range(len(owners)):
         for k in range(6):
-            pull[k] = _left(eliminated.pulls[o, k], eliminated.mixed[o, k], steps[owners[o]])
-        _add_to_knots(out[owners[o]], exposures[o], knots, pull)
+            score[k] = _left(eliminated.scores[o, k], eliminated.mixed[o, k], steps[owners[o]])
+        _add_to_knots(out[owners[o]], exposures[o], knots, score)
     return out
 
 
 @part
-def _left(pull, mixed, step):
-    """Of a pull, once the point has gone its step (3,)."""
-    return pull - mixed[0] * step[0] - mixed[1] * step[1] - mixed[2] * step[2]
+def _left(score, mixed, step):
+    """Of a score, once the point has gone its step (3,)."""
+    return score - mixed[0] * step[0] - mixed[1] * step[1] - mixed[2] * step[2]
 
 
 @part
-def _add_to_knots(out, e, knots, pull):
-    """Adds what pulls (6,) at the pose at exposure e to what pulls at its knots."""
+def _add_to_knots(out, e, knots, score):
+    """Adds what scores (6,) at the pose at exposure e to what scores at its knots."""
     for q in range(4):
         base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
         for k in range(3):
-            out[base + k] += turn[0, k] * pull[0] + turn[1, k] * pull[1] + turn[2, k] * pull[2]
-            out[base + 3 + k] += weight * pull[3 + k]
+            out[base + k] += turn[0, k] * score[0] + turn[1, k] * score[1] + turn[2, k] * score[2]
+            out[base + 3 + k] += weight * score[3 + k]

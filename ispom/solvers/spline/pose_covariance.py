@@ -1,4 +1,4 @@
-"""Covariance of a camera's pose found by resection from points that are uncertain, and correlated, themselves."""
+"""Covariance of a camera's pose resected from points that are uncertain and correlated themselves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
 from ispom.numerics.robust import Noise
-from ispom.solvers.neighbours import by_group, cells, cluster_inflation
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import (
     MIN_DEPTH,
@@ -22,25 +21,24 @@ from ispom.solvers.spline.observation import (
     placed,
 )
 from ispom.solvers.spline.problem import AnchoredPoints
+from ispom.solvers.window.covariance import cells, cluster_inflation, inverse_curvature, sum_by_group
+from ispom.solvers.window.kernels import FIXED_WEIGHTS, OWN_CURVATURE
 
 POSE = 6
 """Unknowns of a pose."""
-BENDS = 2.0
-"""Of the loss's own second derivatives, w J'J - 2 (w J'e) (w J'e)' / loss^2: where it is as narrow as the errors, poses
-are off by more than with weights held."""
 
 
 class Equations(NamedTuple):
-    """Of a pose, by a twist (rho, phi) on its right, from K points."""
+    """Derivatives of a pose's cost by a twist (rho, phi) on its right, from K points, with the loss's own curvature."""
 
-    information: Array
-    """(6, 6)."""
-    pull: Array
-    """(6, n) how its right side follows the window."""
-    slopes: Array
-    """(K, 6) what each point says of it."""
+    fixed: Array
+    """(6, 6) second derivatives with fixed weights."""
+    by_unknowns: Array
+    """(6, n) negative derivative of the gradient by the unknowns that move the points and observations."""
+    scores: Array
+    """(K, 6) gradient of each point."""
     curvatures: Array
-    """(K, 6, 6) of the information, the part of each point."""
+    """(K, 6, 6) second derivatives of each point."""
 
 
 def pose_covariance(
@@ -54,16 +52,16 @@ def pose_covariance(
     moved: Array | None = None,
     shared: Array | None = None,
 ) -> Array:
-    """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
+    """Returns the covariance (6, 6), right twist (rho, phi), of a pose resected from uncertain points (K,).
 
-    Seen at (K, 2), weighed by `noise` and its loss (normalised units), and off as far as they turn out to be
-    (`Solution.sandwich_covariance`), what is wrong with each point included. What all points
-    follow is led back to the unknowns of their window, so that it is counted jointly; what a point says there and here
-    is mostly one error, and is squared together. Errors with covariance `shared`
-    (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
+    Args:
+        seen: (K, 2) observations, normalised; weighted by `noise` and its loss.
+        uncertainty: of the points. Their common errors are those of a window's unknowns. The error of a track in the
+            window and here is mostly the same one, so both are added before they are squared.
+        moved: (K, 2, S) Jacobian of the observations by further errors; that of the points is uncertainty.shared.
+        shared: (S, S) covariance of these errors.
 
-    The sandwich H^-1 S H^-1 (Huber 1967; White 1982), as in `window.groups`: H has the loss's own second derivatives,
-    S is by what points and groups of neighbours say (`neighbours.widened`).
+    It is the sandwich of `window.covariance`: own curvature, scores as if left out, clusters, small sample.
     """
     n = uncertainty.sensitivity.shape[2]
     direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
@@ -71,42 +69,39 @@ def pose_covariance(
         direct[:, :, n:] = moved / noise.sigma
     observed = _observed(world_from_rig, rig_from_camera, points, seen, noise.sigma)
     follow = np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2)
-    equations = _equations(observed, noise.factor, BENDS, follow, direct)
-    if not _is_minimum(equations.information):
-        equations = _equations(observed, noise.factor, 0.0, follow, direct)
-    information, pull = equations.information, equations.pull
-    inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(POSE))
-    turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((POSE, RIG))
+    equations = _equations(observed, noise.factor, OWN_CURVATURE, follow, direct)
+    inverse = inverse_curvature(equations.curvatures.sum(axis=0), equations.fixed)
+    by_unknowns = inverse @ equations.by_unknowns
+    by_window, by_shared, of_rig = by_unknowns[:, :n], by_unknowns[:, n:], np.zeros((POSE, RIG))
     if of_video:
-        # What is found is the camera; where the rig is depends on how the camera sits in it.
+        # The resection estimates the camera's pose; the rig's depends on the camera's pose in the rig, too.
         r, t = rig_from_camera.rotation, rig_from_camera.translation
         of_rig[3:, :3], of_rig[:3, :3], of_rig[:3, 3:6] = r, np.cross(t, r.T).T, np.eye(3)
-        turn[:, -RIG:] -= of_rig
-    moves = uncertainty.moves @ turn.T
-    # Slopes are those of the cost: the pose goes against them.
-    alone, *groups = [
-        by_group(int(of.max(initial=-1)) + 1, of, moves) - _without(of, equations, inverse) @ inverse
+        by_window[:, -RIG:] -= of_rig
+    moves = uncertainty.moves @ by_window.T
+    # Scores are gradients of the cost: the pose moves against them.
+    alone, *grouped = [
+        sum_by_group(int(of.max(initial=-1)) + 1, of, moves) - _left_out(of, equations, inverse) @ inverse
         for of in (np.arange(len(seen)), *_neighbours(seen))
     ]
-    found = (
-        turn @ uncertainty.parameters @ turn.T + cluster_inflation(alone, groups) * alone.T @ alone - moves.T @ moves
-    )
-    return found if shared is None else found + of_shared @ shared @ of_shared.T
+    window = by_window @ uncertainty.parameters @ by_window.T - moves.T @ moves
+    found = window + cluster_inflation(alone, grouped) * alone.T @ alone
+    return found if shared is None else found + by_shared @ shared @ by_shared.T
 
 
 def pose_information(
     world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, noise: Noise
 ) -> Array:
-    """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
+    """Returns the information (6, 6) on such a pose, right twist (rho, phi), from exact points, with fixed weights."""
     observed = _observed(world_from_rig, rig_from_camera, points, seen, noise.sigma)
     nothing = np.zeros((len(seen), 3, 0))
-    return _equations(observed, noise.factor, 0.0, nothing, nothing[:, :2].copy()).information
+    return _equations(observed, noise.factor, FIXED_WEIGHTS, nothing, nothing[:, :2].copy()).fixed
 
 
 def _observed(
     world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, sigma: float
 ) -> Observed:
-    """One exposure of one camera, which sees each point once."""
+    """Returns the observations of one frame of one camera, one of each point."""
     count = len(seen)
     none, per = np.zeros(count, np.int64), np.tile([1 / sigma, 1 / sigma, 0.0], (count, 1))
     return Observed.of(
@@ -126,30 +121,23 @@ def _observed(
     )
 
 
-def _is_minimum(information: Array) -> bool:
-    try:
-        np.linalg.cholesky(information)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
 def _neighbours(seen: Array) -> list[NDArray[np.int64]]:
-    """Numbers (K,) of groups of neighbours, from 0 on."""
+    """Returns the group (K,) of each observation, from 0 on, for each grouping."""
     return [np.unique(numbers, return_inverse=True)[1] for numbers in cells(seen)]
 
 
-def _without(groups: NDArray[np.int64], equations: Equations, inverse: Array) -> Array:
-    """(G, 6) what groups of points say, as if each had had no part in the estimate; `groups` (K,) from 0 on."""
+def _left_out(groups: NDArray[np.int64], equations: Equations, inverse: Array) -> Array:
+    """Returns the scores (G, 6) of `groups` (K,) of points, from 0 on, as if each had not contributed to the pose."""
     count = int(groups.max(initial=-1)) + 1
-    said = by_group(count, groups, equations.slopes)
-    own = by_group(count, groups, equations.curvatures.reshape(-1, POSE * POSE)).reshape(-1, POSE, POSE)
-    return said + np.einsum("gij,gj->gi", own, said @ inverse)
+    scores = sum_by_group(count, groups, equations.scores)
+    own = sum_by_group(count, groups, equations.curvatures.reshape(-1, POSE * POSE)).reshape(-1, POSE, POSE)
+    return scores + np.einsum("gij,gj->gi", own, scores @ inverse)
 
 
 @kernel()
-def _equations(observed, loss, bends, follow, moved):
-    """Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations."""
+def _equations(observed, loss, second_order, follow, moved):
+    """Points follow the unknowns by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations;
+    `second_order` as in window.kernels.reduce_points."""
     count = len(follow)
     found = Equations(
         np.zeros((POSE, POSE)),
@@ -167,30 +155,32 @@ def _equations(observed, loss, bends, follow, moved):
                     by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]
                     by_pose[3 + k, i] = rows.by_pose[i, k]
             x, y = rows.errors[0], rows.errors[1]
-            bent = bends * weight * weight / (loss * loss)
-            second = weight - bent * x * x, -bent * x * y, weight - bent * y * y
+            term = second_order * weight * weight / (loss * loss)
+            second = weight - term * x * x, -term * x * y, weight - term * y * y
             for k in range(POSE):
-                found.slopes[m, k] = weight * (by_pose[k, 0] * x + by_pose[k, 1] * y)
-            _add(found.information, found.curvatures[m], second, by_pose)
-            _pull(found.pull, second, by_pose, rows.by_point, follow[m], moved[m])
+                found.scores[m, k] = weight * (by_pose[k, 0] * x + by_pose[k, 1] * y)
+            _add_curvature(found.fixed, found.curvatures[m], weight, second, by_pose)
+            _add_by_unknowns(found.by_unknowns, second, by_pose, rows.by_point, follow[m], moved[m])
     return found
 
 
 @part
-def _add(information, own, second, by_pose):
-    """Adds what a point, by its own second derivatives (xx, xy, yy), says of the pose."""
+def _add_curvature(fixed, own, weight, second, by_pose):
+    """Fills a point's second derivatives by the pose, from those `second` (xx, xy, yy) by its errors; adds those with
+    fixed weights."""
     xx, xy, yy = second
     for k in range(POSE):
-        a, b = xx * by_pose[k, 0] + xy * by_pose[k, 1], xy * by_pose[k, 0] + yy * by_pose[k, 1]
+        x, y = by_pose[k, 0], by_pose[k, 1]
+        a, b = xx * x + xy * y, xy * x + yy * y
         for j in range(POSE):
             own[k, j] = a * by_pose[j, 0] + b * by_pose[j, 1]
-            information[k, j] += own[k, j]
+            fixed[k, j] += weight * (x * by_pose[j, 0] + y * by_pose[j, 1])
 
 
 @part
-def _pull(out, second, by_pose, by_point, follow, moved):
-    """Subtracts from out (6, n) what pose and point (3, n) `follow` have to do with each other; adds the observation's
-    own (2, n) `moved`."""
+def _add_by_unknowns(out, second, by_pose, by_point, follow, moved):
+    """Adds a point's derivatives to `out` (6, n): those by its own changes `follow` (3, n) are subtracted, those by the
+    changes `moved` (2, n) of its observation added."""
     xx, xy, yy = second
     for k in range(POSE):
         a, b = xx * by_pose[k, 0] + xy * by_pose[k, 1], xy * by_pose[k, 0] + yy * by_pose[k, 1]

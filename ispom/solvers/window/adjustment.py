@@ -19,7 +19,7 @@ from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
 from ispom.solvers.right_camera import without_lens
-from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_steps, reduce_points
+from ispom.solvers.window.kernels import FIXED_WEIGHTS, Eliminated, Reduced, padded, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
@@ -180,10 +180,10 @@ class Equations:
     eliminated: Eliminated
 
     @staticmethod
-    def of(window: Window, scale: float, damping: float = 0.0, bends: float = 0.0) -> Equations:
+    def of(window: Window, scale: float, damping: float = 0.0, second_order: float = FIXED_WEIGHTS) -> Equations:
         """Builds the equations. `damping` raises the points' diagonal entries by this share, not those of `matrix`.
 
-        `bends` 2 uses the loss's own second derivatives, 0 those with fixed weights; the priors are the same.
+        `second_order` selects the second derivatives of the loss, see kernels.reduce_points.
         """
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
@@ -194,7 +194,7 @@ class Equations:
             np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, 3, wide))
         )
         reduced = Reduced(blocks, side, np.zeros((shown, wide)), np.zeros((views, POSE)), np.zeros(shown))
-        reduce_points(scale, damping, bends, reduced, eliminated, window.observed)
+        reduce_points(scale, damping, second_order, reduced, eliminated, window.observed)
         matrix, right, last = np.zeros((poses + extra, poses + extra)), np.zeros(poses + extra), poses + shown
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
         matrix[poses:last, :poses] = side[:, :, :shown].reshape(poses, shown).T

@@ -1,8 +1,8 @@
-"""The compiled parts of a window's adjustment: normal equations without the points, the points' steps.
+"""The compiled parts of bundle adjustment in a window: normal equations without the points, and the points' steps.
 
 With q a point in its camera, a pose's left twist moves q by B = [I | -[q]x] times it, and the point's own step moves q
-by R: all derivatives of an observation follow from those by q. So 3 x 3 terms are summed up first, and widened to 6 x 6
-by B at the very end.
+by R: all derivatives of an observation follow from those by q. So 3 x 3 terms are summed first, and extended to 6 x 6
+by B at the end.
 """
 
 from __future__ import annotations
@@ -52,16 +52,17 @@ from ispom.solvers.window.observation import (
 from ispom.solvers.window.prior import LENS
 
 LANES = 8
-"""Corrections are worked on so many at a time: arrays have room for a multiple of it, W, filled with zeros."""
+"""Number of corrections processed at a time: arrays have W columns, a multiple of it, filled with zeros."""
 
 
+FIXED_WEIGHTS, OWN_CURVATURE = 0.0, 2.0
+"""Values of `second_order`, see reduce_points."""
 LEAST_SHARE = 0.1
-"""Of a point's own second derivatives with weights held: one of which a direction keeps less says nothing of the
-rest."""
+"""Least curvature relative to that with fixed weights: a point with less in any direction constrains no poses."""
 
 
 def padded(count: int) -> int:
-    """W of so many corrections; of few as many."""
+    """Returns W for `count` corrections, which is `count` if that is less than LANES."""
     return count if count < LANES else -(-count // LANES) * LANES
 
 
@@ -69,11 +70,11 @@ class Reduced(NamedTuple):
     """Normal equations of C poses and E corrections, without the points."""
 
     blocks: Array
-    """(C, C, 6, 6) of pairs of poses, the first index not below the second."""
+    """(C, C, 6, 6) blocks of pairs of poses, the first index not below the second."""
     side: Array
-    """(C, 6, W) of the poses with the corrections."""
+    """(C, 6, W) blocks of poses and corrections."""
     corner: Array
-    """(E, W) of the corrections."""
+    """(E, W) block of the corrections."""
     by_poses: Array
     """(C, 6) gradient."""
     by_corrections: Array
@@ -81,12 +82,12 @@ class Reduced(NamedTuple):
 
 
 class Eliminated(NamedTuple):
-    """What gives back the steps of the points, once those of poses and corrections are known."""
+    """Data for the points' steps that follow from those of poses and corrections."""
 
     inverses: Array
-    """(M, 6) of the points' own symmetric blocks."""
+    """(M, 6) inverses of the points' own symmetric blocks."""
     gradients: Array
-    """(M, 3) by the points."""
+    """(M, 3) gradients by the points."""
     mixed: Array
     """(K, 12) per observation: q, and the 3 x 3 matrix F for which B' F is the block of pose and point."""
     mixed_extra: Array
@@ -101,53 +102,53 @@ x and y the same come after them (3 + LENS), as its first corrections only do th
 
 
 @kernel(fastmath={"contract"})
-def reduce_points(scale, damping, bends, reduced, eliminated, observed):
-    """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back.
+def reduce_points(scale, damping, second_order, reduced, eliminated, observed):
+    """Adds the normal equations of poses and corrections to `reduced`, the points eliminated; fills `eliminated`.
 
-    With `bends` 2 the second derivatives are the loss's own, w J'J - 2 (w J'e) (w J'e)' with J the derivatives of an
-    error e and w Cauchy's weight; a point adds none where a direction of its own keeps less than LEAST_SHARE. With 0
-    weights are held.
+    Second derivatives are w J'J - `second_order` (w J'e) (w J'e)', with J the derivatives of an error e and w Cauchy's
+    weight: those of the loss itself for OWN_CURVATURE, where points that keep less than LEAST_SHARE are skipped; those
+    with fixed weights for FIXED_WEIGHTS.
     """
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
     wide = FACTORS + eliminated.mixed_extra.shape[2]
     terms = np.zeros((longest, wide if observed.baseline == 0.0 else wide + 3 + LENS))
     views, shown, columns = len(reduced.blocks), reduced.corner.shape[0], reduced.corner.shape[1]
-    nowhere = Reduced(
+    discarded = Reduced(
         np.zeros((views, views, 6, 6)), np.zeros((views, 6, columns)), np.zeros((shown, columns)),
         np.zeros((views, 6)), np.zeros(shown),
     )  # fmt: skip
     for m in range(len(observed.points)):
-        if bends == 0.0 or _keeps(m, end, per, bends, observed):
-            end = _reduce_point(m, end, per, damping, bends, reduced, eliminated, terms, observed)
+        if second_order == FIXED_WEIGHTS or _is_curved(m, end, per, second_order, observed):
+            end = _reduce_point(m, end, per, damping, second_order, reduced, eliminated, terms, observed)
         else:
-            end = _reduce_point(m, end, per, damping, 0.0, nowhere, eliminated, terms, observed)
+            end = _reduce_point(m, end, per, damping, FIXED_WEIGHTS, discarded, eliminated, terms, observed)
 
 
 @part
-def _keeps(m, begin, per, bends, observed):
+def _is_curved(m, begin, per, second_order, observed):
     """Whether each direction of point m, whose observations start at `begin`, keeps LEAST_SHARE of its curvature."""
-    held, bent, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), begin
+    fixed, rest, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), begin
     while k < len(observed.owners) and observed.owners[k] == m:
         q, rotation = in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
             seen, wrong = vector(observed.seen, k), correction(observed.extra)
             hessian, by_q, _, _, _ = linearised(q, seen, observed.baseline, wrong, per)
             _, own = congruent(rotation, hessian)
-            held, bent = plus6(held, own), plus_square(bent, -bends, times_transposed(rotation, by_q))
+            fixed, rest = plus6(fixed, own), plus_square(rest, -second_order, times_transposed(rotation, by_q))
         k += 1
-    a, b, c, d, e, f = held
-    rest = 1.0 - LEAST_SHARE
-    return inverse_by_pivots(plus6(bent, (rest * a, rest * b, rest * c, rest * d, rest * e, rest * f)))[0] > 0.0
+    a, b, c, d, e, f = fixed
+    share = 1.0 - LEAST_SHARE
+    return inverse_by_pivots(plus6(rest, (share * a, share * b, share * c, share * d, share * e, share * f)))[0] > 0.0
 
 
 @part
-def _reduce_point(m, begin, per, damping, bent, reduced, eliminated, terms, observed):
-    """Point m, whose observations start at `begin`; where they end."""
-    end, block, gradient = _linearise(m, begin, per, bent, reduced, eliminated, terms, observed)
+def _reduce_point(m, begin, per, damping, second_order, reduced, eliminated, terms, observed):
+    """Eliminates point m, whose observations start at `begin`; returns where they end."""
+    end, block, gradient = _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed)
     if observed.baseline == 0.0:
         inverted = inverse(damped(block, damping))
     else:
-        _add_lenses(m, begin, end, per, bent, reduced, eliminated, terms, observed)
+        _add_lenses(m, begin, end, per, second_order, reduced, eliminated, terms, observed)
         inverted = inverse_by_pivots(damped_of_pair(block, damping))
     store6(eliminated.inverses, m, inverted)
     store(eliminated.gradients, m, gradient)
@@ -158,17 +159,18 @@ def _reduce_point(m, begin, per, damping, bent, reduced, eliminated, terms, obse
 
 
 @part
-def _linearise(m, begin, per, bent, reduced, eliminated, terms, observed):
-    """Sums up the observations of point m, from `begin` on: where they end, its own block (6), its gradient (3)."""
+def _linearise(m, begin, per, second_order, reduced, eliminated, terms, observed):
+    """Sums the observations of point m, from `begin` on; returns where they end, its own block (6) and gradient (3)."""
     block, gradient, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), begin
     wrong, baseline = correction(observed.extra), observed.baseline
     while k < len(observed.owners) and observed.owners[k] == m:
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
             hessian, by_q, mixed, second, first = linearised(q, vector(observed.seen, k), baseline, wrong, per)
-            if bent > 0.0:
-                hessian, mixed = plus_square(hessian, -bent, by_q), minus(mixed, scaled(bent * first, by_q))
-                second -= bent * first * first
+            if second_order > 0.0:
+                hessian = plus_square(hessian, -second_order, by_q)
+                mixed = minus(mixed, scaled(second_order * first, by_q))
+                second -= second_order * first * first
             fill_factors(terms, n, FACTORS, q, observed, k)
             with_point, own = congruent(rotation, hessian)
             block, gradient = plus6(block, own), plus(gradient, times_transposed(rotation, by_q))
@@ -184,21 +186,21 @@ def _linearise(m, begin, per, bent, reduced, eliminated, terms, observed):
 
 
 @part
-def _add_lenses(m, begin, end, per, bent, reduced, eliminated, terms, observed):
-    """Adds to the blocks of a pair's corrections what the first ones do to the left x and y of point m."""
+def _add_lenses(m, begin, end, per, second_order, reduced, eliminated, terms, observed):
+    """Adds the derivatives of the left x and y of point m by a pair's first corrections to the corrections' blocks."""
     at, corner, baseline = terms.shape[1] - LENS, reduced.corner, observed.baseline
     for k in range(begin, end):
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
             seen = vector(observed.seen, k)
             mixed, second, first = linearised_lens(q, seen, baseline, per)
-            if bent > 0.0:
+            if second_order > 0.0:
                 _, by_q, _, _, other = linearised(q, seen, baseline, correction(observed.extra), per)
-                mixed, second = minus(mixed, scaled(bent * first, by_q)), second - bent * first * first
+                mixed, second = minus(mixed, scaled(second_order * first, by_q)), second - second_order * first * first
             store(terms, n, mixed, at - 3)
             fill_lens(terms, n, at, observed, k)
-            if bent > 0.0:
-                _bend_lenses(n, at, bent * first * other, corner, terms)
+            if second_order > 0.0:
+                _couple_lenses(n, at, second_order * first * other, corner, terms)
             by_point = times_transposed(rotation, mixed)
             for e in range(LENS):
                 factor = terms[n, at + e]
@@ -210,8 +212,8 @@ def _add_lenses(m, begin, end, per, bent, reduced, eliminated, terms, observed):
 
 
 @part
-def _bend_lenses(n, at, product, corner, terms):
-    """Takes from the corrections' corner what bends between those of the left x and y, and of the right x."""
+def _couple_lenses(n, at, product, corner, terms):
+    """Subtracts the second-order term between the corrections of the left x and y and of the right x from `corner`."""
     for e in range(LENS):
         for d in range(len(corner)):
             between = product * terms[n, at + e] * terms[n, FACTORS + d]
@@ -221,7 +223,7 @@ def _bend_lenses(n, at, product, corner, terms):
 
 @part
 def _store_mixed(out, k, q, m):
-    """Into row k of Eliminated.mixed."""
+    """Fills row k of Eliminated.mixed."""
     out[k, 0], out[k, 1], out[k, 2] = q
     out[k, 3], out[k, 4], out[k, 5] = m[0]
     out[k, 6], out[k, 7], out[k, 8] = m[1]
@@ -230,7 +232,7 @@ def _store_mixed(out, k, q, m):
 
 @part
 def mixed_of(mixed, k):
-    """q and F of row k of Eliminated.mixed."""
+    """Returns q and F of row k of Eliminated.mixed."""
     return (mixed[k, 0], mixed[k, 1], mixed[k, 2]), (
         (mixed[k, 3], mixed[k, 4], mixed[k, 5]),
         (mixed[k, 6], mixed[k, 7], mixed[k, 8]),
@@ -254,7 +256,7 @@ def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
 
 @part
 def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
-    """Schur complement: takes M V^-1 M' and M V^-1 b from what the corrections have, M their block with the point."""
+    """Schur complement: subtracts M V^-1 M' and M V^-1 b from the corrections' terms, M their block with the point."""
     mixed, corner = eliminated.mixed_extra, reduced.corner
     for e in range(len(corner)):
         a, b, c = times(symmetric(inverted), (mixed[m, 0, e], mixed[m, 1, e], mixed[m, 2, e]))
@@ -279,7 +281,7 @@ def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminat
 
 @part
 def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
-    """Its block with the corrections; those go many at a time."""
+    """Adds its block with the corrections, several of these at a time."""
     own, (x, y, z) = vector(terms, n, MIXED), transposed(gain)
     own_turn, x_turn, y_turn, z_turn = cross(q, own), cross(q, x), cross(q, y), cross(q, z)
     for d in range(3):
@@ -295,7 +297,7 @@ def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
 
 @part
 def _add_lens_to_pose(n, c, q, side, terms):
-    """Adds to it what the first corrections do to the left x and y."""
+    """Adds the derivatives of the left x and y by the first corrections to it."""
     at = terms.shape[1] - LENS
     own = vector(terms, n, at - 3)
     turn = cross(q, own)
@@ -313,7 +315,7 @@ def _minus_symmetric(m, s):
 
 @kernel(fastmath={"contract"})
 def point_steps(cameras, owners, eliminated, pose_step, extra_step):
-    """Back-substitution: (M, 3) steps of the points that go with those of the poses (C, 6) and corrections (E,)."""
+    """Back-substitution: returns the points' steps (M, 3) for those of the poses (C, 6) and corrections (E,)."""
     left = np.empty_like(eliminated.gradients)
     for m in range(len(left)):
         store(left, m, scaled(-1.0, vector(eliminated.gradients, m)))

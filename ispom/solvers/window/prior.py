@@ -26,7 +26,7 @@ class PendingScores:
 
     ids: NDArray[np.int64]
     """(T,) ids of the tracks, ascending."""
-    slopes: Array
+    scores: Array
     """(T, D) scores."""
 
     @staticmethod
@@ -34,18 +34,18 @@ class PendingScores:
         """Returns the scores of no track, for `size` unknowns."""
         return PendingScores(np.zeros(0, np.int64), np.zeros((0, size)))
 
-    def and_of(self, ids: NDArray[np.int64], slopes: Array) -> PendingScores:
-        """Adds the scores `slopes` (N, D) of tracks `ids` (N,), each at most once."""
+    def and_of(self, ids: NDArray[np.int64], scores: Array) -> PendingScores:
+        """Adds the scores `scores` (N, D) of tracks `ids` (N,), each at most once."""
         at = places(self.ids, ids)
-        known, own = at >= 0, self.slopes.copy()
-        own[at[known]] += slopes[known]
+        known, own = at >= 0, self.scores.copy()
+        own[at[known]] += scores[known]
         every = np.concatenate([self.ids, ids[~known]])
         order = np.argsort(every, kind="stable")
-        return PendingScores(every[order], np.concatenate([own, slopes[~known]])[order])
+        return PendingScores(every[order], np.concatenate([own, scores[~known]])[order])
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> PendingScores:
         """Eliminates the unknowns `gone`, see Sandwich.without."""
-        return PendingScores(self.ids, self.slopes[:, ~gone] - self.slopes[:, gone] @ gain.T)
+        return PendingScores(self.ids, self.scores[:, ~gone] - self.scores[:, gone] @ gain.T)
 
 
 def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
@@ -76,29 +76,29 @@ class Sandwich:
     curvature: Array
     """H (D, D), second derivatives of the cost with the loss's own; in `Prior.hessian` weights are fixed."""
     scatter: Array
-    """S (D, D), the covariance of the cost's gradient, without the contribution of `lasting` tracks."""
-    lasting: PendingScores | None = None
+    """S (D, D), the covariance of the cost's gradient, without the contribution of `pending` tracks."""
+    pending: PendingScores | None = None
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> Sandwich:
         """Eliminates the unknowns `gone` (D,): `gain` (D - G, G) times their gradient is subtracted from that of the
         others."""
-        lasting = None if self.lasting is None else self.lasting.without(gain, gone)
-        return Sandwich(_without(self.curvature, gain, gone), _without(self.scatter, gain, gone), lasting)
+        pending = None if self.pending is None else self.pending.without(gain, gone)
+        return Sandwich(_without(self.curvature, gain, gone), _without(self.scatter, gain, gone), pending)
 
     def times(self, factor: float) -> Sandwich:
         """Returns the sandwich of the cost multiplied by `factor`."""
-        lasting = None if self.lasting is None else replace(self.lasting, slopes=factor * self.lasting.slopes)
-        return Sandwich(factor * self.curvature, factor**2 * self.scatter, lasting)
+        pending = None if self.pending is None else replace(self.pending, scores=factor * self.pending.scores)
+        return Sandwich(factor * self.curvature, factor**2 * self.scatter, pending)
 
     def with_evidence(self, evidence: Evidence) -> Sandwich:
         """Adds evidence. The loss's second derivative by a residual is its weight times 1 - 2 left^2."""
         design, left, size = evidence.design, evidence.left, len(self.curvature)
         corrections = slice(size - design.shape[1], size)
-        curvature, slopes = self.curvature.copy(), np.zeros((len(design), size))
+        curvature, scores = self.curvature.copy(), np.zeros((len(design), size))
         curvature[corrections, corrections] += design.T @ (design * (1 - 2 * left**2)[:, None])
-        slopes[:, corrections] = design * left[:, None]
+        scores[:, corrections] = design * left[:, None]
         return Sandwich(
-            curvature, self.scatter, (self.lasting or PendingScores.none(size)).and_of(evidence.ids, slopes)
+            curvature, self.scatter, (self.pending or PendingScores.none(size)).and_of(evidence.ids, scores)
         )
 
 
@@ -149,7 +149,7 @@ class Prior:
         constant = self.constant + 0.5 * float(error @ error)
         return replace(self, hessian=hessian, gradient=gradient, constant=constant, sandwich=sandwich)
 
-    def aged(self, kept: float, sigma: Array) -> Prior:
+    def with_process_noise(self, kept: float, sigma: Array) -> Prior:
         """Adds process noise to the corrections (a Gauss-Markov process): each is multiplied by `kept`.
 
         Without observations the standard deviations return to `sigma` (E,); 0 fixes a correction.
@@ -178,13 +178,13 @@ class Prior:
         gradient -= gain @ (self.gradient[now] - kept * came * gone)
         sandwich = self.sandwich
         if sandwich is not None:
-            lasting = sandwich.lasting
-            if lasting is not None:
-                slopes = lasting.slopes - lasting.slopes[:, now] @ gain.T
-                slopes[:, now] -= lasting.slopes[:, now]
-                lasting = PendingScores(lasting.ids, slopes)
+            pending = sandwich.pending
+            if pending is not None:
+                scores = pending.scores - pending.scores[:, now] @ gain.T
+                scores[:, now] -= pending.scores[:, now]
+                pending = PendingScores(pending.ids, scores)
             own = Sandwich(with_then(sandwich.curvature), with_then(sandwich.scatter))
-            sandwich = replace(own.without(gain, np.arange(len(both)) >= size), lasting=lasting)
+            sandwich = replace(own.without(gain, np.arange(len(both)) >= size), pending=pending)
         return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient, sandwich=sandwich)
 
     def cost(self, shift: Array) -> float:
@@ -197,6 +197,6 @@ class Prior:
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:
     """Returns the prior that fixes the first pose, with standard deviation `sigma` [m, rad]."""
     information = np.concatenate([np.full(POSE, sigma**-2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0])
-    zeros, held = np.zeros(len(information)), np.diag(information)
-    sandwich = Sandwich(held, held)
-    return Prior(rotation[None], translation[None], np.zeros(len(extra_sigma)), held, zeros, sandwich=sandwich)
+    zeros, fixed = np.zeros(len(information)), np.diag(information)
+    sandwich = Sandwich(fixed, fixed)
+    return Prior(rotation[None], translation[None], np.zeros(len(extra_sigma)), fixed, zeros, sandwich=sandwich)

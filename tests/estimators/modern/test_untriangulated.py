@@ -13,7 +13,6 @@ from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.localise import Localisation, located_by
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame
-from ispom.estimators.modern.monocular.scatter import Spread
 from ispom.estimators.modern.monocular.setup import WIDTH
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
@@ -127,8 +126,9 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
     monkeypatch.setattr(untriangulated, "LEAST_GAIN", -1.0)
     nees, held = [], np.zeros((POSE + LENS, POSE + LENS))
     held[:POSE, :POSE] = np.diag([0.0, 0.0, 0.0, unsure_rad, unsure_rad, unsure_rad])
-    root = Spread(held, np.zeros((POINTS, POSE + LENS)), 1.0)
-    known = MapUncertainty((0,), np.arange(POINTS), np.zeros((POINTS, 3, POSE + LENS)), root, np.eye(6), 0, 0, 0)
+    none = np.zeros((POINTS, POSE + LENS))
+    arrays = np.zeros((POINTS, 3, POSE + LENS)), held**2, none, 1.0, np.eye(6)
+    known = MapUncertainty((0,), np.arange(POINTS), *arrays, 0, 0, 0)
     for seed in range(40):
         twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())

@@ -15,7 +15,7 @@ from ispom.solvers.localisation import fit_pose
 from ispom.solvers.spline import continuous
 from ispom.solvers.spline.continuous import PointUncertainty, Solution, covariance_of, solve
 from ispom.solvers.spline.observation import slope
-from ispom.solvers.spline.points import point_pulls
+from ispom.solvers.spline.points import point_scores
 from ispom.solvers.spline.pose_covariance import pose_covariance
 from ispom.solvers.spline.problem import VIDEO, AnchoredPoints, PosePrior, RigModel
 from tests.solvers.made_flight import RIG, made_flight, problem_of
@@ -111,7 +111,7 @@ def test_what_each_point_adds_makes_up_the_right_side() -> None:
     free = replace(problem, rig=replace(problem.rig, free=np.ones(7, bool)))
     sampled, o = free.sampled(), free.observations
     _, right, points = continuous._reduced(free, sampled, 0.0)
-    pulls = point_pulls(continuous._knots(free, sampled), o.exposure, o.owner, points)
+    pulls = point_scores(continuous._knots(free, sampled), o.exposure, o.owner, points)
     np.testing.assert_allclose(pulls.sum(axis=0), right, atol=1e-9 * np.abs(right).max())
 
 

@@ -31,7 +31,7 @@ def mean(of: Prior) -> Array:
 
 def test_corrections_change_with_time_as_a_gauss_markov_process() -> None:
     before, kept = prior(), 0.8
-    after = before.aged(kept, SIGMA)
+    after = before.with_process_noise(kept, SIGMA)
     step = np.diag([*[1.0] * POSE, kept, kept, 1.0])
     came = np.diag([*[0.0] * POSE, *((1 - kept**2) * SIGMA**2)])
     np.testing.assert_allclose(mean(after), step @ mean(before), atol=1e-9)
@@ -42,13 +42,13 @@ def test_corrections_change_with_time_as_a_gauss_markov_process() -> None:
 def test_what_is_never_seen_keeps_its_deviation_however_long() -> None:
     found = anchored(np.eye(3), np.zeros(3), SIGMA)
     for _ in range(1000):
-        found = found.aged(0.99, SIGMA)
+        found = found.with_process_noise(0.99, SIGMA)
     np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(found.hessian))[POSE:-1]), SIGMA[:-1], rtol=1e-9)
 
 
 def test_in_no_time_nothing_changes() -> None:
-    assert prior().aged(1.0, SIGMA).hessian is not None
-    np.testing.assert_array_equal(prior().aged(1.0, SIGMA).hessian, prior().hessian)
+    assert prior().with_process_noise(1.0, SIGMA).hessian is not None
+    np.testing.assert_array_equal(prior().with_process_noise(1.0, SIGMA).hessian, prior().hessian)
 
 
 def test_in_another_unit_of_the_cost_it_says_the_same() -> None:
@@ -67,7 +67,7 @@ def test_in_another_unit_of_the_cost_it_says_the_same() -> None:
 def covered(of: Prior) -> Array:
     """(D, D) covariance by its sandwich."""
     kept = of.sandwich or Sandwich(of.hessian, of.hessian)
-    said = np.zeros_like(of.hessian) if kept.lasting is None else kept.lasting.slopes.T @ kept.lasting.slopes
+    said = np.zeros_like(of.hessian) if kept.pending is None else kept.pending.scores.T @ kept.pending.scores
     return np.linalg.inv(kept.curvature) @ (kept.scatter + said) @ np.linalg.inv(kept.curvature)
 
 
@@ -92,11 +92,11 @@ def test_what_tracks_said_goes_along_as_their_squares_do() -> None:
         Sandwich(before.hessian, 0 * squares, PendingScores(np.arange(4), slopes)),
         Sandwich(before.hessian, 0 * squares),
     ):
-        aged = replace(before, sandwich=sandwich).aged(0.8, SIGMA).sandwich
+        aged = replace(before, sandwich=sandwich).with_process_noise(0.8, SIGMA).sandwich
         assert aged is not None
         gone = np.arange(POSE + 3) < 2
         left = aged.without(rng.normal(size=(POSE + 1, 2)) * 0 + 0.3, gone)
-        said = np.zeros((0, POSE + 1)) if left.lasting is None else left.lasting.slopes
+        said = np.zeros((0, POSE + 1)) if left.pending is None else left.pending.scores
         found.append(left.scatter + said.T @ said)
     np.testing.assert_allclose(found[0], found[1], atol=1e-9)
     assert np.abs(found[1] - found[2]).max() > 0.1
@@ -108,10 +108,10 @@ def test_a_track_says_the_same_twice_and_it_counts_twice_in_one() -> None:
     once = Evidence(design, np.zeros(3), left, np.array([2, 5, 9]))
     other = Evidence(design[:2], np.zeros(2), left[:2], np.array([5, 7]))
     found = first.with_evidence(once).with_evidence(other).sandwich
-    assert found is not None and found.lasting is not None
-    np.testing.assert_array_equal(found.lasting.ids, [2, 5, 7, 9])
+    assert found is not None and found.pending is not None
+    np.testing.assert_array_equal(found.pending.ids, [2, 5, 7, 9])
     said = left[:, None] * design
-    np.testing.assert_allclose(found.lasting.slopes[:, POSE:], [said[0], said[1] + said[0], said[1], said[2]])
+    np.testing.assert_allclose(found.pending.scores[:, POSE:], [said[0], said[1] + said[0], said[1], said[2]])
     weights = 1 - 2 * np.concatenate([left, left[:2]]) ** 2
     every = np.vstack([design, design[:2]])
     wanted = anchored(np.eye(3), np.zeros(3), SIGMA).hessian[POSE:, POSE:] + every.T @ (every * weights[:, None])

@@ -59,7 +59,7 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     problem = bundle_problem(world)
     noise = world.noise.after(adjust(problem.window, world.loss, iterations=0), world.loss)
     times_ns = tuple(k.time_ns for k in world.keys)
-    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, world.loss, noise.shared)
+    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, world.loss)
     lost_unit = any(d.key == checks.UNIT_POINTS.key and not d.passed for d in found.decisions)
     return replace(
         outcome,

@@ -1,7 +1,7 @@
 """Covariances of the monocular estimator: of its keyframes, of frames localised in the map, and of its scale.
 
-All are first order, from the curvature of the window's cost and the scatter of its gradient (`scatter`), in the gauge
-of the map: the pose of its first frame is the world, the distance to the last frame of its initialisation the unit.
+All are first order, from the sandwich covariance of the window (`solvers.window.covariance`), in the gauge of the map:
+the pose of its first frame is the world, the distance to the last frame of its initialisation the unit.
 
 A frame localised in the map is one more view of the same tracks. The error of a track is mostly the same as in the last
 keyframe, and has already moved the map. So both contributions of a track are added before they are squared. As
@@ -10,18 +10,19 @@ independent ones they overestimated the precision of poses ahead of a young map 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.scatter import LEAST_SHARE, Curvature, Spread
 from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.numerics.robust import cauchy_weights
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.window.adjustment import Window
+from ispom.solvers.window.covariance import WindowCovariance, inverse_curvature
+from ispom.solvers.window.kernels import LEAST_SHARE
 from ispom.solvers.window.prior import LENS, POSE
 
 
@@ -35,8 +36,12 @@ class MapUncertainty:
     """(M,) ids, ascending, of the points that the last keyframe observes."""
     by_poses: Array
     """(M, 3, D) Jacobian of each of these points with respect to poses and lens corrections."""
-    spread: Spread
-    """Covariance of these parameters; its `pulls` (M, D) are those of the points' tracks."""
+    covariance: Array
+    """(D, D) covariance of these parameters."""
+    by_tracks: Array
+    """(M, D) change of these parameters by the errors of each point's track."""
+    inflation: float
+    """Factor of the squared scores of tracks, see WindowCovariance."""
     pose: Array
     """(6, 6) covariance of the last keyframe's pose, right twist of world_from_camera."""
     scale_sigma: float
@@ -48,32 +53,29 @@ class MapUncertainty:
     without the points' own errors; infinite if there are none."""
 
     @staticmethod
-    def of(
-        window: Window, key_times_ns: tuple[int, ...], ids: NDArray[np.int64], sigma: float, shared: float
-    ) -> MapUncertainty:
-        """Computes the uncertainty of a window with points `ids` (M,); `sigma`: width of the loss, normalised."""
+    def of(window: Window, key_times_ns: tuple[int, ...], ids: NDArray[np.int64], width: float) -> MapUncertainty:
+        """Computes the uncertainty of a window with points `ids` (M,); `width` of the loss, normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
-        curved = Curvature.of(window, sigma)
-        spread = curved.spread(sigma, shared)
-        all_poses = spread.root @ spread.root.T
-        last = slice(POSE * (c - 1), POSE * c)
-        by_poses = -(curved.found.conditional[young] @ curved.found.mixed[young])
+        found = WindowCovariance.of(window, ids, width)
+        covariance, last = found.whole, slice(POSE * (c - 1), POSE * c)
+        by_poses = found.point_jacobians(young)
         return MapUncertainty(
             key_times_ns,
             ids[young],
             by_poses,
-            replace(spread, pulls=spread.pulls[young]),
-            all_poses[last, last],
-            *_of_steps(window, all_poses),
-            _of_depths(window, window.points[young], by_poses, spread.root),
+            covariance,
+            -found.left_out[young] @ found.inverse,
+            found.inflation,
+            covariance[last, last],
+            *_of_steps(window, covariance),
+            _of_depths(window, window.points[young], by_poses, covariance),
         )
 
     @property
     def lens(self) -> Array:
         """(2, 2) covariance of the lens corrections."""
-        root = self.spread.root[-LENS:]
-        return root @ root.T
+        return self.covariance[-LENS:, -LENS:]
 
     def of_pose(
         self,
@@ -97,26 +99,26 @@ class MapUncertainty:
         by_place, by_pose, by_extra = _derivatives(in_camera)
         errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
         weighted = by_pose * cauchy_weights((errors**2).sum(axis=1), scale)[:, None, None]
-        design, slopes = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
+        design, scores = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
         gain = np.swapaxes(weighted, 1, 2) @ (by_place @ pose.rotation)
         follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)
         follow[:, -LENS:] += design.T @ by_extra.reshape(2 * n, LENS)
-        held, pulls = by_pose.reshape(2 * n, POSE).T @ design, self.spread.pulls[place]
+        fixed, by_tracks = by_pose.reshape(2 * n, POSE).T @ design, self.by_tracks[place]
         if untriangulated is not None:
-            curved, more = untriangulated.slopes(pose, scale)
-            held, slopes = held + curved, np.concatenate([slopes, more])
-            pulls = np.concatenate([pulls, np.zeros((len(more), pulls.shape[1]))])
+            more_fixed, more = untriangulated.scores(pose, scale)
+            fixed, scores = fixed + more_fixed, np.concatenate([scores, more])
+            by_tracks = np.concatenate([by_tracks, np.zeros((len(more), by_tracks.shape[1]))])
             if untriangulated.key_ns in self.key_times_ns:
                 at = POSE * self.key_times_ns.index(untriangulated.key_ns)
-                follow[:, at : at + POSE] -= curved @ (pose @ untriangulated.world_from_key).adjoint
-        own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
+                follow[:, at : at + POSE] -= more_fixed @ (pose @ untriangulated.world_from_key).adjoint
+        inverse = inverse_curvature(fixed - 2 / scale**2 * scores.T @ scores, fixed)
         # Six degrees of freedom of the errors were used by the pose.
-        slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
-        both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
-        return own @ (of_map @ of_map.T + self.spread.wider * (slopes.T @ slopes + both + both.T)) @ own
+        scores /= np.sqrt(max(1 - POSE / (n + len(scores)), LEAST_SHARE))
+        both, own = scores.T @ by_tracks @ follow.T, scores.T @ scores
+        return inverse @ (follow @ self.covariance @ follow.T + self.inflation * (own + both + both.T)) @ inverse
 
 
-def _of_depths(window: Window, xyz: Array, by_poses: Array, root: Array) -> float:
+def _of_depths(window: Window, xyz: Array, by_poses: Array, covariance: Array) -> float:
     """Returns the median standard deviation of ln depth of points (M, 3) in the last camera; `by_poses` (M, 3, D) is
     their Jacobian with respect to poses and corrections."""
     rotation, last = window.rotations[-1], POSE * (len(window.rotations) - 1)
@@ -127,19 +129,9 @@ def _of_depths(window: Window, xyz: Array, by_poses: Array, root: Array) -> floa
     rows[:, last + 3] += near[:, 1]
     rows[:, last + 4] -= near[:, 0]
     front = near[:, 2] > 0
-    sigmas = np.linalg.norm(rows[front] / near[front, 2:] @ root, axis=1)
-    return float(np.median(sigmas)) if len(sigmas) else np.inf
-
-
-def _inverse(held: Array, bent: Array) -> Array:
-    """Inverts the second derivatives held - bent; each direction keeps at least LEAST_SHARE of `held`, which is
-    positive semidefinite, and null directions of `held` get 0."""
-    values, vectors = np.linalg.eigh(held)
-    known = values > 1e-15 * values[-1]
-    root = vectors[:, known] / np.sqrt(values[known])
-    share, turn = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ bent @ root)
-    found = root @ turn
-    return found / np.maximum(share, LEAST_SHARE) @ found.T
+    rows = rows[front] / near[front, 2:]
+    variances = ((rows @ covariance) * rows).sum(axis=1)
+    return float(np.sqrt(np.median(np.maximum(variances, 0.0)))) if len(variances) else np.inf
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:
@@ -149,7 +141,7 @@ def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:
     return by_place, by_twist, np.stack([uv, uv * (uv**2).sum(axis=1, keepdims=True)], axis=2)
 
 
-def _of_steps(window: Window, all_poses: Array) -> tuple[float, float]:
+def _of_steps(window: Window, covariance: Array) -> tuple[float, float]:
     """Returns the standard deviations of ln of the last step's length: of itself, and of its ratio to the step
     before."""
     count = len(window.rotations)
@@ -157,10 +149,10 @@ def _of_steps(window: Window, all_poses: Array) -> tuple[float, float]:
     rows = []
     for i in range(max(1, count - 2), count):
         step = centres[i] - centres[i - 1]
-        row = np.zeros(len(all_poses))
+        row = np.zeros(len(covariance))
         for j, sign in ((i, 1.0), (i - 1, -1.0)):  # a left twist's rho moves the centre by -R' rho
             row[POSE * j : POSE * j + 3] = -sign * (window.rotations[j] @ step) / max(float(step @ step), 1e-24)
         rows.append(row)
     against = rows[-1] - rows[0] if len(rows) > 1 else rows[-1]
-    unit, step = (float(np.sqrt(max(row @ all_poses @ row, 0.0))) for row in (rows[-1], against))
-    return unit, step
+    scale, step = (float(np.sqrt(max(row @ covariance @ row, 0.0))) for row in (rows[-1], against))
+    return scale, step

@@ -106,7 +106,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
         checks.NOISE.of(off, setup.noise_px.sigma, why),
     )
     times_ns = tuple(k.time_ns for k in world.keys)
-    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, world.loss, world.noise.shared)
+    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, world.loss)
     scale, drift = _scale(world, known, setup.noise, uncertainty)
     return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(setup, world)))
 

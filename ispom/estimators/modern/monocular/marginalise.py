@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame, bundle_problem
-from ispom.estimators.modern.monocular.scatter import Curvature
 from ispom.geometry import Pose
 from ispom.solvers.window.adjustment import Window, marginalise
+from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import POSE, Prior, Sandwich
 from ispom.types import Decision
 
@@ -78,8 +78,10 @@ def _oldest_into_prior(state: Map, alive: NDArray[np.int64]) -> tuple[Prior, NDA
     by_oldest[found.window.owners[found.window.cameras == 0]] = True
     dead = by_oldest & ~np.isin(found.ids, alive)
 
+    inverse, none = WindowCovariance.of(found.window, found.ids, state.loss).inverse, np.zeros(0, np.int64)
+
     def of_part(part: Window) -> Sandwich:
-        return Curvature.of(part, state.loss).sandwich(state.noise.shared)
+        return WindowCovariance.of(part, found.ids[dead], state.loss).marginal(none, inverse)
 
     prior = marginalise(found.window, dead, state.loss, of_part)
     return prior, found.ids[dead]

@@ -49,15 +49,15 @@ class UntriangulatedTracks:
     key_ns: int
     world_from_key: Pose
 
-    def slopes(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
+    def scores(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
         """Returns the second derivatives (6, 6) of their cost by a left twist, for fixed weights of the loss of width
-        `scale`, and the first derivatives (M, 6) of each track."""
+        `scale`, and the score (M, 6) of each track."""
         errors, by_twist = self.rays.errors(camera_from_world)
         used = np.isfinite(errors[:, 0])
         errors, by_twist = errors[used], by_twist[used]
         weighted = by_twist * (cauchy_weights((errors**2).sum(axis=1), np.sqrt(2) * scale) / 2)[:, None, None]
-        held = weighted.reshape(-1, POSE).T @ by_twist.reshape(-1, POSE)
-        return held, (errors[:, None] @ weighted)[:, 0]
+        fixed = weighted.reshape(-1, POSE).T @ by_twist.reshape(-1, POSE)
+        return fixed, (errors[:, None] @ weighted)[:, 0]
 
 
 def with_untriangulated(

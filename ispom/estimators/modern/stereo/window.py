@@ -17,7 +17,7 @@ from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
 from ispom.solvers.right_camera import PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
-from ispom.solvers.window.groups import Groups
+from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import POSE, Prior, Sandwich, anchored
 from ispom.types import Camera
 
@@ -89,7 +89,7 @@ class StereoMap:
     errors as independent, with the width of the loss. None before a second keyframe."""
     newest: Array | None = None
     """(6, 6) covariance of the newest keyframe's left twist, relative to the start, from the residuals of the tracks
-    (see groups.Groups)."""
+    (see WindowCovariance)."""
     start: Start | None = None
     """None if the first keyframe defines the world."""
     noise: TrackNoise = TrackNoise()
@@ -136,8 +136,8 @@ def with_key(
             hessian, newest = np.linalg.inv(covariance), covariance[:POSE, :POSE]
             prior = replace(prior, extra=state.extra, hessian=hessian, sandwich=Sandwich(hessian, hessian))
     else:
-        kept = float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s))
-        prior = required(prior, "the window has no prior").aged(kept, extra_sigma)
+        remaining = float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s))
+        prior = required(prior, "the window has no prior").with_process_noise(remaining, extra_sigma)
         if len(keys) == 1:
             # The first keyframe has no predecessor, so it gets the motion of the second one.
             keys = (replace(keys[0], motion=key.motion),)
@@ -182,8 +182,8 @@ def adjusted(
     made = replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, noise=noise)
     if state.keys[-1].late_s is not None:
         return made, result
-    groups = Groups.of(window, state.ids[used], scale)
-    return replace(made, covariance=groups.covariance, newest=groups.newest()), result
+    found = WindowCovariance.of(window, state.ids[used], scale)
+    return replace(made, covariance=found.inverse, newest=found.newest), result
 
 
 def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]]:
@@ -205,10 +205,10 @@ def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale:
     """Marginalises the oldest keyframe and its points into a prior on the others."""
     (past, keys), known = parted(state), required(state.covariance, "the window was not optimised")
     window, used, _ = packed(replace(state, keys=past), baseline, extra_sigma)
-    lasting = np.concatenate([k.ids for k in keys])
+    continuing = np.concatenate([k.ids for k in keys])
 
     def of_part(part: Window) -> Sandwich:
-        return Groups.of(part, state.ids[used], scale).sandwich(lasting, known)
+        return WindowCovariance.of(part, state.ids[used], scale).marginal(continuing, known)
 
     prior = marginalise(window, np.ones(len(window.points), bool), scale, of_part)
     return replace(state, keys=keys, prior=prior)
@@ -263,7 +263,7 @@ def with_pair(state: StereoMap, pair: KeyFrame, baseline: float, extra_sigma: Ar
     known = state.places(pair.ids) >= 0
     state = replace(state, keys=(*state.keys, pair.only(known)))
     window, used, _ = packed(state, baseline, extra_sigma)
-    return replace(state, newest=Groups.of(window, state.ids[used], scale).newest())
+    return replace(state, newest=WindowCovariance.of(window, state.ids[used], scale).newest)
 
 
 def newest_covariance(state: StereoMap) -> Array | None:

@@ -1,4 +1,4 @@
-"""Covariances of a window by how its cost curves and its gradient scatters: numerically, by leaving out, by chance."""
+"""Covariance of one camera's window: against finite differences, tracks that are left out, and errors."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.estimators.modern.monocular.scatter import Curvature
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import moved
 from ispom.solvers.localisation import fit_pose
 from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
+from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from tests.estimators.modern.test_noise import VIEWS, flown
 from tests.solvers.window.left import without_oldest
@@ -40,11 +40,19 @@ def with_gross(window: Window) -> Window:
     return replace(window, seen=seen)
 
 
+def found(window: Window, scale: float) -> WindowCovariance:
+    return WindowCovariance.of(window, np.arange(len(window.points)), scale)
+
+
+def without_jackknife(window: Window, scale: float) -> Sandwich:
+    of = found(window, scale)
+    return of.marginal(np.zeros(0, np.int64), np.zeros_like(of.curvature))
+
+
 def covered(window: Window, scale: float) -> Array:
     """Covariance (D, D) by curvature and scatter, no track left out."""
-    curved = Curvature.of(window, scale)
-    inverse = curved.inverse(scale)
-    return inverse @ curved.sandwich(1.0).scatter @ inverse
+    inverse = found(window, scale).inverse
+    return inverse @ without_jackknife(window, scale).scatter @ inverse
 
 
 def twists(window: Window, true: Window) -> Array:
@@ -56,7 +64,7 @@ def twists(window: Window, true: Window) -> Array:
 def test_curvature_and_scores_are_the_derivatives_of_the_cost_where_points_follow() -> None:
     window = replace(with_gross(made(0)), prior=None, fixed=VIEWS)
     window = adjust(window, SCALE, 200, 1e-15).window
-    curved, way = Curvature.of(window, SCALE), np.random.default_rng(1).normal(size=POSE * VIEWS) * 2e-5
+    curved, way = found(window, SCALE), np.random.default_rng(1).normal(size=POSE * VIEWS) * 2e-5
 
     def cost(share: float) -> float:
         turns, ways = moved(window.rotations, window.translations, share * way.reshape(-1, POSE))
@@ -65,9 +73,9 @@ def test_curvature_and_scores_are_the_derivatives_of_the_cost_where_points_follo
 
     lower, here, upper = cost(-1), cost(0), cost(1)
     direction = np.r_[way, np.zeros(LENS)]
-    slope = curved.found.scores.sum(axis=0) @ direction
+    slope = curved.scores.sum(axis=0) @ direction
     assert slope == pytest.approx((upper - lower) / 2, rel=1e-3)
-    bent = direction @ curved.found.reduced @ direction
+    bent = direction @ curved.curvature @ direction
     assert bent == pytest.approx(upper + lower - 2 * here, rel=0.02)
     held = Equations.of(window, SCALE).symmetric
     assert direction @ held @ direction > 1.05 * bent, "with weights held it would be more"
@@ -75,16 +83,15 @@ def test_curvature_and_scores_are_the_derivatives_of_the_cost_where_points_follo
 
 def test_without_errors_it_is_that_of_the_normal_equations() -> None:
     window = made(1, new=0.0)
-    found, known = (c[:-LENS, :-LENS] for c in (Curvature.of(window, SCALE).inverse(SCALE), covariance(window, SCALE)))
+    own, known = (c[:-LENS, :-LENS] for c in (found(window, SCALE).inverse, covariance(window, SCALE)))
     sigma = np.sqrt(np.diag(known))
-    np.testing.assert_allclose(found / np.outer(sigma, sigma), known / np.outer(sigma, sigma), atol=1e-5)
+    np.testing.assert_allclose(own / np.outer(sigma, sigma), known / np.outer(sigma, sigma), atol=1e-5)
 
 
 def test_a_track_left_out_moves_poses_as_its_score_says() -> None:
     window = adjust(made(2), SCALE, 60, 1e-14).window
-    curved = Curvature.of(window, SCALE)
-    inverse = curved.inverse(SCALE)
-    says = curved.left_out(inverse) @ inverse
+    curved = found(window, SCALE)
+    says = curved.left_out @ curved.inverse
     longest = np.argsort(np.linalg.norm(says[:, -POSE - LENS : -LENS], axis=1))[-3:]
     for track in longest:
         kept = window.owners != track
@@ -114,8 +121,7 @@ def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
             true = replace(true, seen=exact.seen + worse * (true.seen - exact.seen))
         done = adjust(true, scale, 30, 1e-8).window
         off, at = twists(done, true)[-1], slice(-POSE - LENS, -LENS)
-        root = Curvature.of(done, scale).spread(scale, 1.0).root[at]
-        nees.append(off @ np.linalg.solve(root @ root.T, off))
+        nees.append(off @ np.linalg.solve(found(done, scale).whole[at, at], off))
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high
 
@@ -135,7 +141,7 @@ def test_the_covariance_of_a_frame_located_in_the_map_is_that_of_its_errors(kind
         pose, xyz, x = Pose(true.rotations[-1], true.translations[-1]), done.points[owners], true.seen[seen, :2]
         motion = fit_pose(xyz, x, pose, 2 * SCALE, 4 * SCALE)
         assert motion is not None
-        covariance = MapUncertainty.of(done, tuple(range(newest)), ids, SCALE, 1.0).of_pose(
+        covariance = MapUncertainty.of(done, tuple(range(newest)), ids, SCALE).of_pose(
             owners, xyz, x, motion, 2 * SCALE
         )
         off = (pose @ motion.camera_from_world.inverse()).log()
@@ -169,7 +175,7 @@ def test_what_leaves_the_window_keeps_its_sandwich(scale: float, gross: bool) ->
     whole = adjust(with_gross(whole) if gross else whole, scale, 60, 1e-14).window
 
     def of_part(part: Window) -> Sandwich:
-        return Curvature.of(part, scale).sandwich(1.0)
+        return without_jackknife(part, scale)
 
     prior = marginalise(whole, gone, scale, of_part)
     rest = without_oldest(whole, gone, prior)

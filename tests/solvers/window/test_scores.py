@@ -1,4 +1,4 @@
-"""What tracks say of the slope of a window's cost, and how it curves: numerically, as its points follow."""
+"""Scores of tracks and curvature of a window's cost, against finite differences in which the points follow."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from ispom.geometry import Array
 from ispom.numerics.twist import moved
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Equations, Window, adjust, total_cost
+from ispom.solvers.window.kernels import FIXED_WEIGHTS, OWN_CURVATURE
 from ispom.solvers.window.prior import LENS, POSE
-from ispom.solvers.window.slopes import followed, slopes
+from ispom.solvers.window.scores import score_changes, track_scores
 from tests.estimators.modern.test_noise import VIEWS, flown
 from tests.solvers.window.test_window_pair import POSES, SCALE, found
-
-BENDS = 2.0
 
 
 def settled(kind: str) -> tuple[Window, float]:
@@ -40,7 +39,7 @@ def direction(kind: str, window: Window) -> Array:
 
 
 @pytest.mark.parametrize("kind", ["one camera", "pair"])
-def test_slopes_and_curvature_are_the_derivatives_of_the_cost_where_points_follow(kind: str) -> None:
+def test_scores_and_curvature_are_the_derivatives_of_the_cost_where_points_follow(kind: str) -> None:
     window, scale = settled(kind)
     poses, way = POSE * len(window.rotations), direction(kind, window)
 
@@ -50,8 +49,11 @@ def test_slopes_and_curvature_are_the_derivatives_of_the_cost_where_points_follo
         return total_cost(adjust(there, scale, 200, 1e-15).window, scale)
 
     lower, here, upper = cost(-1), cost(0), cost(1)
-    bent, held = (Equations.of(replace(window, extra_sigma=np.ones_like(window.extra)), scale, bends=b) for b in (2, 0))
-    slope = slopes(window.observed, bent.eliminated, len(window.extra), scale).sum(axis=0) @ way
+    bent, held = (
+        Equations.of(replace(window, extra_sigma=np.ones_like(window.extra)), scale, second_order=b)
+        for b in (OWN_CURVATURE, FIXED_WEIGHTS)
+    )
+    slope = track_scores(window.observed, bent.eliminated, len(window.extra), scale).sum(axis=0) @ way
     assert slope == pytest.approx((upper - lower) / 2, rel=0.03)
     known = way[poses:] @ way[poses:]  # by the deviations of one, which keep corrections from being held
     curve = [way @ equations.symmetric @ way - known for equations in (bent, held)]
@@ -59,14 +61,14 @@ def test_slopes_and_curvature_are_the_derivatives_of_the_cost_where_points_follo
     assert curve[1] > 1.05 * curve[0], "with weights held it would be more"
 
 
-@pytest.mark.parametrize("bends", [0.0, BENDS])
+@pytest.mark.parametrize("second_order", [FIXED_WEIGHTS, OWN_CURVATURE])
 @pytest.mark.parametrize("kind", ["one camera", "pair"])
-def test_slopes_follow_as_the_curvature_says(kind: str, bends: float) -> None:
+def test_scores_change_as_the_curvature_says(kind: str, second_order: float) -> None:
     window, scale = settled(kind)
     window = adjust(replace(window, seen=window.seen - 0.9 * _errors(window)), scale, 200, 1e-15).window
-    equations = Equations.of(replace(window, extra_sigma=np.ones_like(window.extra)), scale, bends=bends)
+    equations = Equations.of(replace(window, extra_sigma=np.ones_like(window.extra)), scale, second_order=second_order)
     way, groups = direction(kind, window), np.arange(len(window.points)) % 3
-    found = followed(window.observed, equations.eliminated, scale, bends, groups, np.tile(way, (3, 1)))
+    found = score_changes(window.observed, equations.eliminated, scale, second_order, groups, np.tile(way, (3, 1)))
     wanted = equations.symmetric @ way
     wanted[POSE * len(window.rotations) :] -= way[POSE * len(window.rotations) :]
     np.testing.assert_allclose(found.sum(axis=0), wanted, atol=1e-9 * np.abs(wanted).max())

@@ -1,4 +1,4 @@
-"""Groups of neighbours in the image."""
+"""Groups of neighbouring tracks, and the inflation by them."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.solvers.neighbours import CELLS, GROUPS, SHIFTS, by_group, cells, cluster_inflation
+from ispom.solvers.window.covariance import CELLS, GROUPS, SHIFTS, cells, cluster_inflation, sum_by_group
 
 POSE = 6
 
 
 def test_sums_by_group() -> None:
     rows = np.random.default_rng(0).normal(size=(7, 2))
-    found = by_group(4, np.array([0, 3, 3, 1, 0, 0, 3]), rows)
+    found = sum_by_group(4, np.array([0, 3, 3, 1, 0, 0, 3]), rows)
     np.testing.assert_allclose(found, [rows[[0, 4, 5]].sum(0), rows[3], [0, 0], rows[[1, 2, 6]].sum(0)])
 
 

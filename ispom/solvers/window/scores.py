@@ -1,4 +1,7 @@
-"""What each track of a window says of the slope of its cost by poses and corrections, the points eliminated."""
+"""Scores of a window's tracks: the gradient of each track's cost by poses and corrections, its point eliminated.
+
+See `covariance` for what they are used for.
+"""
 
 from __future__ import annotations
 
@@ -36,63 +39,71 @@ from ispom.solvers.window.observation import (
 from ispom.solvers.window.prior import LENS, POSE
 
 
-def slopes(observed: Observed, eliminated: Eliminated, corrections: int, scale: float) -> Array:
-    """(M, 6 C + E) first derivatives by left twists and corrections that each of M tracks has.
+def track_scores(observed: Observed, eliminated: Eliminated, corrections: int, scale: float) -> Array:
+    """Returns the score (M, 6 C + E) of each track by left twists and corrections.
 
-    `eliminated` is of these observations, without damping, E the number of `corrections`, `scale` that of the loss.
+    `eliminated` is of these observations, without damping; E the number of `corrections`, `scale` the loss width.
     """
     out = np.zeros((len(observed.points), POSE * len(observed.rotations) + corrections))
-    _fill(observed, eliminated, 1 / scale**2, out)
+    _scores(observed, eliminated, 1 / scale**2, out)
     return out
 
 
-def followed(
-    observed: Observed, eliminated: Eliminated, scale: float, bends: float, groups: NDArray[np.int64], moved: Array
+def score_changes(
+    observed: Observed,
+    eliminated: Eliminated,
+    scale: float,
+    second_order: float,
+    groups: NDArray[np.int64],
+    moved: Array,
 ) -> Array:
-    """(G, D) by how much the slopes of each group's tracks change with poses and corrections `moved` (G, D), the points
-    following; `groups` (M,). `bends` as in kernels.reduce_points, of which `eliminated` is."""
+    """Returns the change (G, D) of the scores of each group of tracks with its changes `moved` (G, D) of the unknowns.
+
+    The points follow. `groups` (M,) is the group of each track; `second_order` is that of `eliminated`, see
+    kernels.reduce_points.
+    """
     out = np.zeros_like(moved)
-    _follow(observed, eliminated, 1 / scale**2, bends, groups, moved, out)
+    _changes(observed, eliminated, 1 / scale**2, second_order, groups, moved, out)
     return out
 
 
 @kernel(fastmath={"contract"})
-def _fill(observed, eliminated, per, out):
+def _scores(observed, eliminated, per, out):
     end, longest = np.int64(0), longest_track(observed.owners)
     by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
     for m in range(len(observed.points)):
-        begin, pull, into = end, (0.0, 0.0, 0.0), out[m]
+        begin, by_point, into = end, (0.0, 0.0, 0.0), out[m]
         while end < len(observed.owners) and observed.owners[end] == m:
-            own = _slope(end, observed, per, factors, into)
+            own = _gradient(end, observed, per, factors, into)
             store(by_q, end - begin, own)
-            pull = plus(pull, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
+            by_point = plus(by_point, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
             end += 1
-        _eliminate(m, begin, end, observed, eliminated, pull, by_q, into)
+        _eliminate(m, begin, end, observed, eliminated, by_point, by_q, into)
 
 
 @kernel(fastmath={"contract"})
-def _follow(observed, eliminated, per, bends, groups, moved, out):
+def _changes(observed, eliminated, per, second_order, groups, moved, out):
     end, longest = np.int64(0), longest_track(observed.owners)
     by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
     for m in range(len(observed.points)):
-        begin, pull, into = end, (0.0, 0.0, 0.0), out[groups[m]]
+        begin, by_point, into = end, (0.0, 0.0, 0.0), out[groups[m]]
         while end < len(observed.owners) and observed.owners[end] == m:
-            change = _change(end, observed, per, bends, groups[m], moved, factors, into)
-            store(by_q, end - begin, change)
-            pull = plus(pull, times_transposed(matrix(observed.rotations, observed.cameras[end]), change))
+            own = _gradient_change(end, observed, per, second_order, groups[m], moved, factors, into)
+            store(by_q, end - begin, own)
+            by_point = plus(by_point, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
             end += 1
-        _eliminate(m, begin, end, observed, eliminated, pull, by_q, into)
+        _eliminate(m, begin, end, observed, eliminated, by_point, by_q, into)
 
 
 @part
 def _shown(observed):
-    """Corrections that observations depend on."""
+    """Number of corrections that observations depend on."""
     return observed.factors.shape[1] if observed.baseline != 0.0 else LENS
 
 
 @part
-def _slope(k, observed, per, factors, out):
-    """Of the cost of observation k by its place in the camera; adds that by the corrections to `out` (D,)."""
+def _gradient(k, observed, per, factors, out):
+    """Gradient (3,) of observation k's cost by its point in the camera; adds that by the corrections to `out` (D,)."""
     q, count = in_camera(observed, k), factors.shape[1] - LENS
     if not q[2] > MIN_DEPTH:
         return 0.0, 0.0, 0.0
@@ -110,8 +121,8 @@ def _slope(k, observed, per, factors, out):
 
 
 @part
-def _change(k, observed, per, bends, g, moved, factors, out):
-    """What `_slope` gives changes by so much with poses and corrections `moved[g]` (D,), the point held."""
+def _gradient_change(k, observed, per, second_order, g, moved, factors, out):
+    """Change of `_gradient` with poses and corrections `moved[g]` (D,), for a fixed point."""
     q, count, at = in_camera(observed, k), factors.shape[1] - LENS, POSE * observed.cameras[k]
     if not q[2] > MIN_DEPTH:
         return 0.0, 0.0, 0.0
@@ -130,20 +141,20 @@ def _change(k, observed, per, bends, g, moved, factors, out):
             stretched += factors[0, count + e] * moved[g, first_of + e]
         change, lens = plus(change, scaled(stretched, mixed)), second * stretched + dot(mixed, v)
         rise += lens_first * stretched
-    own, lens = own - bends * first * rise, lens - bends * lens_first * rise
+    own, lens = own - second_order * first * rise, lens - second_order * lens_first * rise
     for e in range(count):
         out[first_of + e] += own * factors[0, e]
     if observed.baseline != 0.0:
         for e in range(LENS):
             out[first_of + e] += lens * factors[0, count + e]
-    return minus(change, scaled(bends * rise, by_q))
+    return minus(change, scaled(second_order * rise, by_q))
 
 
 @part
-def _eliminate(m, begin, end, observed, eliminated, pull, by_q, out):
-    """Adds to `out` (D,) the slopes by poses, from those by places in the camera, and takes from all what the step of
-    point m does that answers its `pull`."""
-    step = times(symmetric(vector6(eliminated.inverses, m)), pull)
+def _eliminate(m, begin, end, observed, eliminated, by_point, by_q, out):
+    """Adds the gradients by poses to `out` (D,), from those by the point in each camera, and eliminates point m, whose
+    own gradient is `by_point`."""
+    step = times(symmetric(vector6(eliminated.inverses, m)), by_point)
     corrections, mixed = POSE * len(observed.rotations), eliminated.mixed_extra
     for k in range(begin, end):
         q, f = mixed_of(eliminated.mixed, k)

@@ -1,8 +1,9 @@
-"""What the tracks of an adjusted window leave, summed up so that the kinds of their errors can be told apart.
+"""Quadratic forms of the residuals of a window's tracks, and their expectations, which give the variance components.
 
-Of a track with n views, R coordinates each, residuals are r = P e: e its errors, P = I - Q Q' what its point cannot
-follow, Q (n R, 3) an orthonormal basis of the derivatives by the point. Where errors have the covariance C, a form S of
-residuals, r' S r, is expected to be trace(S P C P) = trace(S C) - 2 trace(Q' S C Q) + trace(Q' S Q Q' C Q).
+The residuals of a track with n views, R coordinates each, are r = P e: e are its errors, P = I - Q Q' the projector on
+what its point cannot follow, Q (n R, 3) an orthonormal basis of the derivatives by the point. For errors of covariance
+C, a form r' S r has the expectation trace(S P C P) = trace(S C) - 2 trace(Q' S C Q) + trace(Q' S Q Q' C Q): quadratic
+unbiased estimation of variance components, see Rao 1971.
 """
 
 from __future__ import annotations
@@ -19,39 +20,39 @@ from ispom.numerics.vectors import dot, matrix, minus, plus, scaled, store, time
 from ispom.solvers.window.observation import MIN_DEPTH, correction, in_camera, longest_track, residual
 
 SQUARES, INCREMENTS, RIGHT = 0, 1, 2
-"""Forms: the squares of a track's residuals x and y, of their increments from view to view, of the right x."""
-NEW, WALK, DISPARITY = 0, 1, 2
-"""Covariances of variance 1: new errors in each view, sums of steps from view to view, errors of the right x alone. An
-error of the left x is one of the right x, too: that is found from the left one."""
+"""Forms: sums of the squares of a track's residuals x and y, of their increments from view to view, of the right x."""
+WHITE, RANDOM_WALK, DISPARITY = 0, 1, 2
+"""Covariances of variance 1: independent errors in each view, a random walk from view to view, errors of the right x
+alone. An error of the left x is also one of the right x, which is searched from the left one."""
 DEPENDENT = 1e-9
-"""Share of the largest derivatives below which what is left of others is rounding."""
+"""Least norm of a column of derivatives, relative to the largest one, after orthogonalisation; less is rounding."""
 
 
-class Leftovers(NamedTuple):
-    """Sums over tracks, each counting as much as it agrees with the rest (Cauchy's weight)."""
+class ResidualForms(NamedTuple):
+    """Sums over tracks, each with the mean of Cauchy's weights of its observations."""
 
     expected: Array
-    """(3, 3) of the forms, by the covariances."""
+    """(3, 3) expectations of the forms (rows) for the covariances (columns)."""
     found: Array
-    """(3,) the forms."""
+    """(3,) values of the forms."""
     weight: float
     lengths: Array
-    """(2,) views, and their squares, of tracks that begin in the oldest view."""
-    pulls: Array
+    """(2,) sums of the number of views and of its square, of tracks that begin in the oldest view."""
+    weighted: Array
     """(K, 2) weighted errors x and y."""
     used: NDArray[np.bool_]
     """(K,) observations of the tracks summed."""
 
 
 @kernel(fastmath={"contract"})
-def leftovers(observed, scale, least_views, gross):
-    """Leftovers of the tracks of `least_views` or more, without those with an error of `gross` scales."""
+def residual_forms(observed, scale, least_views, gross):
+    """Sums the forms of the tracks of `least_views` or more, without those with an error of `gross` scales."""
     n_seen, rows = len(observed.cameras), 3 if observed.baseline != 0.0 else 2
     longest = longest_track(observed.owners)
     basis, errors = np.empty((longest * rows, 3)), np.empty((longest, 3))
     forms, causes = np.empty((3, longest * rows, 3)), np.empty((3, longest * rows, 3))
     expected, found, lengths, weight = np.zeros((3, 3)), np.zeros(3), np.zeros(2), 0.0
-    pulls, used = np.zeros((n_seen, 2)), np.zeros(n_seen, np.bool_)
+    weighted, used = np.zeros((n_seen, 2)), np.zeros(n_seen, np.bool_)
     begin = 0
     while begin < n_seen:
         end = begin
@@ -59,7 +60,7 @@ def leftovers(observed, scale, least_views, gross):
             end += 1
         n = end - begin
         if n >= least_views:
-            likely = _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls)
+            likely = _linearise(begin, end, rows, observed, scale, gross, basis, errors, weighted)
             if likely > 0.0:
                 used[begin:end] = True
                 weight += likely
@@ -72,12 +73,12 @@ def leftovers(observed, scale, least_views, gross):
                 _add_expected(n, rows, basis, forms, causes, likely, expected)
                 _add_found(n, errors, likely, found)
         begin = end
-    return Leftovers(expected, found, weight, lengths, pulls, used)
+    return ResidualForms(expected, found, weight, lengths, weighted, used)
 
 
 @part
-def _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls):
-    """Fills the derivatives by the point (n rows, 3) and the errors (n, 3) of one track; its weight, 0 if not used."""
+def _linearise(begin, end, rows, observed, scale, gross, basis, errors, weighted):
+    """Fills a track's derivatives by the point (n rows, 3) and errors (n, 3); returns its weight, 0 if unused."""
     likely, wrong = 0.0, correction(observed.extra)
     for k in range(begin, end):
         q, seen, rotation = (
@@ -93,7 +94,7 @@ def _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls):
             return 0.0
         weight = weighted_information(square, 1.0)
         likely += weight
-        pulls[k, 0], pulls[k, 1] = ex * weight, ey * weight
+        weighted[k, 0], weighted[k, 1] = ex * weight, ey * weight
         store(errors, n, (ex, ey, er))
         store(basis, n * rows, times_transposed(rotation, (iz, 0.0, -x * iz)))
         store(basis, n * rows + 1, times_transposed(rotation, (0.0, iz, -y * iz)))
@@ -104,7 +105,7 @@ def _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls):
 
 @part
 def _orthonormalise(a, n):
-    """The columns of a (n, 3), by Gram and Schmidt, each twice; 0 where one depends on those before."""
+    """Orthonormalises the columns of a (n, 3), by Gram and Schmidt, each twice; dependent columns become 0."""
     largest = 0.0
     for d in range(3):
         size = 0.0
@@ -129,25 +130,25 @@ def _orthonormalise(a, n):
 
 @part
 def _apply_forms(n, rows, q, out):
-    """S Q of the three forms."""
+    """Fills S Q of the three forms."""
     zero = (0.0, 0.0, 0.0)
     for i in range(n):
         for row in range(rows):
             at, left = i * rows + row, row < 2
             here = vector(q, at)
-            bend = zero
+            change = zero
             if left and i > 0:
-                bend = minus(here, vector(q, at - rows))
+                change = minus(here, vector(q, at - rows))
             if left and i < n - 1:
-                bend = minus(bend, minus(vector(q, at + rows), here))
+                change = minus(change, minus(vector(q, at + rows), here))
             store(out[SQUARES], at, here if left else zero)
-            store(out[INCREMENTS], at, bend)
+            store(out[INCREMENTS], at, change)
             store(out[RIGHT], at, zero if left else here)
 
 
 @part
 def _apply_causes(n, rows, q, out):
-    """C Q of the three covariances."""
+    """Fills C Q of the three covariances."""
     zero = (0.0, 0.0, 0.0)
     for i in range(n):
         at = i * rows
@@ -155,25 +156,25 @@ def _apply_causes(n, rows, q, out):
         if rows == 3:
             right = vector(q, at + 2)
             x = plus(x, right)
-            store(out[NEW], at + 2, x)
+            store(out[WHITE], at + 2, x)
             store(out[DISPARITY], at + 2, right)
-        store(out[NEW], at, x)
-        store(out[NEW], at + 1, y)
+        store(out[WHITE], at, x)
+        store(out[WHITE], at + 1, y)
         store(out[DISPARITY], at, zero)
         store(out[DISPARITY], at + 1, zero)
-    # a walk: sums of sums of the new errors, as min(i, j) = how many steps both contain
+    # a walk sums twice, as two views share min(i, j) steps
     for row in range(rows):
         ahead = zero
         for i in range(n - 1, 0, -1):
             at = i * rows + row
-            ahead = plus(ahead, vector3(out, NEW, at))
-            store(out[WALK], at, ahead)
+            ahead = plus(ahead, vector3(out, WHITE, at))
+            store(out[RANDOM_WALK], at, ahead)
         walked = zero
-        store(out[WALK], row, zero)
+        store(out[RANDOM_WALK], row, zero)
         for i in range(1, n):
             at = i * rows + row
-            walked = plus(walked, vector3(out, WALK, at))
-            store(out[WALK], at, walked)
+            walked = plus(walked, vector3(out, RANDOM_WALK, at))
+            store(out[RANDOM_WALK], at, walked)
 
 
 @part
@@ -198,7 +199,7 @@ def _add_expected(n, rows, q, forms, causes, weight, expected):
 
 @part
 def _times_basis(count, q, some, a):
-    """Q' (S Q), rows: symmetric."""
+    """Returns Q' (S Q), symmetric."""
     x, y, z = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(count):
         own, other = vector(q, i), vector3(some, a, i)

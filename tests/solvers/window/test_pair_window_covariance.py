@@ -1,4 +1,4 @@
-"""Covariances of a pair's window by what groups of its tracks say: by chance, and across what leaves the window."""
+"""Covariance of a pair's window against its errors, also across marginalisation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust, marginalise
-from ispom.solvers.window.groups import Groups
+from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import PendingScores, Sandwich, anchored
 from tests.estimators.modern.test_noise import flown
 from tests.solvers.window.left import without_oldest
@@ -38,8 +38,8 @@ def made(seed: int, kind: str = "alike") -> Window:
     return replace(window, fixed=0, prior=anchored(window.rotations[0], window.translations[0], np.zeros(PAIR)))
 
 
-def groups(window: Window, scale: float = SCALE) -> Groups:
-    return Groups.of(window, np.arange(len(window.points)), scale)
+def found(window: Window, scale: float = SCALE) -> WindowCovariance:
+    return WindowCovariance.of(window, np.arange(len(window.points)), scale)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -52,7 +52,7 @@ def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
         done = adjust(true, scale, 30, 1e-8).window
         pose, was = (Pose(w.rotations[-1], w.translations[-1]) for w in (done, true))
         off = (pose @ was.inverse()).log()
-        nees.append(off @ np.linalg.solve(groups(done, scale).newest(), off))
+        nees.append(off @ np.linalg.solve(found(done, scale).newest, off))
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high
 
@@ -65,30 +65,30 @@ def test_what_leaves_the_window_is_as_unsure_as_in_it(kind: str) -> None:
     for seed in range(24):
         whole = adjust(made(seed, kind), SCALE, 60, 1e-14).window
         gone = np.isin(np.arange(len(whole.points)), whole.owners[whole.cameras == 0])
-        prior = marginalise(whole, gone, SCALE, partial(_leaving, groups(whole).covariance, np.flatnonzero(gone)))
+        prior = marginalise(whole, gone, SCALE, partial(_leaving, found(whole).inverse, np.flatnonzero(gone)))
         rest = without_oldest(whole, gone, prior)
-        before, after = groups(whole).newest(), groups(rest).newest()
+        before, after = found(whole).newest, found(rest).newest
         shares.append(np.trace(np.linalg.solve(before, after)) / 6)
     assert np.mean(shares) == pytest.approx(1, abs=0.1)
 
 
 def _leaving(known: Array, ids: NDArray[np.int64], part: Window) -> Sandwich:
-    return Groups.of(part, ids, SCALE).sandwich(np.zeros(0, np.int64), known)
+    return WindowCovariance.of(part, ids, SCALE).marginal(np.zeros(0, np.int64), known)
 
 
 def test_what_a_track_said_is_squared_with_what_it_says_later() -> None:
     """Not each by itself: an error that stays counts once for all its views."""
     whole, ids = adjust(made(4), SCALE, 60, 1e-14).window, np.array([3, 10])
     assert whole.prior is not None and whole.prior.sandwich is not None
-    said = groups(whole)
-    first = said.slopes[ids][:, np.r_[0:6, -PAIR:0]]  # those that the prior is about
-    for lasting, share in ((PendingScores(ids, first), 2.0), (PendingScores(ids + 1000, first), 1.0)):
-        sandwich = replace(whole.prior.sandwich, lasting=lasting)
+    said = found(whole)
+    first = said.scores[ids][:, np.r_[0:6, -PAIR:0]]  # those that the prior is about
+    for pending, share in ((PendingScores(ids, first), 2.0), (PendingScores(ids + 1000, first), 1.0)):
+        sandwich = replace(whole.prior.sandwich, pending=pending)
         window = replace(whole, prior=replace(whole.prior, sandwich=sandwich))
-        found = groups(window)
-        np.testing.assert_allclose(found.slopes[ids][:, :6], share * first[:, :6])
-        assert len(found.others.ids) == (0 if share == 2 else 2)
-        went_on = found.sandwich(np.array([3, 1010]), said.covariance).lasting
+        after = found(window)
+        np.testing.assert_allclose(after.scores[ids][:, :6], share * first[:, :6])
+        assert len(after.pending.ids) == (0 if share == 2 else 2)
+        went_on = after.marginal(np.array([3, 1010]), said.inverse).pending
         assert went_on is not None and went_on.ids.tolist() == ([3] if share == 2 else [3, 1010])
 
 
@@ -106,5 +106,5 @@ def test_few_tracks_make_it_no_surer() -> None:
         factors=whole.factors[keep],
     )
     window = adjust(window, SCALE, 60, 1e-14).window
-    found, many = groups(window).newest(), groups(adjust(whole, SCALE, 60, 1e-14).window).newest()
-    assert np.isfinite(found).all() and (np.diag(found) > 10 * np.diag(many)).all()
+    few_tracks, many = found(window).newest, found(adjust(whole, SCALE, 60, 1e-14).window).newest
+    assert np.isfinite(few_tracks).all() and (np.diag(few_tracks) > 10 * np.diag(many)).all()

@@ -1,4 +1,4 @@
-"""What tracks leave, against the same written down with projectors and whole covariances."""
+"""Forms of residuals and their expectations, against the formulas with projectors and whole covariances."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window
-from ispom.solvers.window.leftovers import leftovers
 from ispom.solvers.window.prior import LENS
+from ispom.solvers.window.variance_components import residual_forms
 
 SCALE, LEAST, GROSS = 2e-3, 3, 10.0
 
@@ -66,8 +66,8 @@ def written_down(w: Window) -> tuple[Array, Array, float, Array]:
 @pytest.mark.parametrize("baseline", [0.0, 0.3])
 def test_sums_are_those_of_projectors(baseline: float) -> None:
     w = window(baseline)
-    said = leftovers(w.observed, SCALE, LEAST, GROSS)
-    for own, wanted in zip(said[:4], written_down(w), strict=True):
+    forms = residual_forms(w.observed, SCALE, LEAST, GROSS)
+    for own, wanted in zip(forms[:4], written_down(w), strict=True):
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-12)
-    assert set(np.unique(w.owners[said.used])) == {2, 3, 4, 5, 6, 7}
-    assert not said.pulls[~said.used][w.owners[~said.used] != 1].any()
+    assert set(np.unique(w.owners[forms.used])) == {2, 3, 4, 5, 6, 7}
+    assert not forms.weighted[~forms.used][w.owners[~forms.used] != 1].any()
