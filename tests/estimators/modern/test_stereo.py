@@ -34,6 +34,7 @@ def errors_m(found: Trajectory, truth: Trajectory) -> np.ndarray:
     return np.array([np.linalg.norm((placed @ p).translation - q.translation) for p, q in pairs])
 
 
+@pytest.mark.slow  # the ratchet measures stereo on simulations, too
 def test_the_simulated_flight_is_metric(flight: Sequence, exposures: list[Measurement]) -> None:
     found, steps = run(ModernStereoConfig().build(flight.rig), exposures)
     assert flight.truth is not None and len(found) == flight.kinds.count("stereo")
