@@ -115,8 +115,9 @@ def test_a_mistake_is_a_sentence(value: str, said: str, capsys: pytest.CaptureFi
 
 
 def test_a_program_that_ends_is_a_sentence(recording: Path, tmp_path: Path) -> None:
+    python = Path(sys.executable).as_posix()
     assert "compass: its program ended with exit code 1, when it was greeted" in told(
-        "run", recording, "--external", f"compass={Path(sys.executable).as_posix()} -c 'raise SystemExit(1)'"
+        "run", recording, "--external", f"compass={shlex.join([python, '-c', 'raise SystemExit(1)'])}"
     )
     with_fault = tmp_path / "fault.py"
     with_fault.write_text(

@@ -125,6 +125,9 @@ class _Live:
     def _stop(self) -> None:
         self._stopping = True
         self._thread.join(STOP_S)
+        with self._news:  # a camera that gives no image may hold its thread for longer
+            self._over = True
+            self._news.notify_all()
 
     def _record(self) -> None:
         """Until something ends it."""
