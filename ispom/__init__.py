@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         Frame,
         GnssAntenna,
         GnssFix,
+        ImageLines,
         Imu,
         ImuSamples,
         Landmarks,
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
         Trajectory,
         WheelIncrement,
         WheelOdometer,
+        WorldLines,
         as_grey,
     )
 
@@ -107,10 +109,10 @@ _HOMES = {
     "ispom.solvers.localisation": "resect",
     "ispom.solvers.trajectory.alignment": "umeyama",
     "ispom.testing": "check_camera_model check_estimator",
-    "ispom.types": "Camera CameraSensor Check Corrections Decision Frame GnssAntenna GnssFix Imu ImuSamples Landmarks "
-    "LaserScan LaserScanner LensCorrection LensSigma Measurement MountCorrection PairCorrection PairSigma "
-    "Rig Sensor Sequence Status Step TimedPoints TrackStatus Tracks Trajectory WheelIncrement "
-    "WheelOdometer as_grey",
+    "ispom.types": "Camera CameraSensor Check Corrections Decision Frame GnssAntenna GnssFix ImageLines Imu ImuSamples "
+    "Landmarks LaserScan LaserScanner LensCorrection LensSigma Measurement MountCorrection PairCorrection "
+    "PairSigma Rig Sensor Sequence Status Step TimedPoints TrackStatus Tracks Trajectory WheelIncrement "
+    "WheelOdometer WorldLines as_grey",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 __all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -74,6 +74,9 @@ class Method:
     """By their names in Step.seconds: what is done in each stage, one sentence for people."""
     optional: frozenset[Kind] = frozenset()
     """Those of `sensors` that it can do without where the rig lacks them."""
+    survey: str = ""
+    """The row of the paper's survey that it stands for, as in "Table 3, one camera: direct"; such a method runs only
+    where it is chosen by name. Empty: no method of the survey."""
 
     def uses(self, measurement: Measurement) -> bool:
         """Checks that the method steps on the measurement."""

@@ -18,6 +18,7 @@ from ispom.estimators.paper import checks as paper_checks
 from ispom.estimators.paper.integrated import IntegratedConfig
 from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.estimators.paper.stereo import StereoConfig
+from ispom.estimators.survey import found
 from ispom.registry import Registry
 from ispom.types import Kind, Rig
 
@@ -98,8 +99,14 @@ BUILT_IN = (
 )
 
 
+SURVEY = found()
+"""Methods that stand for a row of the paper's survey: they run only where they are chosen by name."""
 REGISTRY = Registry(
-    "ispom.methods", Method, "method", BUILT_IN, "install the package that adds it, or name its program by --external"
+    "ispom.methods",
+    Method,
+    "method",
+    (*BUILT_IN, *SURVEY),
+    "install the package that adds it, or name its program by --external",
 )
 """Entry points of this group name a Method, or a function that gives one."""
 registry, names, method, add = REGISTRY.items, REGISTRY.names, REGISTRY.get, REGISTRY.add

@@ -6,13 +6,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ispom import methods
 from ispom.ensemble import Ensemble, build
 from ispom.methods import Config, method
 from ispom.types import Measurement, Rig, Step, Trajectory
 
 METHODS = ("monocular", "stereo", "integrated")
 PAPER = tuple(f"{name}.paper" for name in METHODS)
-ALL = (*METHODS, *PAPER)
+SURVEY = tuple(m.name for m in methods.SURVEY if not m.asks)
+ALL = (*METHODS, *PAPER, *SURVEY)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,14 @@ from collections.abc import Iterable
 from ispom import compiled_code
 from ispom.child import PYTHON, Child
 from ispom.kernels import kernels
-from ispom.methods import BUILT_IN, Config, Variant, with_dependencies
+from ispom.methods import BUILT_IN, SURVEY, Config, Variant, with_dependencies
 
 log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators (first start only)"
 MEANWHILE = "the modern estimators are being compiled (first start only): the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose them under Methods"
 COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
-COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
+COMPILED = tuple(m.name for m in (*BUILT_IN, *SURVEY) if not m.name.endswith(".paper"))
 _running: list[Child] = []
 """The process: at most one."""
 _failures: list[str] = []

@@ -36,7 +36,7 @@ from ispom.types.rig import (
     WheelOdometer,
 )
 from ispom.types.sequence import Guess, Sequence
-from ispom.types.tracks import Landmarks, Tracks, TrackStatus
+from ispom.types.tracks import ImageLines, Landmarks, Tracks, TrackStatus, WorldLines
 from ispom.types.trajectory import SegmentFit, SplineFit, Trajectory
 
 __all__ = [
@@ -55,6 +55,7 @@ __all__ = [
     "GnssFix",
     "Guess",
     "Image",
+    "ImageLines",
     "ImageNoise",
     "Imu",
     "ImuSamples",
@@ -81,6 +82,7 @@ __all__ = [
     "Trajectory",
     "WheelIncrement",
     "WheelOdometer",
+    "WorldLines",
     "as_grey",
     "by_key",
     "colours_at",

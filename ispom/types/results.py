@@ -13,7 +13,7 @@ import numpy as np
 from ispom.geometry import Array, Pose
 from ispom.types.corrections import Corrections
 from ispom.types.rig import FrameName
-from ispom.types.tracks import Landmarks, Tracks
+from ispom.types.tracks import ImageLines, Landmarks, Tracks, WorldLines
 from ispom.types.trajectory import SegmentFit, SplineFit, Trajectory
 
 DecisionKind = Literal["requirement", "trigger", "finding", "warning"]
@@ -178,3 +178,7 @@ class Step:
     other_motion: Mapping[str, Tracks] = field(default_factory=dict)
     """By camera name, tracks that ended as no images of still points, and that one other rigid motion explains, where
     they are in this frame; none of a camera without a second motion (check `second_motion`)."""
+    lines: Mapping[str, ImageLines] = field(default_factory=dict)
+    """By camera name, what is drawn on its image besides the tracks."""
+    world_lines: WorldLines = field(default_factory=WorldLines.empty)
+    """All lines of the scene that are known now; they replace those of earlier steps."""

@@ -98,3 +98,39 @@ class Landmarks:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageLines:
+    """Straight lines to draw on an image: found segments, flow, the outline of a tag."""
+
+    uv: NDArray[np.float32]
+    """(N, 2, 2) [px]: both ends."""
+    group: NDArray[np.int64]
+    """(N,) 0 or larger: lines of one group have one colour; -1: those that the method does not use."""
+
+    @staticmethod
+    def of(uv: NDArray, group: NDArray | int = 0) -> ImageLines:
+        """Returns lines (N, 2, 2) [px] of these groups, or all of one."""
+        uv = np.asarray(uv, np.float32).reshape(-1, 2, 2)
+        return ImageLines(uv, np.broadcast_to(np.asarray(group, np.int64), len(uv)).copy())
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+
+@dataclass(frozen=True, eq=False)
+class WorldLines:
+    """Straight lines of the scene: a map of lines, the sides of tags."""
+
+    xyz_in_world: Array
+    """(N, 2, 3): both ends."""
+    group: NDArray[np.int64]
+    """(N,) as in ImageLines."""
+
+    @staticmethod
+    def empty() -> WorldLines:
+        return WorldLines(np.zeros((0, 2, 3)), np.zeros(0, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.group)

@@ -35,8 +35,10 @@ def test_a_setting_out_of_its_range_is_refused(method: str, flight: Sequence) ->
 
 def test_methods_without_their_cameras_are_refused() -> None:
     camera = Camera(64, 48, 50, 50, 31.5, 23.5)
-    assert possible_methods(Rig.single(camera)) == ("monocular", "monocular.paper")
-    assert possible_methods(Rig.stereo(camera, 0.3)) == ("stereo", "stereo.paper")
+    possible = set(possible_methods(Rig.single(camera)))
+    assert possible & {*METHODS, *PAPER} == {"monocular", "monocular.paper"}
+    possible = set(possible_methods(Rig.stereo(camera, 0.3)))
+    assert possible & {*METHODS, *PAPER} == {"stereo", "stereo.paper"}
     with pytest.raises(InputError, match="left and a right camera"):
         build(Config(), ("integrated",), Rig.single(camera))
     with pytest.raises(InputError, match="video camera"):
