@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimator import require_frame
 from ispom.geometry import Array, Pose
@@ -119,7 +120,11 @@ class OneKind(Generic[Memory]):
 
 
 def tracks_between(
-    ids: Array, uv: Array, uv_prev: Array | None = None, inliers: Array | None = None, residual_px: Array | None = None
+    ids: Array,
+    uv: Array,
+    uv_prev: Array | None = None,
+    inliers: NDArray[np.bool_] | None = None,
+    residual_px: Array | None = None,
 ) -> Tracks:
     """Returns tracks for display: ids (N,), positions (N, 2) now and before [px] (NaN: first seen in this frame).
 
