@@ -131,6 +131,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
         "depth": [f"world/{m}/depth" for m in methods],
+        "lines": [f"world/{m}/lines" for m in methods],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
@@ -150,7 +151,7 @@ def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring)
     therefore the words of their legends by themselves."""
     by_state = {"tracks", "legend"} if colour_by != "state" else set()
     if camera == "right":
-        yield from ["right/tracks"] if "tracks" in hidden else []
+        yield from (f"right/{layer}" for layer in ("tracks", "lines") if layer in hidden)
         return
     yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)

@@ -16,7 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, FrameName, Image, Rig, Step, Tracks, TrackStatus
+from ispom.types import Camera, FrameName, Image, ImageLines, Rig, Step, Tracks, TrackStatus, WorldLines
 
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
@@ -96,6 +96,8 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
+LINE_PX = 1.0
+"""Half width on the screen of the lines that a method found."""
 MOVING = len(TrackStatus)
 """Class id of what moves by itself."""
 
@@ -193,6 +195,18 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
     drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
     return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.4])
+
+
+def image_lines(found: ImageLines, camera: Camera) -> rr.LineStrips2D:
+    """Lines on an image, in the colours of their groups."""
+    drawn = strips(shown_uv(found.uv, camera))
+    return rr.LineStrips2D(drawn, colors=colours.of_groups(found.group), radii=[-LINE_PX])
+
+
+def world_lines(found: WorldLines) -> rr.LineStrips3D:
+    """Lines of the scene, in the colours of their groups."""
+    drawn = strips(np.asarray(found.xyz_in_world, np.float32))
+    return rr.LineStrips3D(drawn, colors=colours.of_groups(found.group), radii=[-LINE_PX])
 
 
 def in_right(tracks: Tracks) -> Tracks:

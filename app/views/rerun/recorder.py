@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterator
 import rerun as rr
 
 from ispom.geometry import Similarity
-from ispom.types import FrameName, Step, Tracks, is_stereo, main_image
+from ispom.types import FrameName, Step, Tracks, images_of, is_stereo, main_image
 
 from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
 from ...engine.history.record import with_parts
@@ -63,6 +63,8 @@ class Recorder:
         self._recent: dict[str, list[Tracks]] = {}
         self._moving = set[str]()
         """Cameras in which anything moved by itself so far."""
+        self._lined = set[str]()
+        """Cameras in which lines are drawn now."""
         self._last: dict[str, Step] = {}
         self._now = (0, 0)
 
@@ -100,6 +102,7 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         yield from self._pictured(event)
+        yield from self._lines(event)
         main = main_image(event.exposure)
         seen = None if main is None else _seen(event, main[0])
         if main is None or seen is None:
@@ -146,6 +149,17 @@ class Recorder:
         if seen.camera == "left":
             yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
             yield Entry("right/tracks", entities.points(entities.in_right(shown), camera))
+
+    def _lines(self, event: Stepped) -> Iterator[Entry]:
+        """Of the first method that draws any in a camera of this frame."""
+        for camera in images_of(event.exposure):
+            found = next((s.lines[camera] for s in event.steps if len(s.lines.get(camera, ()))), None)
+            if found is not None:
+                self._lined.add(camera)
+                yield Entry(f"{camera}/lines", entities.image_lines(found, self.opened.sequence.rig.camera(camera)))
+            elif camera in self._lined:
+                self._lined.discard(camera)
+                yield Entry(f"{camera}/lines", rr.Clear(recursive=False))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)
