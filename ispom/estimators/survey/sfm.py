@@ -27,7 +27,7 @@ from ispom.settings import Range
 from ispom.solvers.bundle import adjust
 from ispom.solvers.multiview.structure import intersected
 from ispom.stopwatch import Stopwatch
-from ispom.types import Check, Measurement, Rig, Status, Step, Trajectory, TrackStatus, by_key
+from ispom.types import Check, Measurement, Rig, Status, Step, TrackStatus, Trajectory, by_key
 
 MIN_IMAGES = 3
 """Fewer images of a segment leave nothing to adjust: two fix the world and its unit."""

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from ispom.estimators.survey.planar import PlanarConfig, fit_planar_motion, planar_pose
+from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.sequences.formats.simulated import open_simulated
+from ispom.simulation.scenario.scenario import World
 from tests.alone import alone, run
 
 POINTS = np.random.default_rng(3).uniform([-8, -2, 4], [8, 2, 30], (60, 3))
@@ -45,3 +47,15 @@ def test_the_path_stays_in_the_plane_and_a_new_segment_follows_a_loss(tmp_path) 
             assert step.restarted == lost
         lost = step.world_from_frame is None
     assert_allclose(heights, 0, atol=1e-9)
+
+
+def test_a_level_drive_is_found_to_centimetres(tmp_path) -> None:
+    sequence = open_simulated("tiny", 0, tmp_path, duration_s=2.4, world=World(motion="drive"))
+    method = alone("planar", sequence.rig, PlanarConfig())
+    state = method.start()
+    for measurement in (sequence[i] for i, kind in enumerate(sequence.kinds) if kind == "stereo"):
+        state, _ = method.step(state, measurement)
+    found = method.finish(state)
+    assert sequence.truth is not None
+    error = error_against_truth(found, sequence.truth, sequence.rig, "se3")
+    assert len(found) > 5 and error is not None and error.ate_m < 0.03
