@@ -1,4 +1,4 @@
-"""The simulated rig, a video camera and a rectified stereo pair, and the times of their frames."""
+"""The simulated rigs, a video camera and a rectified stereo pair, or a ring of cameras, and the times of frames."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ispom.geometry import Pose
+from ispom.geometry import Pose, so3_exp
 from ispom.types import EXACT_LENS, EXACT_PAIR, Camera, Kind, Rig
 
 BASELINE_M = 0.4
@@ -20,6 +20,8 @@ FISHEYE = (-0.013, 0.004, -0.002, 0.0005)
 """k1 .. k4 of the fisheye lens."""
 WIDER = 1.5
 """Factor by which its field of view is wider."""
+RING_RADIUS_M, RING_VIEW_DEG = 0.4, 80.0
+"""Of a ring of cameras: distance from its middle to each of them, and the horizontal field of view of each."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,12 @@ class Timing:
     duration_s: float = 20.0
     video_hz: float = 30.0
     stereo_hz: float = 3.0
+    ring_hz: float = 10.0
 
-    def exposures(self) -> list[tuple[int, Kind]]:
+    def exposures(self, ring: bool = False) -> list[tuple[int, Kind]]:
         """Returns (time_ns, kind) of every frame before the end, in the order of time."""
+        if ring:
+            return [(round(i * 1e9 / self.ring_hz), "cameras") for i in range(_count(self.duration_s, self.ring_hz, 0))]
         video = [(round(i * 1e9 / self.video_hz), "video") for i in range(_count(self.duration_s, self.video_hz, 0))]
         stereo = [
             (round((i / self.stereo_hz + STEREO_DELAY_S) * 1e9), "stereo")
@@ -95,6 +100,19 @@ def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
         video_sigma=EXACT_LENS,
         pair_sigma=EXACT_PAIR,
     )
+
+
+@lru_cache(maxsize=32)
+def ring_rig(count: int, scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
+    """Returns `count` cameras of 320x240 at scale 1 that look outwards from a circle: `camera0` forward, each other one
+    further to the right. The rig frame is its middle, with the axes of the first."""
+    focal_px = 160 / np.tan(np.radians(RING_VIEW_DEG / 2))
+    camera = optics.of(Camera(320, 240, focal_px, focal_px, 159.5, 119.5).scaled(scale))
+    values: dict[str, Camera | Pose] = {f"camera{k}": camera for k in range(count)}
+    for k in range(count):
+        turned = so3_exp(np.array([0.0, 2 * np.pi * k / count, 0.0]))
+        values[f"rig_from_camera{k}"] = Pose(turned, turned @ np.array([0.0, 0.0, RING_RADIUS_M]))
+    return Rig.of(**values)
 
 
 def _count(duration_s: float, rate_hz: float, start_s: float) -> int:

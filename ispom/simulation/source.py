@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.simulation.cameras import NOISE_SIGMA, Optics, simulated_rig
+from ispom.simulation.cameras import NOISE_SIGMA, Optics, ring_rig, simulated_rig
 from ispom.simulation.motions import motion_of
 from ispom.simulation.places.building import build_building
 from ispom.simulation.places.city import build_city
@@ -59,15 +59,20 @@ class Source:
     portrait: bool = False
     fisheye: bool = False
     """The last three as in `cameras.Optics`."""
+    ring: int = 0
+    """Number of cameras in a ring, instead of the video camera and the pair."""
 
     @property
     def rig(self) -> Rig:
         """The rig as it is built: a pair of fisheye lenses is not rectified."""
-        return simulated_rig(self.scale, Optics(self.width_px, self.portrait, self.fisheye, self.rolling_ns))
+        optics = Optics(self.width_px, self.portrait, self.fisheye, self.rolling_ns)
+        return ring_rig(self.ring, self.scale, optics) if self.ring else simulated_rig(self.scale, optics)
 
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
-        """Renders the video image, or the left image above the right one. The same bytes for any number of threads."""
-        names: tuple[FrameName, ...] = {"video": ("video",), "stereo": ("left", "right")}[kind]
+        """Renders the video image, or those of the pair or of the ring below each other. The same bytes for any number
+        of threads."""
+        ring = tuple(f"camera{k}" for k in range(self.ring))
+        names: tuple[FrameName, ...] = {"video": ("video",), "stereo": ("left", "right"), "cameras": ring}[kind]
         return np.concatenate([self._camera(name, time_ns, threads) for name in names])
 
     def light(self, name: FrameName, time_ns: int, threads: int) -> NDArray[np.float32]:

@@ -34,8 +34,10 @@ class Preset:
     longest_s: float = 20.0
     place: str = "city"
     motion: str = "flight"
+    cameras: int = 0
+    """Number of cameras in a ring, instead of the video camera and the pair."""
 
-    def rendered(self, world: World) -> tuple[str, str, int, int, int, int, int, bool, bool]:
+    def rendered(self, world: World) -> tuple[str, str, int, int, int, int, int, bool, bool, int]:
         """What the renderer gets of a world, from `Source.place` on: of this scene where it says nothing else.
 
         InputError for files that are not there, and for what the place does not have.
@@ -58,6 +60,7 @@ class Preset:
             world.width_px,
             world.portrait,
             world.fisheye,
+            world.cameras or self.cameras,
         )
 
     def length_s(self, world: World) -> tuple[float, float]:
@@ -71,12 +74,15 @@ class Preset:
 _PLAIN = World()
 LONGEST_ROUTE_S = 600.0
 MIN_WIDTH_PX = 64
+RINGS = (5, 6, 8)
+"""Numbers of cameras of the rings that have a name."""
 PRESETS = {
     "city": Preset(1.0, 20.0),
     "tiny": Preset(0.5, 3.0),
     "town": Preset(1.0, 85.0, 180.0, "town", "loop"),
     "indoor": Preset(1.0, 30.0, 30.0, "indoor", "walk"),
     "moon": Preset(1.0, 30.0, 60.0, "moon"),
+    **{f"ring{count}": Preset(1.0, 10.0, cameras=count) for count in RINGS},
 }
 
 
@@ -156,7 +162,8 @@ def open_simulated(
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {longest_s:g} s")
     world_settings = preset.rendered(world)
     shaping = (seed, motion_blur, preset.scale)
-    source, stamps = Source(*shaping, *world_settings), Timing(duration_s).exposures()
+    source = Source(*shaping, *world_settings)
+    stamps = Timing(duration_s).exposures(source.ring > 0)
     rig, rectified = _rectified(source.rig)
     if world.right_late_ms:
         rig = rig.changed(pair_sigma=None)
@@ -173,6 +180,8 @@ def open_simulated(
         (time_ns, kind), image = stamps[i], ahead.get(i)
         if kind == "video":
             return Frame.video(time_ns, image)
+        if kind == "cameras":
+            return Frame(time_ns, dict(zip(rig.cameras, np.split(image, source.ring), strict=True)))
         return Frame.stereo(time_ns, *rectified(*np.split(image, 2)))
 
     return Sequence(
@@ -189,9 +198,9 @@ def open_simulated(
 
 def _rectified(rig: Rig) -> tuple[Rig, Callable[[Image, Image], tuple[Image, Image]]]:
     """The rig as its pair is rectified, and what does that to the images."""
-    left, right = rig.camera("left"), rig.camera("right")
-    if left.lens != "fisheye":
+    if not rig.has_stereo or rig.camera("left").lens != "fisheye":
         return rig, lambda *images: images
+    left, right = rig.camera("left"), rig.camera("right")
     rectification = Rectification.of(left, right, rig.rig_from_right.inverse() @ rig.rig_from_left)
     rectified_rig = rig.changed(left=rectification.camera, right=rectification.camera)
     return rectified_rig, lambda a, b: (remapped(a, rectification.left_maps), remapped(b, rectification.right_maps))

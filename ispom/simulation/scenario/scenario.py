@@ -62,6 +62,9 @@ class World:
     """Images are higher than wide: sides are exchanged, and with them the fields of view."""
     fisheye: bool = False
     """All cameras have fisheye lenses, with 1.5 times as wide an angle; the pair is rectified on opening."""
+    cameras: Annotated[int, Range(0, 12)] = 0
+    """Number of cameras in a ring that look outwards, instead of the video camera and the pair; 0: those of the
+    scene."""
     vehicles: Annotated[int, Range(0, 40)] = 0
     """Number that drive in the city's street, at 5 to 10 m/s in both directions."""
     people: Annotated[int, Range(0, 200)] = 0
