@@ -290,9 +290,12 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
 
 
 def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Array:
-    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones; of all cameras
+    of a rig without any of these."""
     main: FrameName = "video" if rig.video is not None else "left"
     names: tuple[FrameName, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    if rig.video is None and rig.left is None:
+        names = tuple(rig.cameras)
     frame_from_rig = rig.rig_from(frame).inverse()
     return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 

@@ -33,6 +33,7 @@ import rerun as rr
 
 from ispom.geometry import Similarity
 from ispom.types import FrameName, Step, Tracks, images_of, is_stereo, main_image
+from ispom.types.measurements import CAMERAS
 
 from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
 from ...engine.history.record import with_parts
@@ -42,6 +43,7 @@ from . import entities
 from .batch import Batch, Entry
 from .coloured import ColouredTracks
 from .depth import depth_entries
+from .parts import image_root
 from .plots import Plots
 from .world import World
 
@@ -70,7 +72,8 @@ class Recorder:
 
     def opening(self) -> Batch:
         """What holds for the whole run (all static)."""
-        images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left", "right")]
+        cameras = dict.fromkeys(("video", "left", "right", *self.opened.sequence.rig.cameras))
+        images = [Entry(image_root(camera), entities.statuses(), static=True) for camera in cameras]
         images += self._coloured.opening()
         start = Entry(START, rr.AnyValues(time_ns=self.first_ns), static=True)
         return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
@@ -103,6 +106,8 @@ class Recorder:
         """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         yield from self._pictured(event)
         yield from self._lines(event)
+        if event.exposure.kind == CAMERAS:
+            yield from self._tracks_of_others(event)
         main = main_image(event.exposure)
         seen = None if main is None else _seen(event, main[0])
         if main is None or seen is None:
@@ -124,6 +129,18 @@ class Recorder:
             yield from self._world.picture(name, image, event.steps)
         if is_stereo(event.exposure) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
+        if event.exposure.kind == CAMERAS:
+            for camera, picture in images_of(event.exposure).items():
+                if picture.size:
+                    yield Entry(f"{image_root(camera)}/image", entities.jpeg(picture))
+
+    def _tracks_of_others(self, event: Stepped) -> Iterator[Entry]:
+        """Tracks in the cameras of a rig of any cameras, each of the first method that has any in it."""
+        for name in images_of(event.exposure):
+            if (seen := _seen(event, name)) is not None:
+                camera = self.opened.sequence.rig.camera(name)
+                shown = entities.thinned(seen.tracks, camera)
+                yield Entry(f"{image_root(name)}/tracks", entities.points(shown, camera))
 
     def _depth(self, event: Stepped) -> Iterator[Entry]:
         if not is_stereo(event.exposure) or not (self._depth_path or self._has_depth()):
@@ -156,10 +173,11 @@ class Recorder:
             found = next((s.lines[camera] for s in event.steps if len(s.lines.get(camera, ()))), None)
             if found is not None:
                 self._lined.add(camera)
-                yield Entry(f"{camera}/lines", entities.image_lines(found, self.opened.sequence.rig.camera(camera)))
+                drawn = entities.image_lines(found, self.opened.sequence.rig.camera(camera))
+                yield Entry(f"{image_root(camera)}/lines", drawn)
             elif camera in self._lined:
                 self._lined.discard(camera)
-                yield Entry(f"{camera}/lines", rr.Clear(recursive=False))
+                yield Entry(f"{image_root(camera)}/lines", rr.Clear(recursive=False))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

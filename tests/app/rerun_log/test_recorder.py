@@ -30,7 +30,7 @@ from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, ImageLines, Rig, Tracks, TrackStatus, WorldLines, is_stereo, is_video
 from tests import doubles
-from tests.alone import ALL, METHODS
+from tests.alone import METHODS, PAPER
 from tests.app import helpers
 
 rr.set_strict_mode(True)
@@ -231,7 +231,7 @@ def test_a_thinned_exposure_is_drawn_without_its_points(run):
 
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():
-    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL)
+    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == {*METHODS, *PAPER}
     every = [*colours.METHOD.values(), *colours.OTHERS, colours.TRUTH]
     assert min(np.abs(np.subtract(a, b)).sum() for i, a in enumerate(every) for b in every[:i]) >= 50
     for colour in every:
