@@ -68,6 +68,7 @@ def _medians(plan: Plan, spreads: Sequence[Spread]) -> list[tuple[str, str, list
         (line.name, source, [s for s in spreads if s.line == line.name and s.source == source])
         for source in plan.sources
         for line in plan.lines
+        if line.runs_on(source)
     ]
 
 

@@ -26,6 +26,11 @@ class Line:
     settings: tuple[tuple[str, Value], ...] = ()
     """(METHOD.SETTING, value) of those that are not the default: of the method, or of one that it asks."""
     note: str = ""
+    sources: tuple[str, ...] = ()
+    """Those of the plan's that it runs on; empty: all."""
+
+    def runs_on(self, source: str) -> bool:
+        return not self.sources or source in self.sources
 
 
 class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -86,7 +91,7 @@ class Plan:
         """By source and seed: those on the same images follow each other."""
         for source in self.sources:
             for seed in self.seeds if source.startswith("sim:") else self.seeds[:1]:
-                yield from (Run(line, source, seed) for line in self.lines)
+                yield from (Run(line, source, seed) for line in self.lines if line.runs_on(source))
 
     def line(self, name: str) -> Line:
         return next(line for line in self.lines if line.name == name)

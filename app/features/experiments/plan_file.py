@@ -27,6 +27,7 @@ class LineEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     method: str
     settings: dict[str, Value] = {}
     note: str = ""
+    sources: tuple[str, ...] = ()
 
 
 class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,7 +62,9 @@ def read_plan(options: Experiment) -> Plan:
         plan = _plan(Path(plan_name).stem, plan_name, read_mapping(expanded(plan_name)))
     else:
         raise InputError(f"{plan_name} is no plan of an experiment: give {', '.join(known)}, or a YAML file")
-    plan = replace(plan, sources=options.sources or plan.sources)
+    if options.sources:  # instead of all that the plan says of sources
+        lines = tuple(replace(line, sources=()) for line in plan.lines)
+        plan = replace(plan, sources=options.sources, lines=lines)
     plan = replace(plan, seeds=plan.seeds if options.seeds is None else _seeds("--seeds", options.seeds))
     if options.max_exposures is not None:
         plan = replace(plan, max_exposures=options.max_exposures)
@@ -88,6 +91,9 @@ def _plan(name: str, where: str, content: Any) -> Plan:
                 raise InputError(
                     f"{where}: a statement is about line {line!r}, which is none of the plan's: correct it"
                 )
+    for line in lines:
+        if unknown := [source for source in line.sources if source not in entry.sources]:
+            raise InputError(f"{where}: line {line.name!r} has the source {unknown[0]!r}, which is none of the plan's")
     if not entry.sources or not lines:
         raise InputError(f"{where} has no {'lines or methods' if entry.sources else 'sources'}: add some")
     return Plan(
@@ -108,7 +114,7 @@ def _plan(name: str, where: str, content: Any) -> Plan:
 def _lines(where: str, entry: PlanEntry) -> tuple[Line, ...]:
     """Those that are named, then every method with every combination of the values that it takes."""
     found = [
-        Line(name, line.method, _settings(where, line.method, line.settings), line.note)
+        Line(name, line.method, _settings(where, line.method, line.settings), line.note, line.sources)
         for name, line in entry.lines.items()
     ]
     for key in entry.settings:

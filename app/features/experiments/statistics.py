@@ -79,6 +79,8 @@ def spreads(plan: Plan, rows: Sequence[Row]) -> list[Spread]:
     for quantity in plan.quantities:
         for source in plan.sources:
             for line in plan.lines:
+                if not line.runs_on(source):
+                    continue
                 own = [r for r in rows if r.run.line.name == line.name and r.run.source == source]
                 values = [v for r in own if (v := value_of(r, quantity)) is not None]
                 middle = quartiles = extremes = None
@@ -96,7 +98,8 @@ def paired(plan: Plan, rows: Sequence[Row]) -> list[Paired]:
     found = []
     for quantity in plan.quantities:
         for source in plan.sources:
-            of_line = {line.name: _by_seed(rows, line.name, source, quantity) for line in plan.lines}
+            running = [line.name for line in plan.lines if line.runs_on(source)]
+            of_line = {name: _by_seed(rows, name, source, quantity) for name in running}
             some = [_paired(source, quantity, a, b, of_line) for a, b in combinations(of_line, 2)]
             found += _holm([item for item in some if item is not None])
     return found

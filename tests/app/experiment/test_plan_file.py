@@ -50,6 +50,15 @@ def test_a_recording_is_run_once_whatever_the_seeds(tmp_path: Path) -> None:
     assert runs == [("sim:tiny", 1), ("sim:tiny", 3), ("kitti/06", 1)]
 
 
+def test_a_line_runs_on_its_own_sources_only_unless_others_are_asked_for(tmp_path: Path) -> None:
+    lines = {"a": {"method": "stereo"}, "b": {"method": "stereo.paper", "sources": ["sim:city"]}}
+    plan = plan_of(tmp_path, sources=["sim:tiny", "sim:city"], methods=[], lines=lines)
+    runs = [(run.line.name, run.source) for run in plan.runs()]
+    assert runs == [("a", "sim:tiny"), ("a", "sim:city"), ("b", "sim:city")]
+    other = read_plan(Experiment(plan=str(tmp_path / "own.yaml"), out=tmp_path, sources=("sim:town",)))
+    assert [(run.line.name, run.source) for run in other.runs()] == [("a", "sim:town"), ("b", "sim:town")]
+
+
 @pytest.mark.parametrize("name", sorted(built_in()))
 def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> None:
     plan = read_plan(Experiment(plan=name, out=tmp_path, seeds="3,5-6"))
@@ -72,6 +81,7 @@ def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> Non
         ({"settings": {"monocular.paper.max_tracks": [7]}}, "max-tracks is 7, give a value from 50 to 2000"),
         ({"settings": {"monocular.paper.scale_transfer": ["norms"]}}, "not one of norm, vector"),
         ({"statements": [{"text": "t", "quantity": "ate_m", "line": "Z"}]}, "about line 'Z', which is none"),
+        ({"lines": {"a": {"method": "stereo", "sources": ["sim:c"]}}}, "'sim:c', which is none of the plan's"),
         ({"sources": ["sim:a", "sim:a "]}, "almost the same name"),
         ({"seeds": "0-99999", "sources": ["sim:a", "sim:b"]}, "more than 100000"),
     ],
