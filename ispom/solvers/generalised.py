@@ -25,6 +25,8 @@ BEHIND_PX = 1e3
 LEAST_INVERSE_DEPTH = 1e-6
 """[1/m]: as good as infinitely far."""
 ITERATIONS, TOLERANCE = 10, 1e-5
+KNOWN_LENGTH = 1e-3
+"""Relative standard deviation of a length that defines the unit, for covariances in that unit."""
 FREE = 1e6
 """Relative standard deviation of a length that is not held."""
 
@@ -199,7 +201,7 @@ class Adjusted:
     errors_px: Array
     """(N,) of the observations."""
     rho_sigma: Array
-    """(M,) standard deviations of inverse depths; inf for points that are seen once."""
+    """(M,) standard deviations of inverse depths, in the present unit; inf for points that are seen once."""
     scale_sigma: float
     """Relative standard deviation of the best known length: inf where nothing determines the scale."""
     covariance: Array
@@ -239,15 +241,18 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
 
     if len(seen.point):
         window = minimise(window, cost, stepped, ITERATIONS, TOLERANCE).values
-    system, slope = System.of(window, cameras, seen, noise_px), pull(window)[1]
     errors_px = np.sqrt((errors_of(window, cameras, seen).px ** 2).sum(axis=1))
-    rho_sigma, scale_sigma = system.scale(window)
+    system, way = System.of(window, cameras, seen, noise_px), window.translations - window.translations[0]
     reduced, _ = system.reduced(0.0)
-    certain = slope / hold / length * 1e3 if hold else slope  # as if its length were known to 0.1 %
-    at = slice(6 * far - 6, 6 * far - 3)
-    reduced[at, at] += np.outer(certain, certain)
-    covariance = _inverse(reduced)[-6:, -6:]
-    return Adjusted(window, seen, errors_px, rho_sigma, scale_sigma, covariance)
+    free = _inverse(reduced)
+    at, long = slice(6 * far - 6, 6 * far - 3), float(np.linalg.norm(way[far]))
+    if long > 1e-6:
+        reduced[at, at] += np.outer(way[far], way[far]) / (KNOWN_LENGTH * long**2) ** 2
+    rho_sigma, covariance = system.depth_sigmas(_inverse(reduced)), _inverse(reduced)[-6:, -6:]
+    last = float(np.linalg.norm(way[-1]))
+    relative = float(np.sqrt(max(way[-1] @ free[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2 if last > 1e-9 else np.inf
+    depth = float((system.depth_sigmas(free) / window.rho).min(initial=np.inf))
+    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth), covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,17 +302,12 @@ class System:
         """Returns the step (M,) of the inverse depths that belongs to one of the frames."""
         return -self._inverse_depths(damping) * (self.depths_side + self.mixed @ step)
 
-    def scale(self, window: Window) -> tuple[Array, float]:
-        """Returns the standard deviations (M,) of inverse depths, and the smallest relative one of any length."""
-        covariance, inverse = _inverse(self.reduced(0.0)[0]), self._inverse_depths(0.0)
+    def depth_sigmas(self, covariance: Array) -> Array:
+        """Returns the standard deviations (M,) of inverse depths from the covariance of the frames."""
+        inverse = self._inverse_depths(0.0)
         by_frames = self.mixed * inverse[:, None]
         variance = inverse + np.einsum("ma,ab,mb->m", by_frames, covariance, by_frames)
-        sigma = np.where(self.depths > 0, np.sqrt(np.maximum(variance, 0)), np.inf)
-        way = window.translations[-1] - window.translations[0]
-        long = float(np.linalg.norm(way))
-        last = covariance[-6:-3, -6:-3]
-        relative = float(np.sqrt(max(way @ last @ way, 0.0))) / long**2 if long > 1e-9 else np.inf
-        return sigma, min(relative, float((sigma / window.rho).min(initial=np.inf)))
+        return np.where(self.depths > 0, np.sqrt(np.maximum(variance, 0)), np.inf)
 
     def _inverse_depths(self, damping: float) -> Array:
         return np.where(self.depths > 0, 1 / np.maximum((1 + damping) * self.depths, 1e-12), 0.0)

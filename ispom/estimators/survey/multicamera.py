@@ -362,6 +362,7 @@ class Multicamera(OneKind["Memory | None"]):
         window, newest = memory.window, len(memory.window.rotations) - 1
         seen = Seen.of(window)
         seen = seen.select(seen.frame == newest)
+        seen = seen.select(np.isfinite(memory.rho_sigma[seen.point]))
         uncertain = np.linalg.norm(errors_of(window, self.cameras, seen).by_rho, axis=1) * memory.rho_sigma[seen.point]
         seen = seen.select(uncertain < KNOWN_PX)
         count, errors = 0, np.zeros(0)
