@@ -36,11 +36,13 @@ from ispom.features.klt import Klt
 from ispom.features.overlap import Overlap
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
+from ispom.numerics.robust import normalised_mad
 from ispom.settings import Range
 from ispom.solvers.generalised import (
     FREE,
     Adjusted,
     Cameras,
+    Projected,
     Seen,
     Window,
     adjust,
@@ -48,6 +50,7 @@ from ispom.solvers.generalised import (
     points_in_world,
     reanchored,
     resect,
+    scaled,
 )
 from ispom.solvers.multiview.essential import relative_pose
 from ispom.solvers.multiview.rotation import median_displacement
@@ -71,6 +74,8 @@ NEW_BELOW = 0.8
 """New corners are detected in a camera where it has less than this share of those wanted."""
 LEAST_ESSENTIAL = 15
 """Inliers of the first essential matrix."""
+LEAST_RATIOS = 5
+"""Observations by two cameras from which a guessed scale is corrected."""
 MOST_SIGMA = 100.0
 """What is reported of a scale that nothing determines."""
 
@@ -241,7 +246,9 @@ class Multicamera(OneKind["Memory | None"]):
         memory, count = self._with_overlap(memory)
         watch.lap("overlap")
         located = count >= self.config.min_inliers
-        memory = replace(memory, located=located, observable=located, scale_known=located, begins=begins and not located)
+        memory = replace(
+            memory, located=located, observable=located, scale_known=located, begins=begins and not located
+        )
         decision = OVERLAP.of(count, self.config.min_inliers)
         tracks = self._tracks(memory.select(np.zeros(len(memory.ids), bool)), None, np.zeros(0, np.uint8), none, memory)
         result = self._result(frame, memory, tracks, (decision,), none)
@@ -267,9 +274,7 @@ class Multicamera(OneKind["Memory | None"]):
 
     # Step 1: tracks, each in its camera
 
-    def _followed(
-        self, memory: Memory, greys: dict[str, Image], time_ns: int
-    ) -> tuple[Memory, NDArray[np.uint8]]:
+    def _followed(self, memory: Memory, greys: dict[str, Image], time_ns: int) -> tuple[Memory, NDArray[np.uint8]]:
         """Returns the memory with one more frame, at the predicted pose, and TrackStatus (M,) of its points."""
         uv, xy = np.full_like(memory.uv, np.nan), np.full(memory.uv.shape, np.nan)
         status = np.full(len(uv), TrackStatus.LOST, np.uint8)
@@ -376,13 +381,38 @@ class Multicamera(OneKind["Memory | None"]):
 
     def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, Decision]:
         """Returns the adjusted window, whether the scale is known for the first time, and the check of it."""
-        noise = self.config.noise_px
-        found = adjust(memory.window, self.cameras, noise, FREE if memory.observable else HELD)
+        noise, window = self.config.noise_px, memory.window
+        if not memory.scale_known:
+            window = self._scaled_by_overlap(window)
+        found = adjust(window, self.cameras, noise, FREE if memory.observable else HELD)
         scale = SCALE.of(min(found.scale_sigma, MOST_SIGMA), self.config.max_scale_sigma)
         first_time = scale.passed and not memory.scale_known
         if first_time:
             found = adjust(found.window, self.cameras, noise)
         return found, first_time, scale
+
+    def _scaled_by_overlap(self, window: Window) -> Window:
+        """Returns the window in the scale of the points that two cameras see, where they agree.
+
+        Far from that, the robust adjustment would take their observations as outliers. Their depths in the present
+        scale are those of an adjustment without the second cameras.
+        """
+        alone = adjust(replace(window, other=np.full_like(window.other, -1)), self.cameras, self.config.noise_px, HELD)
+        sure, seen = alone.rho_sigma < SHOWN_SIGMA * alone.window.rho, Seen.of(window)
+        seen = seen.select(seen.by_other & sure[seen.point] & np.isfinite(window.own[seen.frame, seen.point, 0]))
+        ratios = [np.zeros(0)]
+        for (a, b), overlap in self.overlaps.items():
+            pair = seen.select((window.camera[seen.point] == a) & (seen.camera == b))
+            xy = window.own[pair.frame, pair.point]
+            z = triangulate(overlap.first_from_second.inverse(), xy, pair.xy)[:, 2]
+            by_first = replace(pair, camera=np.full(len(z), a), xy=xy)
+            now = Projected.of(alone.window, self.cameras, by_first).depth / alone.window.rho[pair.point]
+            baseline = float(np.linalg.norm(overlap.first_from_second.translation))
+            sigma = z * self.config.noise_px / (self.cameras.focal_px[a] * baseline)
+            ratios.append((z / now)[(z > 0) & (now > 0) & (sigma < SHOWN_SIGMA)])
+        every = np.concatenate(ratios)
+        agree = len(every) >= LEAST_RATIOS and normalised_mad(np.log(every)) <= SHOWN_SIGMA
+        return replace(scaled(alone.window, float(np.median(every)) if agree else 1.0), other=window.other)
 
     def _without_outliers(self, memory: Memory, adjusted: Adjusted) -> tuple[Memory, Array]:
         """Ends tracks that are off in the newest frame, and drops such observations by second cameras; returns the
@@ -392,7 +422,7 @@ class Multicamera(OneKind["Memory | None"]):
         newest, off = seen.frame == len(own) - 1, adjusted.errors_px > OUTLIER_PX
         ended = seen.point[newest & off & ~seen.by_other]
         own[-1, ended], uv[ended] = np.nan, np.nan
-        wrong = off & seen.by_other
+        wrong = off & seen.by_other & memory.scale_known
         other[seen.frame[wrong], seen.point[wrong]] = -1
         other[-1, ended] = -1
         residual = np.full(len(uv), np.nan)
@@ -422,9 +452,7 @@ class Multicamera(OneKind["Memory | None"]):
     def _without_frame(self, memory: Memory, frame: int) -> Memory:
         window, stay = reanchored(memory.window, self.cameras, frame)
         sigma = np.where(memory.window.anchor == frame, memory.rho_sigma, memory.rho_sigma)
-        return replace(
-            memory, window=window, ids=memory.ids[stay], uv=memory.uv[stay], rho_sigma=sigma[stay]
-        )
+        return replace(memory, window=window, ids=memory.ids[stay], uv=memory.uv[stay], rho_sigma=sigma[stay])
 
     def _with_new_points(self, memory: Memory) -> Memory:
         """Adds corners of the newest images, at the median depth of the camera's points."""
@@ -485,7 +513,12 @@ class Multicamera(OneKind["Memory | None"]):
         return found
 
     def _result(
-        self, frame: Frame, memory: Memory, tracks: dict[str, Tracks], decisions: tuple[Decision, ...], residual_px: Array
+        self,
+        frame: Frame,
+        memory: Memory,
+        tracks: dict[str, Tracks],
+        decisions: tuple[Decision, ...],
+        residual_px: Array,
     ) -> Result:
         rho = memory.window.rho
         known = memory.alive & (memory.rho_sigma < SHOWN_SIGMA * rho)
