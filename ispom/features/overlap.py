@@ -48,13 +48,14 @@ class Overlap:
     def of(first: Camera, second: Camera, first_from_second: Pose) -> Overlap | None:
         """Returns the overlap of two cameras; None where it is less than `LEAST_SHARE` of the image."""
         u, v = np.meshgrid(np.arange(first.width), np.arange(first.height))
-        rays, valid = first.unproject(np.stack([u.ravel(), v.ravel()], axis=1))
+        rays, valid = first.unproject(np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
         turned = rays @ first_from_second.rotation
         valid &= turned[:, 2] > 0.05  # wide lenses are modelled up to some angle only
         uv = np.full((len(turned), 2), -1e4)
         uv[valid] = second.project(turned[valid])
-        inside = (uv > HALF_PX).all(axis=1) & (uv < np.array([second.width, second.height]) - 1 - HALF_PX).all(axis=1)
-        if inside.mean() < LEAST_SHARE:
+        last = np.array([second.width, second.height]) - 1 - HALF_PX
+        inside = np.asarray(((uv > HALF_PX) & (uv < last)).all(axis=1))
+        if np.mean(inside) < LEAST_SHARE:
             return None
         columns, rows = (np.where(np.isfinite(c), c, -1e4).reshape(u.shape).astype(np.float32) for c in uv.T)
         return Overlap(first, first_from_second, (columns, rows), inside.reshape(u.shape))

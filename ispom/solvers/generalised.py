@@ -320,8 +320,8 @@ class System:
             flat.T @ flat,
             flat.T @ px.reshape(-1),
             mixed,
-            np.bincount(seen.point, (by_rho**2).sum(axis=1), count),
-            np.bincount(seen.point, (by_rho * px).sum(axis=1), count),
+            np.bincount(seen.point, (by_rho**2).sum(axis=1), count).astype(float),
+            np.bincount(seen.point, (by_rho * px).sum(axis=1), count).astype(float),
         )
 
     def reduced(self, damping: float) -> tuple[Array, Array]:

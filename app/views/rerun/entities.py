@@ -276,9 +276,11 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
 
 
 def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Array:
-    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
-    main: FrameName = "video" if rig.video is not None else "left"
-    names: tuple[FrameName, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones; of all cameras
+    where the rig has neither."""
+    main = next((name for name in ("video", "left") if name in rig.cameras), None)
+    both: tuple[FrameName, ...] = ("left", "right") if rig.has_stereo and not main_camera else ()
+    names = both or ((main,) if main else tuple(rig.cameras))
     frame_from_rig = rig.rig_from(frame).inverse()
     return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 

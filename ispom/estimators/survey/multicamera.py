@@ -39,7 +39,6 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.robust import normalised_mad
 from ispom.settings import Range
 from ispom.solvers.generalised import (
-    FREE,
     Adjusted,
     Cameras,
     Projected,
@@ -66,6 +65,9 @@ KNOWN_PX = 2.0
 """A point takes part in the resection where the uncertainty of its depth moves it less than this in the image."""
 OUTLIER_PX = 3.0
 """Points that are farther from where they should be end."""
+DRIFT = 0.02
+"""Relative standard deviation with which the scale may change from frame to frame where it is observable: one window
+alone may take it from a few false matches."""
 HELD = 0.003
 """Relative standard deviation of a length whose scale is not observable: it may hardly change from frame to frame."""
 SHOWN_SIGMA = 0.2
@@ -384,7 +386,7 @@ class Multicamera(OneKind["Memory | None"]):
         noise, window = self.config.noise_px, memory.window
         if not memory.scale_known:
             window = self._scaled_by_overlap(window)
-        found = adjust(window, self.cameras, noise, FREE if memory.observable else HELD)
+        found = adjust(window, self.cameras, noise, DRIFT if memory.observable else HELD)
         scale = SCALE.of(min(found.scale_sigma, MOST_SIGMA), self.config.max_scale_sigma)
         first_time = scale.passed and not memory.scale_known
         if first_time:
