@@ -65,11 +65,8 @@ KNOWN_PX = 2.0
 """A point takes part in the resection where the uncertainty of its depth moves it less than this in the image."""
 OUTLIER_PX = 3.0
 """Points that are farther from where they should be end."""
-DRIFT = 0.02
-"""Relative standard deviation with which the scale may change from frame to frame where it is observable: one window
-alone may take it from a few false matches."""
 HELD = 0.003
-"""Relative standard deviation of a length whose scale is not observable: it may hardly change from frame to frame."""
+"""Relative standard deviation with which the scale may change from frame to frame by itself."""
 SHOWN_SIGMA = 0.2
 """Of a depth, relative: points of the scene that are shown."""
 NEW_BELOW = 0.8
@@ -156,10 +153,10 @@ class Memory:
     located: bool = False
     """The window has poses; else it is the first frame, and waits for a motion."""
     newest_is_key: bool = True
-    observable: bool = False
-    """The scale is, in the window;"""
     scale_known: bool = False
-    """or was at some time in this segment."""
+    """The scale was observable at some time in this segment; else it is a guess."""
+    unit_sigma: float = 1.0
+    """Relative standard deviation of the scale, from all windows of the segment."""
     twist: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) velocity of the rig, for the prediction [1/s]."""
     begins: bool = False
@@ -214,10 +211,10 @@ class Multicamera(OneKind["Memory | None"]):
         watch.lap("pose")
         if moved is None:
             return self._not_located(memory, now, status, frame, decisions, watch)
-        adjusted, restarted, scale = self._adjusted(moved)
+        adjusted, restarted, scale, unit_sigma = self._adjusted(moved)
         watch.lap("window")
         located = replace(
-            moved, window=adjusted.window, rho_sigma=adjusted.rho_sigma, located=True, observable=scale.passed,
+            moved, window=adjusted.window, rho_sigma=adjusted.rho_sigma, located=True, unit_sigma=unit_sigma,
             scale_known=moved.scale_known or scale.passed, begins=False, last_pose=adjusted.window.pose(-1),
         )  # fmt: skip
         located, residual_px = self._without_outliers(located, adjusted)
@@ -249,7 +246,7 @@ class Multicamera(OneKind["Memory | None"]):
         watch.lap("overlap")
         located = count >= self.config.min_inliers
         memory = replace(
-            memory, located=located, observable=located, scale_known=located, begins=begins and not located
+            memory, located=located, scale_known=located, begins=begins and not located
         )
         decision = OVERLAP.of(count, self.config.min_inliers)
         tracks = self._tracks(memory.select(np.zeros(len(memory.ids), bool)), None, np.zeros(0, np.uint8), none, memory)
@@ -381,17 +378,23 @@ class Multicamera(OneKind["Memory | None"]):
 
     # Steps 5 and 6: the window, and whether it determines the scale
 
-    def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, Decision]:
-        """Returns the adjusted window, whether the scale is known for the first time, and the check of it."""
+    def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, Decision, float]:
+        """Returns the adjusted window, whether the scale is known for the first time, the check of it, and the standard
+        deviation of the scale from this window and those before: a Kalman filter of one number, whose update is part
+        of the adjustment."""
         noise, window = self.config.noise_px, memory.window
+        held = float(np.hypot(memory.unit_sigma, HELD)) if memory.scale_known else HELD
         if not memory.scale_known:
             window = self._scaled_by_overlap(window)
-        found = adjust(window, self.cameras, noise, DRIFT if memory.observable else HELD)
+        found = adjust(window, self.cameras, noise, held)
         scale = SCALE.of(min(found.scale_sigma, MOST_SIGMA), self.config.max_scale_sigma)
         first_time = scale.passed and not memory.scale_known
         if first_time:
-            found = adjust(found.window, self.cameras, noise)
-        return found, first_time, scale
+            held = 1.0
+            found = adjust(found.window, self.cameras, noise, held)
+        known = memory.scale_known or first_time
+        unit_sigma = (held**-2 + found.scale_sigma**-2) ** -0.5 if known else 1.0
+        return found, first_time, scale, min(unit_sigma, 1.0)
 
     def _scaled_by_overlap(self, window: Window) -> Window:
         """Returns the window in the scale of the points that two cameras see, where they agree.
