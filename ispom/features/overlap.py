@@ -101,7 +101,7 @@ class Overlap:
         self, image: Image, other: Image, uv: NDArray[np.float32], lines: Array, length_px: Array, some: NDArray
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Returns the most similar positions (K, 2), and for which points (K,) there is a clear one."""
-        visible = self._sees(lines[some].reshape(-1, 2)).reshape(len(some), -1)
+        visible = self._sees(lines[some].reshape(-1, 2)).reshape(len(some), lines.shape[1])
         some, visible = some[visible.any(axis=1)], visible[visible.any(axis=1)]
         if not len(some):
             return np.zeros((0, 2), np.float32), some
