@@ -65,7 +65,7 @@ KNOWN_PX = 2.0
 """A point takes part in the resection where the uncertainty of its depth moves it less than this in the image."""
 OUTLIER_PX = 3.0
 """Points that are farther from where they should be end."""
-HELD = 0.003
+HELD = 0.001
 """Relative standard deviation with which the scale may change from frame to frame by itself."""
 SHOWN_SIGMA = 0.2
 """Of a depth, relative: points of the scene that are shown."""
