@@ -6,6 +6,9 @@ have a contrast of at least 3 on white and on Rerun's near-black, so that they r
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ispom.methods import names
 from ispom.types import TrackStatus
 
@@ -41,6 +44,10 @@ DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
 MOVING: Rgb = (255, 20, 147)
 """What one other rigid motion than the camera's explains."""
+UNUSED: Rgb = (120, 120, 120)
+"""Of lines that a method found and does not use."""
+GROUPS: tuple[Rgb, ...] = ((230, 80, 60), (0, 158, 115), (60, 130, 230), (230, 159, 0), (204, 121, 167), (0, 170, 180))
+"""Of groups of lines, in turn: the first three are those of axes."""
 
 STAGES: tuple[Rgb, ...] = (
     (86, 180, 233),
@@ -80,6 +87,12 @@ def of(method: str) -> Rgb:
 def colour_of_external(number: int) -> Rgb:
     """The colour of the trajectory of another program, by its place among those given."""
     return EXTERNAL_COLOURS[number % len(EXTERNAL_COLOURS)]
+
+
+def of_groups(group: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Returns (N, 3) the colours of groups (N,): -1 for lines that are not used."""
+    table = np.array((*GROUPS, UNUSED), np.uint8)
+    return table[np.where(group < 0, len(GROUPS), group % len(GROUPS))]
 
 
 def label(method: str) -> str:

@@ -170,6 +170,22 @@ class Sideways:
 
 
 @dataclass(frozen=True)
+class Drive:
+    """The flight's bends at a constant height, level and without shake, as of a vehicle on an even road."""
+
+    path: Flight
+
+    def pose_at(self, time_ns: int) -> Pose:
+        """world_from_rig at a time [ns]; the view is along the path, as wheels roll."""
+        t, (amplitude, hz, phase) = time_ns * 1e-9, self.path.sway[0]
+        omega = 2 * np.pi * hz
+        slope = amplitude * omega * np.cos(omega * t + phase)
+        yaw = np.arctan2(slope, self.path.speed_m_s)
+        place = np.array([amplitude * np.sin(omega * t + phase), -1.75, self.path.speed_m_s * t])
+        return Pose(so3_exp(np.array([0, yaw, 0])), place)
+
+
+@dataclass(frozen=True)
 class Walk:
     """Down the corridor, up the stairs and into the hall, with the shake of a hand."""
 
@@ -217,6 +233,7 @@ MOTIONS: Mapping[str, Callable[[Flight], Motion]] = {
     "tiny-steps": TinySteps,
     "rotation": PureRotation,
     "sideways": Sideways,
+    "drive": Drive,
     "loop": Loop,
     "walk": Walk,
 }

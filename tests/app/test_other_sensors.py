@@ -133,9 +133,10 @@ def test_the_page_shows_frames_and_counts_the_others(run: CurrentRun, server, tm
         assert message_of(session.state)["index"] == of_kind(run, kind)[1]
     news = AxisNews().since(session.state, run)
     kinds = run.playback.sequence.kinds
-    assert news is not None and news["kinds"].count("o") == len([k for k in kinds if k not in ("video", "stereo")])
+    letters = {"video": "v", "stereo": "s", "gnss": "g", "imu": "i", "cameras": "c"}
+    assert news is not None and news["kinds"] == "".join(letters[kind] for kind in kinds)
     latest = latest_of_each_camera(kinds, of_kind(run, "gnss")[3])
-    assert set(latest) == {"video", "left", "right"} and kinds[latest["left"]] == "stereo"
+    assert set(latest) == {"video", "left", "right", "camera"} and kinds[latest["left"]] == "stereo"
 
 
 def test_files_of_a_run_count_them(run: CurrentRun) -> None:

@@ -14,6 +14,7 @@ from ispom.methods import Config, possible_methods
 from ispom.methods import method as registered
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory
+from tests.alone import SURVEY
 from tests.doubles import rig
 
 SECONDS = 1.2
@@ -53,5 +54,5 @@ def test_same_bytes(method: str, flight: Sequence, exposures: list[Measurement],
         cv2.setNumThreads(count)
         with threadpool_limits(count, "blas"):
             runs.append(outcome(method, flight.rig, short))
-    assert all(len(t) > 2 for t in runs[0][0].values())
+    assert all(len(t) > (0 if method in SURVEY else 2) for t in runs[0][0].values())
     assert as_bytes(*runs[0]) == as_bytes(*runs[1])

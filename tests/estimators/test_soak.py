@@ -17,9 +17,10 @@ from tests.accuracy.soak import small_images
 from tests.alone import ALL, SURVEY
 from tests.rounds import SCENARIOS, Scenario, rig
 
-EXPOSURES = 1_200
+MEASURED = 120
+"""Times that a State is measured."""
 MEASURED_EVERY = 10
-"""Exposures: to walk a State takes about as long as a step."""
+"""Frames: to walk a State takes about as long as a step."""
 GROWN = 1.1
 STANDING = ("still", "stops", "pairs end", "goes blank", "video goes blank")
 """Of the scenarios those in which most could pile up."""
@@ -40,9 +41,10 @@ def test_a_state_does_not_grow(method: str, scenario: Scenario) -> None:
         config = config.with_settings(method, replace(config.of(method), max_views=120))
     ensemble = build(config, (method,), rig())
     state, sizes = ensemble.start(), []
-    for i, exposure in enumerate(islice(scenario.exposures(), EXPOSURES)):
+    every = 2 if method in SURVEY else MEASURED_EVERY
+    for i, exposure in enumerate(islice(scenario.exposures(), every * MEASURED)):
         state, _ = ensemble.step(state, exposure)
-        if i % MEASURED_EVERY == 0:
+        if i % every == 0:
             sizes.append(size(state))
     early, late = (np.array(sizes[a:b]).max(axis=0) for a, b in ((60, 90), (90, 120)))
     assert (late <= GROWN * early).all(), f"values and bytes of arrays: {early} at first, {late} in the end"

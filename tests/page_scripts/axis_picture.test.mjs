@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { drawAxis, heightOf, laneAt } from "../../app/views/web/static/axis_picture.js";
+import { drawAxis, heightOf, laneAt, outagesOf } from "../../app/views/web/static/axis_picture.js";
 
 globalThis.devicePixelRatio = 1;
 globalThis.document = { documentElement: null };
@@ -66,4 +66,24 @@ test("each height has the row that is drawn there", () => {
   const found = rows.map((text) => text.split(/[ :]/)[0]);
   assert.deepEqual(found, ["Frame", "Video", "Stereo", "Monocular", "Stereo", "Events", "Frames", ""]);
   assert.ok(heightOf({ ...axis, events: [], condition: "" }) < heightOf(axis));
+});
+
+test("each sensor has a row, and a stretch without its measurements is an outage", () => {
+  const kinds = "vgvgvgvvvvvvgvgvvvvvvv";
+  const axis = axisOf({ times: [...kinds].map((_, i) => 100 * i), kinds });
+  assert.deepEqual(outagesOf(axis, "g"), [
+    [5, 12],
+    [14, 21],
+  ]);
+  assert.deepEqual(outagesOf(axis, "i"), []);
+  const rows = [...Array(heightOf(axis)).keys()].map((y) => laneAt(axis, y));
+  assert.ok(rows.some((text) => text.startsWith("GNSS")) && !rows.some((text) => text.startsWith("IMU")));
+  const red = drawn(axis, 1016, (i) => 10 * i).filter(([, , , , fill]) => fill === "--alarm");
+  assert.deepEqual(
+    red.map(([x, , width]) => [x, width]),
+    [
+      [50, 70],
+      [140, 70],
+    ],
+  );
 });

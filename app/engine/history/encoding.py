@@ -15,11 +15,11 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from ispom.types import Landmarks, Tracks
+from ispom.types import ImageLines, Landmarks, Tracks, WorldLines
 
 from .record import ExposureRecord
 
-POINTS = (Tracks, Landmarks)
+POINTS = (Tracks, Landmarks, ImageLines, WorldLines)
 """Their arrays are in the second part, as are those of the fields POINT_FIELDS."""
 POINT_FIELDS = {"residuals_px", "segments", "spline"}
 ALIGNMENT = 8

@@ -87,6 +87,7 @@ def size_bytes(record: ExposureRecord) -> int:
     for step in with_parts(record.steps):
         points = [len(tracks) * 33 for tracks in (*step.tracks.values(), *step.other_motion.values())]
         total += sum(points) + 35 * len(step.landmarks) + 8 * len(step.residuals_px) + 104 * len(step.revised)
+        total += sum(24 * len(lines) for lines in step.lines.values()) + 56 * len(step.world_lines)
         total += 3000 + 400 * len(step.decisions)
         total += sum(1000 + 104 * len(segment.video) for segment in step.segments)
         total += 1000 + 73 * len(step.spline.times_ns) + 56 * len(step.spline.knots_ns) if step.spline else 0

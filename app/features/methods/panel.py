@@ -30,7 +30,12 @@ class MethodsPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._state, self._run = session, session.state, -1
         config, running = self._state.config, self._state.methods
-        self._on = {m: gui.add_checkbox(colours.label(m), m in running, hint=method(m).source) for m in names()}
+        of_survey = [m for m in names() if method(m).survey]
+        self._on = {m: self._box(gui, m, m in running) for m in names() if m not in of_survey}
+        if of_survey:
+            with gui.add_folder("Methods of the survey", expand_by_default=False):
+                self._on |= {m: self._box(gui, m, m in running) for m in of_survey}
+        self._on = {m: self._on[m] for m in names()}
         for box in self._on.values():
             box.on_update(lambda _: self._hint())
         self._folders: dict[str, viser.GuiFolderHandle] = {}
@@ -48,6 +53,12 @@ class MethodsPanel:
             with self._folders[name]:
                 self._forms[name] = ConfigForm(gui, config.of(name), lambda _: self._hint())
         self._arrange()
+
+    @staticmethod
+    def _box(gui: viser.GuiApi, name: str, on: bool) -> viser.GuiCheckboxHandle:
+        of_survey = method(name).survey
+        hint = f"{of_survey}. {method(name).source}" if of_survey else method(name).source
+        return gui.add_checkbox(colours.label(name), on, hint=hint)
 
     @property
     def _config(self) -> Config:

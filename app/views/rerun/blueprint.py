@@ -26,6 +26,7 @@ from . import entities
 from .coloured import path_of
 from .eye import extent, eye_on
 from .layers import IMAGE_LAYERS, MEASURES
+from .parts import image_root
 from .plots import NO_ERROR, why_no_error
 
 PLOTS = {
@@ -53,7 +54,8 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
     page's curves and verdicts, so that a row of these stands below."""
     rig, hidden_in = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
     cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
-    images = [_image(name, each, hidden_in[f"/{name}"]) for name, each in cameras.items() if each is not None]
+    cameras |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
+    images = [_image(name, each, hidden_in.get(f"/{name}", [])) for name, each in cameras.items() if each is not None]
     world = _world(opened, hidden_in["/world"])
     stage = rrb.Horizontal(
         world,
@@ -131,6 +133,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
         "depth": [f"world/{m}/depth" for m in methods],
+        "lines": [f"world/{m}/lines" for m in methods],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
@@ -150,7 +153,7 @@ def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring)
     therefore the words of their legends by themselves."""
     by_state = {"tracks", "legend"} if colour_by != "state" else set()
     if camera == "right":
-        yield from ["right/tracks"] if "tracks" in hidden else []
+        yield from (f"right/{layer}" for layer in ("tracks", "lines") if layer in hidden)
         return
     yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
@@ -216,8 +219,10 @@ def least_size(opened: Opened) -> float:
 def _image(name: str, camera: Camera, hidden: list[str]) -> rrb.View:
     width, height = entities.shown_size(camera)
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
-    hidden = [*hidden, f"{name}/legend/light"]  # a viewer is dark until a page says that it is not
-    view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
+    root = image_root(name)
+    hidden = [*hidden, f"{root}/legend/light"]  # a viewer is dark until a page says that it is not
+    title = IMAGES.get(name, name)
+    view = rrb.Spatial2DView(origin=f"/{root}", name=title, overrides=_hide(hidden), visual_bounds=bounds)
     return _with_stable_id(view)
 
 

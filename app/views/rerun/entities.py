@@ -16,7 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, FrameName, Image, Rig, Step, Tracks, TrackStatus
+from ispom.types import Camera, FrameName, Image, ImageLines, Rig, Step, Tracks, TrackStatus, WorldLines
 
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
@@ -96,6 +96,8 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
+LINE_PX = 1.0
+"""Half width on the screen of the lines that a method found."""
 MOVING = len(TrackStatus)
 """Class id of what moves by itself."""
 
@@ -195,6 +197,18 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.4])
 
 
+def image_lines(found: ImageLines, camera: Camera) -> rr.LineStrips2D:
+    """Lines on an image, in the colours of their groups."""
+    drawn = strips(shown_uv(found.uv, camera))
+    return rr.LineStrips2D(drawn, colors=colours.of_groups(found.group), radii=[-LINE_PX])
+
+
+def world_lines(found: WorldLines) -> rr.LineStrips3D:
+    """Lines of the scene, in the colours of their groups."""
+    drawn = strips(np.asarray(found.xyz_in_world, np.float32))
+    return rr.LineStrips3D(drawn, colors=colours.of_groups(found.group), radii=[-LINE_PX])
+
+
 def in_right(tracks: Tracks) -> Tracks:
     """The tracks of the left image that have a disparity, where the right image has them."""
     known = np.flatnonzero(~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST))
@@ -277,10 +291,11 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
 
 def outlines(rig: Rig, frame: FrameName, size: float, main_camera: bool) -> Array:
     """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones; of all cameras
-    where the rig has neither."""
-    main = next((name for name in ("video", "left") if name in rig.cameras), None)
-    both: tuple[FrameName, ...] = ("left", "right") if rig.has_stereo and not main_camera else ()
-    names = both or ((main,) if main else tuple(rig.cameras))
+    of a rig without any of these."""
+    main: FrameName = "video" if rig.video is not None else "left"
+    names: tuple[FrameName, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    if rig.video is None and rig.left is None:
+        names = tuple(rig.cameras)
     frame_from_rig = rig.rig_from(frame).inverse()
     return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 

@@ -16,6 +16,7 @@ LAYERS = {
     "moving": "what moves by itself",
     "trails": "trails of tracks",
     "disparity": "disparity",
+    "lines": "lines, flow and tags",
 }
 HINTS = {
     "truth": "The ground truth of the whole recording, and the rig where it truly is at the frame shown.",
@@ -32,10 +33,11 @@ HINTS = {
     "tracks": "The tracks of the frame on its image, coloured as chosen under Look.",
     "moving": "The tracks that one rigid motion explains beside the one that is followed, on their image.",
     "trails": "Where the tracks were in the last ten frames.",
+    "lines": "What a method draws besides its tracks: line segments in the colours of their directions, flow, tags.",
     "disparity": "From each point of the left image to its place in the right one [px].",
 }
 OPTIONAL = frozenset({"depth"})
 """Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
 """Of no layer: all plots and texts, which a lesson hides."""
-IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity")
+IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity", "lines")

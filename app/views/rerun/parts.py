@@ -6,6 +6,7 @@ images, tracks and maps of a run along its timeline. It gets the parts of the fr
 which it keeps one value each; those of another frame replace them.
 
     video/*, left/*, right/*,   the parts of exactly this frame, and of the other camera's latest one
+    camera/NAME/*
     world/view/METHOD/CAMERA
     world/*, decisions          the latest value of each up to this frame
     all of an `Overlay`         whatever the frame
@@ -33,7 +34,9 @@ from .streams import APPLICATION
 
 Part = tuple[str, str]
 """Path of an entity, and the archetype of these of its components."""
-CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right")}
+OTHER = "camera"
+"""Above the entities of all cameras with other names: their frames are of one kind, and drawn together."""
+CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right"), "cameras": (OTHER,)}
 """The cameras whose images are drawn, by the kind of a frame; other measurements are not drawn."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
 STAGE = "stage"
@@ -42,10 +45,17 @@ FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
 
+def image_root(camera: str) -> str:
+    """The entity above all that is drawn in the image of a camera."""
+    return camera if camera in ("video", "left", "right") else f"{OTHER}/{camera}"
+
+
 def is_part(path: str) -> bool:
     """Whether what is logged here over time is a part of the views of a frame; the page draws nothing of the rest."""
     path = path.removeprefix("/")
-    below = path.startswith(("video/", "left/", "right/", "world/")) and not re.fullmatch("world/[^/]+/final", path)
+    below = path.startswith(("video/", "left/", "right/", f"{OTHER}/", "world/")) and not re.fullmatch(
+        "world/[^/]+/final", path
+    )
     return below or path == "decisions"
 
 

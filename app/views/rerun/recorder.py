@@ -32,7 +32,8 @@ from collections.abc import Callable, Iterator
 import rerun as rr
 
 from ispom.geometry import Similarity
-from ispom.types import FrameName, Step, Tracks, is_stereo, main_image
+from ispom.types import FrameName, Step, Tracks, images_of, is_stereo, main_image
+from ispom.types.measurements import CAMERAS
 
 from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
 from ...engine.history.record import with_parts
@@ -42,6 +43,7 @@ from . import entities
 from .batch import Batch, Entry
 from .coloured import ColouredTracks
 from .depth import depth_entries
+from .parts import image_root
 from .plots import Plots
 from .world import World
 
@@ -63,12 +65,15 @@ class Recorder:
         self._recent: dict[str, list[Tracks]] = {}
         self._moving = set[str]()
         """Cameras in which anything moved by itself so far."""
+        self._lined = set[str]()
+        """Cameras in which lines are drawn now."""
         self._last: dict[str, Step] = {}
         self._now = (0, 0)
 
     def opening(self) -> Batch:
         """What holds for the whole run (all static)."""
-        images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left", "right")]
+        cameras = dict.fromkeys(("video", "left", "right", *self.opened.sequence.rig.cameras))
+        images = [Entry(image_root(camera), entities.statuses(), static=True) for camera in cameras]
         images += self._coloured.opening()
         start = Entry(START, rr.AnyValues(time_ns=self.first_ns), static=True)
         return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
@@ -100,6 +105,9 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         yield from self._pictured(event)
+        yield from self._lines(event)
+        if event.exposure.kind == CAMERAS:
+            yield from self._tracks_of_others(event)
         main = main_image(event.exposure)
         seen = None if main is None else _seen(event, main[0])
         if main is None or seen is None:
@@ -121,6 +129,18 @@ class Recorder:
             yield from self._world.picture(name, image, event.steps)
         if is_stereo(event.exposure) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
+        if event.exposure.kind == CAMERAS:
+            for camera, picture in images_of(event.exposure).items():
+                if picture.size:
+                    yield Entry(f"{image_root(camera)}/image", entities.jpeg(picture))
+
+    def _tracks_of_others(self, event: Stepped) -> Iterator[Entry]:
+        """Tracks in the cameras of a rig of any cameras, each of the first method that has any in it."""
+        for name in images_of(event.exposure):
+            if (seen := _seen(event, name)) is not None:
+                camera = self.opened.sequence.rig.camera(name)
+                shown = entities.thinned(seen.tracks, camera)
+                yield Entry(f"{image_root(name)}/tracks", entities.points(shown, camera))
 
     def _depth(self, event: Stepped) -> Iterator[Entry]:
         if not is_stereo(event.exposure) or not (self._depth_path or self._has_depth()):
@@ -146,6 +166,18 @@ class Recorder:
         if seen.camera == "left":
             yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
             yield Entry("right/tracks", entities.points(entities.in_right(shown), camera))
+
+    def _lines(self, event: Stepped) -> Iterator[Entry]:
+        """Of the first method that draws any in a camera of this frame."""
+        for camera in images_of(event.exposure):
+            found = next((s.lines[camera] for s in event.steps if len(s.lines.get(camera, ()))), None)
+            if found is not None:
+                self._lined.add(camera)
+                drawn = entities.image_lines(found, self.opened.sequence.rig.camera(camera))
+                yield Entry(f"{image_root(camera)}/lines", drawn)
+            elif camera in self._lined:
+                self._lined.discard(camera)
+                yield Entry(f"{image_root(camera)}/lines", rr.Clear(recursive=False))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

@@ -50,6 +50,8 @@ class World:
         """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
+        self._lined: set[str] = set()
+        """Methods whose lines are drawn now."""
         self._frustum_lines: dict[tuple[FrameName, float, bool], Array] = {}
         """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
         self._external_log = ExternalTrajectoryLog(opened)
@@ -86,6 +88,7 @@ class World:
             yield from self._path_blocks(step.method, changed)
             yield from self._pose(step, resized)
             yield from self._uncertainty(step)
+            yield from self._lines(step)
             due = event.index - self._map_drawn.get(step.method, -MAP_EVERY) >= MAP_EVERY
             if (step.key_frame and due) or resized:
                 self._map_drawn[step.method] = event.index
@@ -181,6 +184,15 @@ class World:
         elif step.method in self._ellipsoids:
             yield Entry(place, rr.Clear(recursive=False))
         (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
+
+    def _lines(self, step: Step) -> Iterator[Entry]:
+        """Lines of the scene that the method knows now."""
+        place = f"world/{step.method}/lines"
+        if len(step.world_lines):
+            yield Entry(place, entities.world_lines(step.world_lines))
+        elif step.method in self._lined:
+            yield Entry(place, rr.Clear(recursive=False))
+        (self._lined.add if len(step.world_lines) else self._lined.discard)(step.method)
 
     def _error(self, step: Step) -> Iterator[Entry]:
         """From the pose to the true one at its time, in the method's world."""

@@ -22,8 +22,8 @@ from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State
 
-CODES = {"video": "v", "stereo": "s"}
-"""Letters of the kinds in the page's axis; `o` for measurements of other sensors."""
+CODES = {"video": "v", "stereo": "s", "cameras": "c", "imu": "i", "gnss": "g", "wheel": "w", "laser": "l"}
+"""Letters of the kinds in the page's axis; `o` for those of packages."""
 SLICE = 500
 """Frames at which a condition is evaluated for one message; each takes some 10 microseconds."""
 

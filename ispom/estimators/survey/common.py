@@ -120,9 +120,9 @@ class OneKind(Generic[Memory]):
 
 
 def tracks_between(
-    ids: Array,
-    uv: Array,
-    uv_prev: Array | None = None,
+    ids: NDArray[np.int64],
+    uv: NDArray[np.floating],
+    uv_prev: NDArray[np.floating] | None = None,
     inliers: NDArray[np.bool_] | None = None,
     residual_px: Array | None = None,
 ) -> Tracks:

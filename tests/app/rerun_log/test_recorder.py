@@ -28,9 +28,9 @@ from rerun.chunk import RrdReader
 
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, Similarity
-from ispom.types import Camera, Rig, Tracks, TrackStatus, is_stereo, is_video
+from ispom.types import Camera, ImageLines, Rig, Tracks, TrackStatus, WorldLines, is_stereo, is_video
 from tests import doubles
-from tests.alone import ALL, METHODS
+from tests.alone import METHODS, PAPER
 from tests.app import helpers
 
 rr.set_strict_mode(True)
@@ -167,6 +167,24 @@ def test_what_moves_by_itself_is_drawn_while_it_is_reported(run):
     assert "3 move alone" in legends[0].labels.as_arrow_array().to_pylist()
 
 
+def test_lines_are_drawn_on_their_image_and_in_the_scene_while_a_method_has_them(run):
+    recorder, first, second = Recorder(run.opened), run.step(), run.step()
+    at = next(i for i, step in enumerate(first.steps) if "video" in step.tracks)
+    on_image = ImageLines.of(np.array([[[1.0, 2.0], [11.0, 2.0]], [[5.0, 5.0], [5.0, 9.0]]]), np.array([0, -1]))
+    in_scene = WorldLines(np.array([[[0.0, 0.0, 0.0], [0.0, 2.0, 4.0]]]), np.array([1]))
+    found = replace(first.steps[at], lines={"video": on_image}, world_lines=in_scene)
+    with_lines = replace(first, steps=(found,))
+    without = replace(second, steps=(first.steps[at],), exposure=first.exposure)
+    kept = decode(*encode(ExposureRecord.of(with_lines, None))).stepped(first.exposure)
+    drawn = [recorder.batch(event).entries for event in (kept, without)]
+    of_method = f"world/{found.method}/lines"
+    for path, expected in (("video/lines", on_image.uv + 0.5), (of_method, in_scene.xyz_in_world)):
+        (there,), (gone,) = ([e.value for e in entries if e.path == path] for entries in drawn)  # type: ignore[union-attr]
+        assert_allclose(there.strips.as_arrow_array().to_pylist(), expected)
+        assert isinstance(gone, rr.Clear)
+    assert len(set(map(tuple, colours.of_groups(on_image.group).tolist()))) == 2
+
+
 def test_a_frustum_sees_the_image_corners():
     camera = Camera(80, 60, 60.0, 60.0, 39.5, 29.5, (-0.05, 0.01, 0.0, 0.0))
     outline = entities.frustum(camera, Pose(), 2.0)
@@ -213,7 +231,7 @@ def test_a_thinned_exposure_is_drawn_without_its_points(run):
 
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():
-    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL)
+    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == {*METHODS, *PAPER}
     every = [*colours.METHOD.values(), *colours.OTHERS, colours.TRUTH]
     assert min(np.abs(np.subtract(a, b)).sum() for i, a in enumerate(every) for b in every[:i]) >= 50
     for colour in every:

@@ -75,3 +75,12 @@ def test_a_right_camera_that_is_late_shows_the_later_moment() -> None:
     assert np.array_equal(late[:half], now[:half])
     difference = [np.abs(late[half:].astype(float) - other[half:]).mean() for other in (then, now)]
     assert difference[0] < 2 * NOISE_SIGMA < difference[1]
+
+
+def test_a_drive_is_level_and_looks_where_it_goes() -> None:
+    drive, ms = motion_of("drive", 4), 1_000_000
+    for time_ns in range(0, 6_000 * ms, 500 * ms):
+        pose, later = drive.pose_at(time_ns), drive.pose_at(time_ns + ms)
+        ahead = (later.translation - pose.translation) / np.linalg.norm(later.translation - pose.translation)
+        assert np.allclose(pose.rotation[:, 1], [0, 1, 0]) and pose.translation[1] == -1.75
+        assert np.allclose(pose.rotation[:, 2], ahead, atol=1e-3)

@@ -1,5 +1,5 @@
-// The upper part of the time dock, row by row: frame numbers, video and stereo frames, each method's keyframes and losses,
-// where the condition is true. At most one mark of a kind to a pixel.
+// The upper part of the time dock, row by row: frame numbers, the frames and measurements of each sensor with its outages,
+// each method's keyframes and losses, where the condition is true. At most one mark of a kind to a pixel.
 import { GUTTER, labelledFrames } from "./time_scale.js";
 import { inkOf } from "./quantity_plots.js";
 
@@ -11,8 +11,23 @@ const BAR = 3; // what is computed
 const EVENTS = 10;
 const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not good news
 
-const clocks = ({ kinds }) => [kinds.includes("v") && "v", kinds.includes("s") && "s"].filter(Boolean);
-const NAMES = { v: "Video frames", s: "Stereo frames" };
+const OUTAGE = 3; // times the usual interval between two measurements of a sensor
+
+// What each letter of the axis's kinds stands for.
+export const SENSORS = { v: "video", s: "stereo", c: "cameras", i: "IMU", g: "GNSS", w: "wheel", l: "laser", o: "other sensor" };
+const NAMES = { v: "Video frames", s: "Stereo frames", c: "Frames of cameras", i: "IMU", g: "GNSS", w: "Wheel", l: "Laser", o: "Others" };
+const clocks = ({ kinds }) => Object.keys(NAMES).filter((kind) => kinds.includes(kind));
+
+// Stretches [first, last] of frames without any measurement of a sensor that has them at other times.
+export function outagesOf({ times, kinds }, kind) {
+  const own = [...times.keys()].filter((index) => kinds[index] === kind);
+  const steps = own.slice(1).map((index, i) => times[index] - times[own[i]]);
+  const usual = steps.toSorted((a, b) => a - b)[Math.floor(steps.length / 2)];
+  if (!(usual > 0)) return [];
+  const gaps = own.slice(1).flatMap((index, i) => (steps[i] > OUTAGE * usual ? [[own[i], index]] : []));
+  const last = own.at(-1);
+  return times.at(-1) - times[last] > OUTAGE * usual ? [...gaps, [last, times.length - 1]] : gaps;
+}
 
 const eventRow = (axis) => (axis.events?.length ? EVENTS : 0);
 
@@ -24,7 +39,7 @@ export function laneAt(axis, y) {
   if (y < RULER) return "Frame numbers; the bar shows what is computed";
   const rows = clocks(axis);
   const clock = rows[Math.floor((y - RULER) / CLOCK)];
-  if (clock) return NAMES[clock];
+  if (clock) return "vsc".includes(clock) ? NAMES[clock] : `${NAMES[clock]}: marks are measurements, red is an outage`;
   const below = y - RULER - CLOCK * rows.length - axis.methods.length * LANE;
   if (below >= 0 && below < eventRow(axis)) return "Events (n and N step through them)";
   const row = Math.floor((y - RULER - CLOCK * rows.length - (below < 0 ? 0 : eventRow(axis))) / LANE);
@@ -65,6 +80,9 @@ export function drawAxis(canvas, width, axis, place) {
   let y = RULER;
   for (const kind of clocks(axis)) {
     text(NAMES[kind], 14, y + CLOCK - 2, colour("quiet"));
+    if (!"vsc".includes(kind)) {
+      for (const [first, last] of outagesOf(axis, kind)) box(place(first), place(last), y + 4, CLOCK - 8, colour("alarm"));
+    }
     marks(
       all.filter((i) => axis.kinds[i] === kind),
       y + 3,

@@ -1,13 +1,12 @@
 // The time dock's rows over one time axis: what happened in the run, the plots, and the cursor. The server sends each frame
 // once; pictures are drawn when something was added, while a run grows once in a while, and else only the cursor moves.
-import { drawAxis, heightOf, laneAt } from "./axis_picture.js";
+import { SENSORS, drawAxis, heightOf, laneAt } from "./axis_picture.js";
 import { makePlots } from "./quantity_plots.js";
 import { GUTTER, nearestFrame, placeOf } from "./time_scale.js";
 
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const NEAR_PX = 4; // an event so near to the pointer is named
 const MOST_EVENTS = 4;
-const KINDS = { v: "video", s: "stereo" };
 const at = (id) => document.getElementById(id);
 
 export function makeAxis(seek, command) {
@@ -128,7 +127,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
     lane,
-    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${KINDS[axis.kinds[index]] ?? "other sensor"}`,
+    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${SENSORS[axis.kinds[index]]}`,
     index >= axis.computed ? "not computed yet" : "",
     ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),
