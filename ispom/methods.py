@@ -28,7 +28,7 @@ VARIANTS: tuple[Variant, ...] = get_args(Variant)
 SENSORS: Mapping[Kind, str] = {
     "video": "a video camera",
     "stereo": "a left and a right camera",
-    "cameras": "a camera",
+    "cameras": "several cameras with names of their own",
     "imu": "an IMU",
     "gnss": "a GNSS antenna",
     "wheel": "a wheel odometer",

@@ -66,12 +66,14 @@ def flight(rig: Rig, all_at_once: bool = False) -> list[Measurement]:
     return measurements
 
 
-def flight_rig() -> Rig:
-    """320 x 240 pixels: a pair of 0.3 m, and a video camera next to it whose lens distorts."""
+def flight_rig(all_at_once: bool = False) -> Rig:
+    """320 x 240 pixels: a pair of 0.3 m, and a video camera next to it whose lens distorts; with `all_at_once`, three
+    cameras with other names."""
     pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
     video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
     offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))
-    return pair.changed(video=video, rig_from_video=offset)
+    rig = pair.changed(video=video, rig_from_video=offset)
+    return Rig({f"{name}_camera": sensor for name, sensor in rig.sensors.items()}) if all_at_once else rig
 
 
 def _image(camera: Camera, xyz_in_camera: Array, grey: NDArray) -> Image:

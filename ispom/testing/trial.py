@@ -43,8 +43,8 @@ class Trial:
     @staticmethod
     def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
         """Takes the frames of a sequence, or of a simulated flight past balls."""
-        rig = flight_rig() if sequence is None else sequence.rig
         at_once = CAMERAS in method.sensors
+        rig = flight_rig(at_once) if sequence is None else sequence.rig
         measurements = flight(rig, at_once) if sequence is None else (sequence[i] for i in range(len(sequence)))
         used = tuple(Numbered(e, f"frame {i}") for i, e in enumerate(measurements) if method.uses(e))
         with failing_as(method, "cannot make its default settings"):

@@ -29,7 +29,8 @@ def wall(first_from_camera: Pose) -> Image:
     reach = (DEPTH_M - first_from_camera.translation[2]) / turned[:, 2]
     at = first_from_camera.translation + reach[:, None] * turned
     columns, rows = (100 * at[:, 0] + 700).reshape(u.shape), (100 * at[:, 1] + 400).reshape(u.shape)
-    return np.asarray(cv2.remap(texture(), columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR))
+    pixels = columns.astype(np.float32), rows.astype(np.float32)
+    return np.asarray(cv2.remap(texture(), *pixels, cv2.INTER_LINEAR), np.uint8)
 
 
 def test_points_of_a_wall_are_found_where_they_are() -> None:

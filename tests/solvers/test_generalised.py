@@ -1,4 +1,4 @@
-"""The window of a generalised camera: exact on exact points, and sure of its scale only where something determines it."""
+"""The window of a generalised camera: exact on exact points, and sure of its scale only where something gives it."""
 
 from __future__ import annotations
 

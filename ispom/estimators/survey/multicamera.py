@@ -245,9 +245,7 @@ class Multicamera(OneKind["Memory | None"]):
         memory, count = self._with_overlap(memory)
         watch.lap("overlap")
         located = count >= self.config.min_inliers
-        memory = replace(
-            memory, located=located, scale_known=located, begins=begins and not located
-        )
+        memory = replace(memory, located=located, scale_known=located, begins=begins and not located)
         decision = OVERLAP.of(count, self.config.min_inliers)
         tracks = self._tracks(memory.select(np.zeros(len(memory.ids), bool)), None, np.zeros(0, np.uint8), none, memory)
         result = self._result(frame, memory, tracks, (decision,), none)

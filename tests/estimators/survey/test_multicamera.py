@@ -19,6 +19,7 @@ from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.sequences.crops import cropped_pair, only_cameras
 from ispom.sequences.formats.simulated import open_simulated
+from ispom.sequences.images import read_grey
 from ispom.types import Camera, Frame, Image, Rig, Sequence, Status, Step, Trajectory
 
 KITTI = Path("../shared/data/kitti/sequences/06")
@@ -181,8 +182,10 @@ def six_cameras(scale: float) -> tuple[Rig, list[tuple[Frame, Pose]]]:
     frames = []
     for i, by_camera in enumerate(instants.values()):
         size = (rig.camera("CAMERA_01").width, rig.camera("CAMERA_01").height)
-        images = {n: cv2.imread(str(SIX / e["file"]), cv2.IMREAD_GRAYSCALE) for n, e in by_camera.items()}
-        small = {n: np.asarray(cv2.resize(im, size, interpolation=cv2.INTER_AREA)) for n, im in images.items()}
+        images = {n: read_grey(SIX / e["file"]) for n, e in by_camera.items()}
+        small = {
+            n: np.asarray(cv2.resize(im, size, interpolation=cv2.INTER_AREA), np.uint8) for n, im in images.items()
+        }
         world_from_rig = pose(by_camera["CAMERA_01"]["world_from_camera"]) @ rig.rig_from("CAMERA_01").inverse()
         frames.append((Frame(i * 10**9, small), world_from_rig))
     return rig, frames
