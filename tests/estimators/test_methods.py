@@ -24,6 +24,7 @@ from ispom.methods import (
     possible_methods,
     with_dependencies,
 )
+from ispom.simulation.cameras import ring_rig
 from ispom.types import Measurement, Sequence
 from tests.alone import METHODS, OF_CAMERAS, PAPER
 
@@ -64,6 +65,7 @@ def test_the_built_in_methods_in_their_order() -> None:
 def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
     assert possible_methods(flight.rig) == tuple(name for name in NAMES if name not in OF_CAMERAS)
     assert default_methods(flight.rig) == METHODS and default_methods(flight.rig, "paper") == PAPER
+    assert default_methods(ring_rig(5)) == OF_CAMERAS
 
 
 @pytest.mark.parametrize("installed", [[("orb", "ORB")]], indirect=True)

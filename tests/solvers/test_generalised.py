@@ -26,6 +26,8 @@ CAMERA = Camera(320, 240, 200.0, 200.0, 159.5, 119.5)
 STRAIGHT = [Pose(translation=np.array([0.0, 0.0, 0.4 * k])) for k in range(5)]
 TURNING = [Pose.from_rotvec(np.array([0.0, 0.15 * k, 0.0]), np.array([0.0, 0.0, 0.4 * k])) for k in range(5)]
 
+ANGLES = 0.15 * np.arange(5)
+
 
 def rig(count: int) -> Rig:
     """Cameras that look outwards from a circle of 0.5 m."""
@@ -122,6 +124,11 @@ def test_the_scale_is_observable_by_overlap_or_rotation_only() -> None:
             sigma[name, overlap] = adjust(window, cameras, 0.5).scale_sigma
     assert sigma["straight", False] > 10
     assert max(sigma["straight", True], sigma["turning", True], sigma["turning", False]) < 0.05
+    circle = [
+        Pose.from_rotvec(np.array([0.0, a, 0.0]), np.array([3 - 3 * np.cos(a), 0, 3 * np.sin(a)])) for a in ANGLES
+    ]
+    window, cameras, _ = exact(circle)
+    assert adjust(window, cameras, 0.5).scale_sigma > 1  # each camera moves on a circle about the same point
     window, cameras, _ = exact(TURNING, count=1)
     assert adjust(window, cameras, 0.5).scale_sigma > 10  # one camera alone
 

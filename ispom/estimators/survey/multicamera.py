@@ -16,9 +16,22 @@ The steps, in the order of this file:
    it is not. There it is held, and the check says so: the unit is then that of before, or of the guess.
 
 Limits: observations lie on the plane z = 1, so directions at 90 degrees from an axis or more are not used; all cameras
-expose at the same time; nothing is relocalised; a point that leaves a camera is a new one in the next camera.
+expose at the same time; nothing is relocalised; a point that leaves a camera is a new one in the next camera. Until the
+scale is observable for the first time, the path has a guessed unit (the first points at `assumed_depth_m`), which the
+segment after that corrects. A rig that moves on a circle and turns with it has no observable scale without overlap
+(Clipp et al. 2008), and the check says so.
 
-Measured: {measured}
+Measured with the default settings; SE(3) aligned, except where it says up to scale:
+
+- KITTI 06 (51 pairs, 60 m) cropped to two cameras (`ispom.sequences.crops`). 30 % overlap: t_err 1.23 %, scale sigma
+  0.3 %. 10 %: the scale is observable from frame 17 on, t_err 1.4 % from there. 0 %: never observable (sigma 65 % and
+  more at all frames), t_err 1.1 % up to scale.
+- sim:ring5, ring6, ring8 (10 s, 14 m): t_err 0.81, 0.37, 0.28 %; the forward camera alone 4.6 % (its scale is guessed),
+  sideways cameras alone 4.5 to 36 %; rotation error 0.8, 0.7, 1.0 degrees/100 m, alone 2.1 to 6.1. Up to scale, the
+  forward camera alone, which then has all the points, is as good in position as ring5 (0.4 and 0.8 %; seed 1: 0.4 and
+  0.5 %, seed 2: 2.0 and 0.2 %). sim:indoor?cameras=6: 0.11 %.
+- Three made-up cameras without overlap that turn by 5 degrees a frame: scale within 1 % after six frames.
+- A car with six cameras, three instants 1.3 m apart, images halved: 2.9 % of the way, 0.04 degrees.
 """
 
 from __future__ import annotations
@@ -211,7 +224,7 @@ class Multicamera(OneKind["Memory | None"]):
         watch.lap("pose")
         if moved is None:
             return self._not_located(memory, now, status, frame, decisions, watch)
-        adjusted, restarted, scale, unit_sigma = self._adjusted(moved)
+        adjusted, rescaled, scale, unit_sigma = self._adjusted(moved)
         watch.lap("window")
         located = replace(
             moved, window=adjusted.window, rho_sigma=adjusted.rho_sigma, located=True, unit_sigma=unit_sigma,
@@ -226,7 +239,8 @@ class Multicamera(OneKind["Memory | None"]):
         overlap = OVERLAP.of(count, self.config.min_inliers)
         tracks = self._tracks(memory, now, status, residual_px, after)
         result = self._result(frame, after, tracks, (*decisions, scale, overlap), residual_px)
-        return after, replace(result, restarted=restarted or moved.begins, key_frame=after.newest_is_key)
+        restarted = (rescaled and memory.located) or moved.begins
+        return after, replace(result, restarted=restarted, key_frame=after.newest_is_key)
 
     # The first frame, and frames without a pose
 
