@@ -124,11 +124,10 @@ def test_the_scale_is_observable_by_overlap_or_rotation_only() -> None:
             sigma[name, overlap] = adjust(window, cameras, 0.5).scale_sigma
     assert sigma["straight", False] > 10
     assert max(sigma["straight", True], sigma["turning", True], sigma["turning", False]) < 0.05
-    circle = [
-        Pose.from_rotvec(np.array([0.0, a, 0.0]), np.array([3 - 3 * np.cos(a), 0, 3 * np.sin(a)])) for a in ANGLES
-    ]
-    window, cameras, _ = exact(circle)
-    assert adjust(window, cameras, 0.5).scale_sigma > 1  # each camera moves on a circle about the same point
+    circle = [Pose.from_rotvec(np.array([0, a, 0]), np.array([-3 * np.sin(a), 0, 3 - 3 * np.cos(a)])) for a in ANGLES]
+    for count, observable in ((2, False), (4, True)):  # both of two cameras lie on the line to the circle's centre
+        window, cameras, _ = exact(circle, count)
+        assert (adjust(window, cameras, 0.5).scale_sigma < 1) == observable
     window, cameras, _ = exact(TURNING, count=1)
     assert adjust(window, cameras, 0.5).scale_sigma > 10  # one camera alone
 

@@ -18,8 +18,8 @@ The steps, in the order of this file:
 Limits: observations lie on the plane z = 1, so directions at 90 degrees from an axis or more are not used; all cameras
 expose at the same time; nothing is relocalised; a point that leaves a camera is a new one in the next camera. Until the
 scale is observable for the first time, the path has a guessed unit (the first points at `assumed_depth_m`), which the
-segment after that corrects. A rig that moves on a circle and turns with it has no observable scale without overlap
-(Clipp et al. 2008), and the check says so.
+segment after that corrects. A rig that moves on a circle and turns with it, with all cameras on the line to the
+centre, has no observable scale without overlap (Clipp et al. 2008), and the check says so.
 
 Measured with the default settings; SE(3) aligned, except where it says up to scale:
 
