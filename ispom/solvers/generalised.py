@@ -236,8 +236,6 @@ class Adjusted:
     scale_sigma: float
     """Relative standard deviation of the best known length, the displacement or the depth of several points: inf where
     nothing determines the scale."""
-    covariance: Array
-    """(6, 6) of the (translation, rotation) of the last frame relative to the first, scale held."""
 
 
 def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE) -> Adjusted:
@@ -279,12 +277,12 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     at, long = slice(6 * far - 6, 6 * far - 3), float(np.linalg.norm(way[far]))
     if long > 1e-6:
         reduced[at, at] += np.outer(way[far], way[far]) / (KNOWN_LENGTH * long**2) ** 2
-    rho_sigma, covariance = system.depth_sigmas(_inverse(reduced)), _inverse(reduced)[-6:, -6:]
+    rho_sigma = system.depth_sigmas(_inverse(reduced))
     last = float(np.linalg.norm(way[-1]))
     relative = float(np.sqrt(max(way[-1] @ free[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2 if last > 1e-9 else np.inf
     depths = np.sort(system.depth_sigmas(free) / window.rho)
     depth = float(depths[AGREEING - 1]) if len(depths) >= AGREEING else np.inf
-    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth), covariance)
+    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth))
 
 
 @dataclass(frozen=True, eq=False)

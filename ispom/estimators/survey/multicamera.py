@@ -470,25 +470,21 @@ class Multicamera(OneKind["Memory | None"]):
 
     def _without_frame(self, memory: Memory, frame: int) -> Memory:
         window, stay = reanchored(memory.window, self.cameras, frame)
-        sigma = np.where(memory.window.anchor == frame, memory.rho_sigma, memory.rho_sigma)
-        return replace(memory, window=window, ids=memory.ids[stay], uv=memory.uv[stay], rho_sigma=sigma[stay])
+        sigma = memory.rho_sigma[stay] * window.rho / memory.window.rho[stay]
+        return replace(memory, window=window, ids=memory.ids[stay], uv=memory.uv[stay], rho_sigma=sigma)
 
     def _with_new_points(self, memory: Memory) -> Memory:
         """Adds corners of the newest images, at the median depth of the camera's points."""
-        window = memory.window
-        wanted = max(4, self.config.max_points // len(self.cameras.names))
-        known = np.isfinite(memory.rho_sigma) & (memory.rho_sigma < window.rho)
+        wanted, old = max(4, self.config.max_points // len(self.cameras.names)), memory.window
+        known = memory.rho_sigma < old.rho
         for c, name in enumerate(self.cameras.names):
-            taken = memory.uv[(window.camera == c) & memory.alive]
+            taken = memory.uv[(memory.window.camera == c) & memory.alive]
             if name not in memory.greys or len(taken) >= NEW_BELOW * wanted:
                 continue
             uv = detect_spread(memory.greys[name], wanted, taken, MIN_DISTANCE_PX)
-            some = known[: len(window.rho)] & (window.camera[: len(known)] == c) if len(known) else known
-            near = memory.window.rho[: len(known)][some if some.any() else known]
+            near = old.rho[known & (old.camera == c)] if (known & (old.camera == c)).any() else old.rho[known]
             rho = float(np.median(near)) if len(near) else 1 / self.config.assumed_depth_m
             memory = self._with_points(memory, c, uv, rho)
-            window = memory.window
-            known = np.concatenate([known, np.zeros(len(uv), bool)])
         return memory
 
     def _with_points(self, memory: Memory, camera: int, uv: NDArray[np.float32], rho: float) -> Memory:
