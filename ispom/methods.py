@@ -28,7 +28,7 @@ VARIANTS: tuple[Variant, ...] = get_args(Variant)
 SENSORS: Mapping[Kind, str] = {
     "video": "a video camera",
     "stereo": "a left and a right camera",
-    "cameras": "a camera",
+    "cameras": "several cameras with names of their own",
     "imu": "an IMU",
     "gnss": "a GNSS antenna",
     "wheel": "a wheel odometer",
@@ -146,11 +146,16 @@ def require_sensors(method_names: Iterable[str], rig: Rig) -> None:
 
 
 def default_methods(rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
-    """The possible ones of a variant: what runs where nobody says which."""
+    """The possible ones of a variant: what runs where nobody says which.
+
+    Of a rig with neither a video camera nor a pair, those of the survey that step on its cameras.
+    """
     built_in = {m.name for m in BUILT_IN}
     of_paper = {name for name in built_in if name.endswith(".paper")}
     of_variant = of_paper if variant == "paper" else built_in - of_paper
-    return tuple(name for name in possible_methods(rig) if name in of_variant)
+    possible = possible_methods(rig)
+    chosen = tuple(name for name in possible if name in of_variant)
+    return chosen or tuple(name for name in possible if method(name).sensors == {"cameras"})
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,11 @@ def warm_up() -> None:
     mark_complete()
 
 
-def flight(rig: Rig) -> list[Measurement]:
-    """Video and, a little later than every few of its frames, stereo: forward past balls at 2 to 20 m, in a bend."""
+def flight(rig: Rig, all_at_once: bool = False) -> list[Measurement]:
+    """Video and, a little later than every few of its frames, stereo: forward past balls at 2 to 20 m, in a bend.
+
+    `all_at_once`: frames of all three cameras at the times of the stereo frames instead.
+    """
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-8, -6, 2), (8, 6, 20 + SPEED_M_PER_FRAME * VIDEO_FRAMES), (BALLS, 3))
     grey, measurements = rng.integers(40, 255, BALLS), list[Measurement]()
@@ -53,18 +56,24 @@ def flight(rig: Rig) -> list[Measurement]:
 
     for i in range(VIDEO_FRAMES):
         time_ns = i * 33_000_000
+        if all_at_once and i % STEREO_EVERY == 0:
+            measurements.append(Frame(time_ns + 11_000_000, {name: seen(name, i + 1 / 3) for name in rig.cameras}))
+        if all_at_once:
+            continue
         measurements.append(Frame.video(time_ns, seen("video", i)))
         if i % STEREO_EVERY == 0:
             measurements.append(Frame.stereo(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
     return measurements
 
 
-def flight_rig() -> Rig:
-    """320 x 240 pixels: a pair of 0.3 m, and a video camera next to it whose lens distorts."""
+def flight_rig(all_at_once: bool = False) -> Rig:
+    """320 x 240 pixels: a pair of 0.3 m, and a video camera next to it whose lens distorts; with `all_at_once`, three
+    cameras with other names."""
     pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
     video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
     offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))
-    return pair.changed(video=video, rig_from_video=offset)
+    rig = pair.changed(video=video, rig_from_video=offset)
+    return Rig({f"{name}_camera": sensor for name, sensor in rig.sensors.items()}) if all_at_once else rig
 
 
 def _image(camera: Camera, xyz_in_camera: Array, grey: NDArray) -> Image:

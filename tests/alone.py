@@ -15,6 +15,8 @@ METHODS = ("monocular", "stereo", "integrated")
 PAPER = tuple(f"{name}.paper" for name in METHODS)
 SURVEY = tuple(m.name for m in methods.SURVEY if not m.asks)
 ALL = (*METHODS, *PAPER, *SURVEY)
+OF_CAMERAS = tuple(name for name in SURVEY if method(name).sensors == {"cameras"})
+"""Those that step on frames of several cameras with names of their own; a video camera and a pair have none."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ HALF_PX = 4
 """Patches are squares of 9 px."""
 STEP_PX, MOST_STEPS = 1.5, 128
 """Between positions on the epipolar line; and so many at most."""
-MIN_CORRELATION, MAX_RATIO, NEIGHBOURS = 0.8, 0.97, 3
+MIN_CORRELATION, MAX_RATIO, NEIGHBOURS = 0.8, 0.95, 3
 """Of a match, and of the next best position that is no neighbour relative to the best."""
 MIN_TEXTURE = 4.0
 """Standard deviation of a patch [grey levels]."""
@@ -48,13 +48,14 @@ class Overlap:
     def of(first: Camera, second: Camera, first_from_second: Pose) -> Overlap | None:
         """Returns the overlap of two cameras; None where it is less than `LEAST_SHARE` of the image."""
         u, v = np.meshgrid(np.arange(first.width), np.arange(first.height))
-        rays, valid = first.unproject(np.stack([u.ravel(), v.ravel()], axis=1))
+        rays, valid = first.unproject(np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
         turned = rays @ first_from_second.rotation
         valid &= turned[:, 2] > 0.05  # wide lenses are modelled up to some angle only
         uv = np.full((len(turned), 2), -1e4)
         uv[valid] = second.project(turned[valid])
-        inside = (uv > HALF_PX).all(axis=1) & (uv < np.array([second.width, second.height]) - 1 - HALF_PX).all(axis=1)
-        if inside.mean() < LEAST_SHARE:
+        last = np.array([second.width, second.height]) - 1 - HALF_PX
+        inside = np.asarray(((uv > HALF_PX) & (uv < last)).all(axis=1))
+        if np.mean(inside) < LEAST_SHARE:
             return None
         columns, rows = (np.where(np.isfinite(c), c, -1e4).reshape(u.shape).astype(np.float32) for c in uv.T)
         return Overlap(first, first_from_second, (columns, rows), inside.reshape(u.shape))
@@ -100,7 +101,7 @@ class Overlap:
         self, image: Image, other: Image, uv: NDArray[np.float32], lines: Array, length_px: Array, some: NDArray
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Returns the most similar positions (K, 2), and for which points (K,) there is a clear one."""
-        visible = np.stack([self._sees(lines[some, d]) for d in range(lines.shape[1])], axis=1)
+        visible = self._sees(lines[some].reshape(-1, 2)).reshape(len(some), lines.shape[1])
         some, visible = some[visible.any(axis=1)], visible[visible.any(axis=1)]
         if not len(some):
             return np.zeros((0, 2), np.float32), some
@@ -112,12 +113,15 @@ class Overlap:
         rivals = np.abs(np.arange(lines.shape[1]) - best[:, None]) > NEIGHBOURS
         second = np.where(rivals, scores, -1.0).max(axis=1)
         clear = (top >= MIN_CORRELATION) & (second <= MAX_RATIO * top) & np.isfinite(length_px[some])
+        # Where the next position is not seen, the best one of all may not be seen either.
+        last, rows = lines.shape[1] - 1, np.arange(len(some))
+        clear &= visible[rows, np.minimum(best + 1, last)] & visible[rows, np.maximum(best - 1, 0)]
         return lines[some[clear], best[clear]].astype(np.float32), some[clear]
 
     def _sees(self, uv: Array) -> NDArray[np.bool_]:
         """Checks which positions (N, 2) in the first image the second camera sees."""
         height, width = self.visible.shape
-        column, row = (np.clip(np.nan_to_num(x, nan=-1.0), -1, 1e6) for x in np.asarray(uv, float).T)
+        column, row = np.clip(np.nan_to_num(np.asarray(uv, float), nan=-1.0), -1, 1e6).T
         inside = (column >= 0) & (column <= width - 1) & (row >= 0) & (row <= height - 1)
         at = np.clip(np.rint(row), 0, height - 1).astype(int), np.clip(np.rint(column), 0, width - 1).astype(int)
         return inside & self.visible[at]

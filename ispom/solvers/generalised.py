@@ -24,7 +24,11 @@ BEHIND_PX = 1e3
 """Error of a point behind the camera."""
 LEAST_INVERSE_DEPTH = 1e-6
 """[1/m]: as good as infinitely far."""
-ITERATIONS, TOLERANCE = 10, 1e-5
+ITERATIONS, TOLERANCE = 10, 1e-4
+KNOWN_LENGTH = 1e-3
+"""Relative standard deviation of a length that defines the unit, for covariances in that unit."""
+AGREEING = 8
+"""Points whose depths are known: a few may be false matches, which are tied to nothing else."""
 FREE = 1e6
 """Relative standard deviation of a length that is not held."""
 
@@ -139,34 +143,63 @@ class Errors:
     """(N, 2) and by the inverse depth."""
 
 
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """N points in the cameras that see them, in homogeneous coordinates: none is too far away."""
+
+    in_anchor: Array
+    """(N, 3) in the rig of the anchor's frame,"""
+    in_rig: Array
+    """(N, 3) in the rig of the frame that sees it,"""
+    depth: Array
+    """(N,) in the camera, relative to that in the anchor's,"""
+    ahead: NDArray[np.bool_]
+    """(N,) whether it is in front of the camera,"""
+    x: Array
+    """(N, 2) and where, on the plane z = 1; meaningless behind the camera."""
+
+    @staticmethod
+    def of(window: Window, cameras: Cameras, seen: Seen) -> Projected:
+        m, i, k, c = seen.point, window.anchor[seen.point], seen.frame, seen.camera
+        rho, own = window.rho[m][:, None], window.camera[m]
+        in_anchor = _times(cameras.rotations[own], window.rays()[m]) + rho * cameras.centres[own]
+        in_world = _times(window.rotations[i], in_anchor) + rho * (window.translations[i] - window.translations[k])
+        in_rig = _times_transposed(window.rotations[k], in_world)
+        y = _times_transposed(cameras.rotations[c], in_rig - rho * cameras.centres[c])
+        ahead = y[:, 2] > LEAST_DEPTH
+        return Projected(in_anchor, in_rig, y[:, 2], ahead, y[:, :2] / np.where(ahead, y[:, 2], 1.0)[:, None])
+
+    def errors_px(self, cameras: Cameras, seen: Seen) -> Array:
+        """Returns reprojection errors (N, 2); `BEHIND_PX` behind the camera."""
+        errors = (self.x - seen.xy) * cameras.focal_px[seen.camera][:, None]
+        return np.where(self.ahead[:, None], errors, BEHIND_PX)
+
+
+def distances_px(window: Window, cameras: Cameras, seen: Seen) -> Array:
+    """Returns lengths (N,) of the reprojection errors [px]."""
+    errors = Projected.of(window, cameras, seen).errors_px(cameras, seen)
+    return np.sqrt((errors**2).sum(axis=1))
+
+
 def errors_of(window: Window, cameras: Cameras, seen: Seen) -> Errors:
-    """Returns the reprojection errors of observations, in the points' homogeneous coordinates: none is too far."""
-    m, i, k, c = seen.point, window.anchor[seen.point], seen.frame, seen.camera
-    rho, own = window.rho[m][:, None], window.camera[m]
-    in_anchor = _times(cameras.rotations[own], window.rays()[m]) + rho * cameras.centres[own]
-    turned = _times(window.rotations[i], in_anchor)
-    in_rig = _times_transposed(window.rotations[k], turned + rho * (window.translations[i] - window.translations[k]))
-    y = _times_transposed(cameras.rotations[c], in_rig - rho * cameras.centres[c])
+    """Returns the reprojection errors of observations, and their derivatives."""
+    i, k, c, own = window.anchor[seen.point], seen.frame, seen.camera, window.camera[seen.point]
+    at, rho = Projected.of(window, cameras, seen), window.rho[seen.point][:, None, None]
     by_rho = _times(window.rotations[i], cameras.centres[own]) + window.translations[i] - window.translations[k]
     by_rho = _times_transposed(window.rotations[k], by_rho) - cameras.centres[c]
-
-    ahead = y[:, 2] > LEAST_DEPTH
-    z = np.where(ahead, y[:, 2], 1.0)
-    x = y[:, :2] / z[:, None]
-    by_y = np.zeros((len(m), 2, 3))
-    by_y[:, 0, 0] = by_y[:, 1, 1] = cameras.focal_px[c] / z
-    by_y[:, :, 2] = -x * (cameras.focal_px[c] / z)[:, None]
-    by_y[~ahead] = 0.0
-    by_rig = np.einsum("nab,ncb->nac", by_y, cameras.rotations[c])
-    by_world = np.einsum("nab,ncb->nac", by_rig, window.rotations[k])
-    by_anchor_rotation = -np.einsum("nab,nbc,ncd->nad", by_world, window.rotations[i], skew(in_anchor))
-    px = np.where(ahead[:, None], (x - seen.xy) * cameras.focal_px[c][:, None], BEHIND_PX)
+    slope = cameras.focal_px[c] / np.where(at.ahead, at.depth, np.inf)
+    by_camera = np.zeros((len(i), 2, 3))
+    by_camera[:, 0, 0] = by_camera[:, 1, 1] = slope
+    by_camera[:, :, 2] = -at.x * slope[:, None]
+    by_rig = by_camera @ np.swapaxes(cameras.rotations[c], 1, 2)
+    by_world = by_rig @ np.swapaxes(window.rotations[k], 1, 2)
+    by_anchor_rotation = -(by_world @ window.rotations[i]) @ skew(at.in_anchor)
     return Errors(
-        px,
-        ahead,
-        np.concatenate([rho[..., None] * by_world, by_anchor_rotation], axis=2),
-        np.concatenate([-rho[..., None] * by_world, np.einsum("nab,nbc->nac", by_rig, skew(in_rig))], axis=2),
-        np.einsum("nab,nb->na", by_rig, by_rho),
+        at.errors_px(cameras, seen),
+        at.ahead,
+        np.concatenate([rho * by_world, by_anchor_rotation], axis=2),
+        np.concatenate([-rho * by_world, by_rig @ skew(at.in_rig)], axis=2),
+        _times(by_rig, by_rho),
     )
 
 
@@ -187,7 +220,7 @@ def resect(window: Window, cameras: Cameras, seen: Seen, frame: int, width_px: f
         window = _moved(window, np.array([frame]), step[None])
         if width == width_px and np.abs(step).max() < 1e-7:
             break
-    return window, np.sqrt((errors_of(window, cameras, seen).px ** 2).sum(axis=1))
+    return window, distances_px(window, cameras, seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,11 +232,10 @@ class Adjusted:
     errors_px: Array
     """(N,) of the observations."""
     rho_sigma: Array
-    """(M,) standard deviations of inverse depths; inf for points that are seen once."""
+    """(M,) standard deviations of inverse depths, in the present unit; inf for points that are seen once."""
     scale_sigma: float
-    """Relative standard deviation of the best known length: inf where nothing determines the scale."""
-    covariance: Array
-    """(6, 6) of the (translation, rotation) of the last frame relative to the first, scale held."""
+    """Relative standard deviation of the best known length, the displacement or the depth of several points: inf where
+    nothing determines the scale."""
 
 
 def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE) -> Adjusted:
@@ -221,8 +253,7 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
         return hold * (now_long - length), hold * way / max(now_long, 1e-12)
 
     def cost(now: Window) -> float:
-        squares = (errors_of(now, cameras, seen).px ** 2).sum(axis=1)
-        return cauchy_cost(squares, noise_px) + 0.5 * pull(now)[0] ** 2
+        return cauchy_cost(distances_px(now, cameras, seen) ** 2, noise_px) + 0.5 * pull(now)[0] ** 2
 
     def stepped(now: Window, damping: float) -> Window:
         system = System.of(now, cameras, seen, noise_px)
@@ -239,15 +270,19 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
 
     if len(seen.point):
         window = minimise(window, cost, stepped, ITERATIONS, TOLERANCE).values
-    system, slope = System.of(window, cameras, seen, noise_px), pull(window)[1]
-    errors_px = np.sqrt((errors_of(window, cameras, seen).px ** 2).sum(axis=1))
-    rho_sigma, scale_sigma = system.scale(window)
+    errors_px = distances_px(window, cameras, seen)
+    system, way = System.of(window, cameras, seen, noise_px), window.translations - window.translations[0]
     reduced, _ = system.reduced(0.0)
-    certain = slope / hold / length * 1e3 if hold else slope  # as if its length were known to 0.1 %
-    at = slice(6 * far - 6, 6 * far - 3)
-    reduced[at, at] += np.outer(certain, certain)
-    covariance = _inverse(reduced)[-6:, -6:]
-    return Adjusted(window, seen, errors_px, rho_sigma, scale_sigma, covariance)
+    free = _inverse(reduced)
+    at, long = slice(6 * far - 6, 6 * far - 3), float(np.linalg.norm(way[far]))
+    if long > 1e-6:
+        reduced[at, at] += np.outer(way[far], way[far]) / (KNOWN_LENGTH * long**2) ** 2
+    rho_sigma = system.depth_sigmas(_inverse(reduced))
+    last = float(np.linalg.norm(way[-1]))
+    relative = float(np.sqrt(max(way[-1] @ free[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2 if last > 1e-9 else np.inf
+    depths = np.sort(system.depth_sigmas(free) / window.rho)
+    depth = float(depths[AGREEING - 1]) if len(depths) >= AGREEING else np.inf
+    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth))
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,8 +318,8 @@ class System:
             flat.T @ flat,
             flat.T @ px.reshape(-1),
             mixed,
-            np.bincount(seen.point, (by_rho**2).sum(axis=1), count),
-            np.bincount(seen.point, (by_rho * px).sum(axis=1), count),
+            np.bincount(seen.point, (by_rho**2).sum(axis=1), count).astype(float),
+            np.bincount(seen.point, (by_rho * px).sum(axis=1), count).astype(float),
         )
 
     def reduced(self, damping: float) -> tuple[Array, Array]:
@@ -297,17 +332,12 @@ class System:
         """Returns the step (M,) of the inverse depths that belongs to one of the frames."""
         return -self._inverse_depths(damping) * (self.depths_side + self.mixed @ step)
 
-    def scale(self, window: Window) -> tuple[Array, float]:
-        """Returns the standard deviations (M,) of inverse depths, and the smallest relative one of any length."""
-        covariance, inverse = _inverse(self.reduced(0.0)[0]), self._inverse_depths(0.0)
+    def depth_sigmas(self, covariance: Array) -> Array:
+        """Returns the standard deviations (M,) of inverse depths from the covariance of the frames."""
+        inverse = self._inverse_depths(0.0)
         by_frames = self.mixed * inverse[:, None]
         variance = inverse + np.einsum("ma,ab,mb->m", by_frames, covariance, by_frames)
-        sigma = np.where(self.depths > 0, np.sqrt(np.maximum(variance, 0)), np.inf)
-        way = window.translations[-1] - window.translations[0]
-        long = float(np.linalg.norm(way))
-        last = covariance[-6:-3, -6:-3]
-        relative = float(np.sqrt(max(way @ last @ way, 0.0))) / long**2 if long > 1e-9 else np.inf
-        return sigma, min(relative, float((sigma / window.rho).min(initial=np.inf)))
+        return np.where(self.depths > 0, np.sqrt(np.maximum(variance, 0)), np.inf)
 
     def _inverse_depths(self, damping: float) -> Array:
         return np.where(self.depths > 0, 1 / np.maximum((1 + damping) * self.depths, 1e-12), 0.0)
@@ -323,7 +353,7 @@ def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, ND
     point = np.flatnonzero(moves)
     seen = Seen(point, first[point], window.camera[point], window.own[first[point], point], np.zeros(len(point), bool))
     rho = window.rho.copy()
-    depth = _depths(window, cameras, seen)
+    depth = Projected.of(window, cameras, seen).depth
     rho[point] = np.maximum(rho[point] / np.where(depth > LEAST_DEPTH, depth, 1.0), LEAST_INVERSE_DEPTH)
     stay = moves | (window.anchor != frame)
     stay[point[depth <= LEAST_DEPTH]] = False
@@ -337,14 +367,10 @@ def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, ND
     return reduced.select(stay), stay
 
 
-def _depths(window: Window, cameras: Cameras, seen: Seen) -> Array:
-    """Returns depths (N,) of points in the cameras that see them, relative to those in their anchors."""
-    m, i, k, c = seen.point, window.anchor[seen.point], seen.frame, seen.camera
-    rho, own = window.rho[m][:, None], window.camera[m]
-    in_anchor = _times(cameras.rotations[own], window.rays()[m]) + rho * cameras.centres[own]
-    in_world = _times(window.rotations[i], in_anchor) + rho * (window.translations[i] - window.translations[k])
-    in_rig = _times_transposed(window.rotations[k], in_world)
-    return _times_transposed(cameras.rotations[c], in_rig - rho * cameras.centres[c])[:, 2]
+def scaled(window: Window, factor: float) -> Window:
+    """Returns the window with all lengths but those of the rig multiplied, about its first frame."""
+    way = window.translations - window.translations[0]
+    return replace(window, translations=window.translations[0] + factor * way, rho=window.rho / factor)
 
 
 def points_in_world(window: Window, cameras: Cameras) -> Array:

@@ -32,7 +32,8 @@ def check_estimator(method: Method | str, *, settings: Any = None, sequence: Seq
     """Checks that a method keeps the contract (`ispom.estimator`).
 
     By default, `settings` are the method's defaults and `sequence` (whose ground truth is unused) is a short simulated
-    flight of 40 video frames and 14 pairs of 320 x 240 pixels. The estimator, and those that the method depends on, are
+    flight of 40 video frames and 14 pairs of 320 x 240 pixels, or for a method that steps on frames of any cameras 14
+    frames of three cameras at once. The estimator, and those that the method depends on, are
     built and stepped several hundred times, also on images without texture and with every setting at its limits.
     Raises AssertionError at the first violation: which method, what it does, and at which frame (from 0).
     """

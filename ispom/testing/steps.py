@@ -17,7 +17,6 @@ from ispom.types import (
     DecisionKind,
     FrameName,
     Landmarks,
-    Rig,
     Status,
     Step,
     Tracks,
@@ -63,10 +62,10 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
     if step.covariance is not None:
         require(_is_covariance(step.covariance), "has a covariance that is not (6, 6), symmetric and semidefinite")
     for name, tracks in step.tracks.items():
-        wrong = _wrong_tracks(tracks, _camera(trial.rig, name))
+        wrong = _wrong_tracks(tracks, trial.rig.cameras.get(name))
         require(wrong is None, f"has tracks in the camera {name} {wrong}")
     for name, tracks in step.other_motion.items():
-        wrong = _wrong_tracks(tracks, _camera(trial.rig, name))
+        wrong = _wrong_tracks(tracks, trial.rig.cameras.get(name))
         require(wrong is None, f"has tracks of another motion in the camera {name} {wrong}")
     wrong = _wrong_landmarks(step.landmarks)
     require(wrong is None, f"has landmarks {wrong}")
@@ -157,10 +156,6 @@ def _is_covariance(covariance: Array) -> bool:
     largest = float(np.abs(covariance).max())
     symmetric = np.allclose(covariance, covariance.T, rtol=0, atol=1e-9 * largest)
     return symmetric and bool(np.linalg.eigvalsh(covariance).min() >= -1e-9 * largest)
-
-
-def _camera(rig: Rig, name: str) -> Camera | None:
-    return {"video": rig.video, "left": rig.left, "right": rig.right}.get(name)
 
 
 def _wrong_tracks(tracks: Tracks, camera: Camera | None) -> str | None:

@@ -13,6 +13,7 @@ from ispom.methods import method as registered
 from ispom.methods import with_dependencies
 from ispom.testing.values import digest
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory, images_of
+from ispom.types.measurements import CAMERAS
 from ispom.warm_up import flight, flight_rig
 
 
@@ -42,8 +43,9 @@ class Trial:
     @staticmethod
     def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
         """Takes the frames of a sequence, or of a simulated flight past balls."""
-        rig = flight_rig() if sequence is None else sequence.rig
-        measurements = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
+        at_once = CAMERAS in method.sensors
+        rig = flight_rig(at_once) if sequence is None else sequence.rig
+        measurements = flight(rig, at_once) if sequence is None else (sequence[i] for i in range(len(sequence)))
         used = tuple(Numbered(e, f"frame {i}") for i, e in enumerate(measurements) if method.uses(e))
         with failing_as(method, "cannot make its default settings"):
             chosen = method.config() if settings is None else settings

@@ -216,9 +216,12 @@ class Rig:
         return float((self.rig_from_left.inverse() @ self.rig_from_right).translation[0])
 
     def has(self, kind: Kind) -> bool:
-        """Checks that the rig has the sensors for a kind of measurements."""
+        """Checks that the rig has the sensors for a kind of measurements. Frames of the kind `cameras` are those of
+        rigs with a camera that is neither the video camera nor one of the pair."""
         if kind == VIDEO:
             return self.video is not None
+        if kind == CAMERAS:
+            return bool(self.cameras.keys() - {"video", "left", "right"})
         return self.has_stereo if kind == STEREO else any(s.kind == kind for s in self.sensors.values())
 
     def camera(self, name: FrameName) -> Camera:

@@ -11,7 +11,8 @@ from ispom.methods import Config, possible_methods
 from ispom.settings import settings
 from ispom.testing import check_estimator
 from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
-from tests.alone import ALL, METHODS, PAPER
+from ispom.warm_up import flight_rig
+from tests.alone import ALL, METHODS, OF_CAMERAS, PAPER
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -29,8 +30,9 @@ def test_a_setting_out_of_its_range_is_refused(method: str, flight: Sequence) ->
     bounded = next(s for s in settings(type(config)) if s.range)
     assert bounded.range is not None
     broken = Config().with_settings(method, type(config)(**{bounded.name: bounded.range.high + 1}))
+    rig = flight_rig(all_at_once=True) if method in OF_CAMERAS else flight.rig
     with pytest.raises(InputError, match=bounded.name.replace("_", "-")):
-        build(broken, (method,), flight.rig)
+        build(broken, (method,), rig)
 
 
 def test_methods_without_their_cameras_are_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import cv2
 import pytest
@@ -10,8 +11,9 @@ from threadpoolctl import threadpool_limits
 
 from ispom.ensemble import build
 from ispom.methods import Config, possible_methods
+from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory
-from tests.alone import SURVEY
+from tests.alone import OF_CAMERAS, SURVEY
 from tests.doubles import rig
 
 SECONDS = 1.2
@@ -40,8 +42,11 @@ def as_bytes(found: dict[str, Trajectory], steps: list[Step]) -> dict[str, bytes
 
 
 @pytest.mark.usefixtures("threads")
-@pytest.mark.parametrize("method", possible_methods(rig()))
-def test_same_bytes(method: str, flight: Sequence, exposures: list[Measurement]) -> None:
+@pytest.mark.parametrize("method", [*possible_methods(rig()), *OF_CAMERAS])
+def test_same_bytes(method: str, flight: Sequence, exposures: list[Measurement], rendered: Path) -> None:
+    if method in OF_CAMERAS:
+        flight = open_simulated("ring5", cache_dir=rendered, duration_s=SECONDS)
+        exposures = [flight[i] for i in range(len(flight))]
     short = [e for e in exposures if e.time_ns < SECONDS * 1e9]
     runs = []
     for count in (1, 2):

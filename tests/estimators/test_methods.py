@@ -13,7 +13,9 @@ from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.paper.stereo import StereoConfig
 from ispom.methods import (
+    BUILT_IN,
     REGISTRY,
+    SURVEY,
     Config,
     default_methods,
     in_order,
@@ -22,8 +24,11 @@ from ispom.methods import (
     possible_methods,
     with_dependencies,
 )
+from ispom.simulation.cameras import ring_rig
 from ispom.types import Measurement, Sequence
-from tests.alone import ALL, METHODS, PAPER
+from tests.alone import METHODS, OF_CAMERAS, PAPER
+
+NAMES = tuple(each.name for each in (*BUILT_IN, *SURVEY))
 
 
 @pytest.fixture
@@ -50,7 +55,7 @@ def second_stereo() -> Method:
 
 
 def test_the_built_in_methods_in_their_order() -> None:
-    assert names() == ALL
+    assert names() == NAMES
     assert in_order(("stereo.paper", "monocular", "stereo.paper")) == ("monocular", "stereo.paper")
     assert with_dependencies(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
     with pytest.raises(InputError, match=r"'slam' is no method: choose from monocular.* by --external"):
@@ -58,15 +63,16 @@ def test_the_built_in_methods_in_their_order() -> None:
 
 
 def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
-    assert possible_methods(flight.rig) == ALL
+    assert possible_methods(flight.rig) == tuple(name for name in NAMES if name not in OF_CAMERAS)
     assert default_methods(flight.rig) == METHODS and default_methods(flight.rig, "paper") == PAPER
+    assert default_methods(ring_rig(5)) == OF_CAMERAS
 
 
 @pytest.mark.parametrize("installed", [[("orb", "ORB")]], indirect=True)
 def test_another_packages_method_is_one_of_them(
     installed: None, flight: Sequence, exposures: list[Measurement]
 ) -> None:
-    assert names() == (*ALL, "orb") and not REGISTRY.faults()
+    assert names() == (*NAMES, "orb") and not REGISTRY.faults()
     assert "orb" not in default_methods(flight.rig)
     ensemble = build(Config(), ("orb", "stereo.paper"), flight.rig)
     state = ensemble.start()
@@ -81,7 +87,7 @@ def test_another_packages_method_is_one_of_them(
     "installed", [[("bad", "broken"), ("worse", "nothing"), ("two", "second_stereo")]], indirect=True
 )
 def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
-    assert names() == ALL
+    assert names() == NAMES
     bad, two, worse = sorted(REGISTRY.faults())
     assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
 
