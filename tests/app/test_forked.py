@@ -13,7 +13,7 @@ from ispom_app.cli.main import main
 from ispom.methods import method as registered
 from ispom.methods import with_dependencies
 from ispom.types import Frame, Measurement, Trajectory, is_video
-from tests.alone import ALL, OF_CAMERAS
+from tests.alone import METHODS, PAPER
 from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
 from tests.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
 from tests.sequences.own_folders import write_sequence
@@ -56,7 +56,7 @@ def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
     return run
 
 
-@pytest.mark.parametrize("method", [name for name in ALL if name not in OF_CAMERAS])
+@pytest.mark.parametrize("method", [*METHODS, *PAPER])
 def test_with_nothing_changed_all_files_are_the_parents(
     method: str, parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path
 ) -> None:
