@@ -77,7 +77,7 @@ def test_nmea_and_geodetic_positions_are_local(tmp_path: Path, plain: Sequence) 
         ("gnss: {rig_from_gnss: POSE}", "gnss.file is missing"),
         ("radar: {file: x.csv}", "radar is no sensor of the kinds imu, gnss, wheel"),
         ("gnss: {file: x.csv, rig_from_gnss: POSE}", "no column sigma"),
-        ("gnss: {file: x.csv, rig_from_gnss: POSE, sigma_m: 1, clock_offset_s: 99}", "correct its clock_offset_s"),
+        ("gnss: {file: x.csv, rig_from_gnss: POSE, sigma_m: 1, clock_offset_s: 99}", "its file or its clock_offset_s"),
         ("imu: {file: x.csv, rig_from_imu: POSE}", "has no column gx"),
         ("imu: {file: x.csv}", "rig_from_imu is missing"),
         ("gnss: {file: absent.csv, rig_from_gnss: POSE}", "absent.csv"),
