@@ -72,6 +72,9 @@ class SourceOptions:
     """Use only the first N frames."""
     camera: Path | None = None
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
+    sensors: Path | None = None
+    """Other sensors (IMU, GNSS, wheels) of the same drive: a YAML file that names their files, as described in
+    ispom/sequences/sensors.py."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
@@ -88,6 +91,7 @@ class SourceOptions:
             max_exposures=self.max_exposures,
             camera=self.camera,
             policy=policy,
+            sensors=self.sensors,
         )
         return sequence if source.startswith("sim:") else with_look(sequence)  # those of a simulation are right
 

@@ -158,6 +158,17 @@ def read_oxts(folder: Path) -> Trajectory:
     tools (Geiger et al. 2013). Samples whose time is not after that of all before them are skipped. Raises InputError
     that names the invalid file.
     """
+    times_ns, values = read_oxts_values(folder)
+    positions = _mercator(values[:, :3])
+    rotations = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_matrix()
+    return Trajectory(times_ns, rotations, positions - positions[0], "body")
+
+
+def read_oxts_values(folder: Path) -> tuple[NDArray[np.int64], Array]:
+    """Reads times (N,), strictly increasing [ns], and all values (N, 30) of the GPS/IMU unit's samples.
+
+    Samples whose time is not after that of all before them are skipped. Raises InputError that names the invalid file.
+    """
     stamps = folder / "timestamps.txt"
     times_ns = read_timestamps(stamps, ordered=False)
     samples = {int(p.stem): p for p in (folder / "data").glob("*.txt") if p.stem.isascii() and p.stem.isdigit()}
@@ -169,9 +180,7 @@ def read_oxts(folder: Path) -> Trajectory:
     values = np.stack([_sample(samples[frame]) for frame in frames])
     times_ns = times_ns[frames]
     after = np.append(True, times_ns[1:] > np.maximum.accumulate(times_ns)[:-1])
-    positions = _mercator(values[:, :3])
-    rotations = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_matrix()
-    return Trajectory(times_ns[after], rotations[after], (positions - positions[0])[after], "body")
+    return times_ns[after], values[after]
 
 
 def read_rigid(path: Path) -> Pose:
@@ -188,7 +197,7 @@ def _sample(path: Path) -> Array:
     words = read_text(path).split()
     if len(words) != COLUMNS:
         raise InputError(f"{path} has {len(words)} values, not {COLUMNS}: restore the file")
-    values = numbers(path, 1, words[:6])
+    values = numbers(path, 1, words)
     if abs(values[0]) >= 90 or abs(values[1]) > 360:
         raise InputError(f"{path} line 1: {words[0]} {words[1]} is not a latitude and longitude: restore the file")
     return values

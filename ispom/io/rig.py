@@ -73,7 +73,7 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
     for name, entry in content.items():
         entries[name], entries[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
     for name, entry in others.items():
-        entries[name] = _sensor(path, name, entry if isinstance(entry, dict) else {})
+        entries[name] = sensor_of(path, name, entry if isinstance(entry, dict) else {})
     return Rig.of(**entries, **sigmas)
 
 
@@ -83,8 +83,8 @@ def _is_sensor(name: Any, entry: Any) -> bool:
     return named and isinstance(entry, dict) and entry.get("sensor") in ("camera", *OTHERS)
 
 
-def _sensor(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
-    """A sensor that is none of the rig's usual cameras."""
+def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
+    """Returns a sensor that is none of the usual cameras, of its entry. Raises InputError that names what is wrong."""
     kind = entry.get("sensor", name)
     values = {key: value for key, value in entry.items() if key not in ("sensor", f"rig_from_{name}")}
     if kind == "camera":

@@ -67,13 +67,15 @@ def open_sequence(
     camera: str | Path | None = None,
     policy: SourcePolicy = ANY_SOURCE,
     placed: bool = True,
+    sensors: str | Path | None = None,
 ) -> Sequence:
     """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
     by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
-    pose: it is then that of the rig.
+    pose: it is then that of the rig. `sensors` is a file that
+    describes other sensors (see `sequences.sensors`).
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
@@ -90,6 +92,8 @@ def open_sequence(
         with bounded(policy.places):  # its words may name files: a route, a mesh
             sequence = open_words(source.removeprefix("sim:"), seed)
     elif looks_live(source):
+        if sensors is not None:
+            raise InputError(f"{source} is a live camera, which takes in no files of sensors: leave --sensors out")
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
         with bounded(policy.places):
@@ -107,6 +111,11 @@ def open_sequence(
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
     if sequence.prepare is None:  # images of simulations are made, not read
         require_readable(sequence)
+    if sensors is not None:
+        from ispom.sequences.sensors import with_sensors
+
+        with bounded(policy.places):
+            sequence = with_sensors(sequence, expanded(sensors))
     return prefetched(sequence)
 
 

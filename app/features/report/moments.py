@@ -25,7 +25,7 @@ MOST, ALL = 6, 30
 WIDTH_PX = 400
 QUALITY = 70
 RECORDING = "run.rrd"
-OPENING = ("stereo_every", "video_scale", "seed", "max_exposures", "camera")
+OPENING = ("stereo_every", "video_scale", "seed", "max_exposures", "camera", "sensors")
 """Options of a run that shape its sequence."""
 
 

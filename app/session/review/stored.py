@@ -45,7 +45,14 @@ def nobody(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
     return Ensemble((), {})
 
 
-_KINDS = {"seed": int, "stereo_every": int, "video_scale": (float, int), "max_exposures": int, "camera": str}
+_KINDS = {
+    "seed": int,
+    "stereo_every": int,
+    "video_scale": (float, int),
+    "max_exposures": int,
+    "camera": str,
+    "sensors": str,
+}
 
 
 def source_of(run: RunFile, moved_to: str | None = None) -> str:
@@ -68,5 +75,5 @@ def source_options(run: RunFile) -> SourceOptions:
         if value is not None and not isinstance(value, _KINDS[name]):
             raise InputError(f"run.yaml: {name} is {str(value)[:40]!r}: restore the file, or run again")
         if value is not None:
-            found[name] = Path(value) if name == "camera" else value
+            found[name] = Path(value) if name in ("camera", "sensors") else value
     return SourceOptions(**found)

@@ -1,0 +1,119 @@
+"""What sensors other than cameras recorded, as tables: text files whose first line names the columns.
+
+Columns are separated by commas, or by white space where the first line has no comma. Names: `time_ns` or `time_s`;
+of an IMU `gx gy gz` [rad/s] and `ax ay az` [m/s^2]; of GNSS `x y z` [m] east, north and up, or `lat lon height`
+(degrees, metres above the ellipsoid), perhaps `sigma` or `sigma_x sigma_y sigma_z` [m]; of a wheel `distance` [m] since
+the row before, perhaps `turn` [rad]. A file with other names is read with a mapping of the usual to its own.
+`imu0/data.csv` of EuRoC is read as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.geometry import Array
+from ispom.io.rows import MAX_TIME_S, numbers, read_text
+
+TIMES = {"time_ns": 1, "time_s": 10**9}
+IMU = ("gx", "gy", "gz", "ax", "ay", "az")
+LOCAL, GEODETIC = ("x", "y", "z"), ("lat", "lon", "height")
+SIGMAS = ("sigma_x", "sigma_y", "sigma_z")
+EUROC = {
+    "time_ns": "#timestamp [ns]",
+    **{f"g{a}": f"w_RS_S_{a} [rad s^-1]" for a in "xyz"},
+    **{f"a{a}": f"a_RS_S_{a} [m s^-2]" for a in "xyz"},
+}
+"""Columns of EuRoC's `imu0/data.csv` by the usual names."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Numbers by the names of their columns."""
+
+    path: Path
+    times_ns: NDArray[np.int64]
+    """(N,) strictly increasing."""
+    columns: Mapping[str, Array]
+
+    def stacked(self, names: tuple[str, ...]) -> Array:
+        """Returns columns (N, K). Raises InputError for one that the file lacks."""
+        if missing := [name for name in names if name not in self.columns]:
+            known = ", ".join(self.columns) or "none but the time"
+            raise InputError(f"{self.path} has no column {missing[0]} (it has {known}): name it in `columns`")
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+    def has(self, names: tuple[str, ...]) -> bool:
+        return all(name in self.columns for name in names)
+
+
+def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
+    """Reads a table; `columns` maps the usual names to those of the file.
+
+    Raises InputError that names the line of what is no number, and where times are missing or do not increase.
+    """
+    lines = [(i, text.strip()) for i, text in enumerate(read_text(path).splitlines(), 1) if text.strip()]
+    if not lines:
+        raise InputError(f"{path} is empty: its first line must name the columns")
+    comma = "," if "," in lines[0][1] else None
+    header = [word.strip() for word in lines[0][1].split(comma)]
+    if columns is None and EUROC["time_ns"] in header:
+        columns = EUROC
+    own = dict(columns or {})
+    if absent := [name for name in own.values() if name not in header]:
+        raise InputError(f"{path} has no column {absent[0]!r}, which `columns` names: its columns are {header}")
+    usual = {theirs: ours for ours, theirs in own.items()}
+    names = [usual.get(word, word) for word in header]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path} names a column twice in its first line: correct it")
+    clock = next((name for name in TIMES if name in names), None)
+    if clock is None:
+        raise InputError(f"{path} has no column time_ns or time_s in its first line ({', '.join(header)[:80]}): add it")
+    times, rows = list[int](), list[Array]()
+    for line, text in lines[1:]:
+        words = [word.strip() for word in text.split(comma)]
+        if len(words) != len(names):
+            raise InputError(f"{path} line {line} has {len(words)} columns, not {len(names)}: correct that line")
+        times.append(_time_ns(path, line, words[names.index(clock)], TIMES[clock]))
+        if len(times) > 1 and times[-1] <= times[-2]:
+            raise InputError(f"{path} line {line}: its time is not after the one before: put the lines in order")
+        rows.append(numbers(path, line, [word for name, word in zip(names, words, strict=True) if name != clock]))
+    if not rows:
+        raise InputError(f"{path} has no rows below its first line: restore the file")
+    values = np.stack(rows)
+    others = [name for name in names if name != clock]
+    return Table(path, np.array(times, np.int64), {name: values[:, i] for i, name in enumerate(others)})
+
+
+def gnss_sigma(table: Table, default_m: float | None) -> Array:
+    """Returns standard deviations (N, 3) [m] of a GNSS table.
+
+    Raises InputError where neither the table nor the default has them, or one is not positive.
+    """
+    if table.has(SIGMAS):
+        sigma = table.stacked(SIGMAS)
+    elif table.has(("sigma",)):
+        sigma = np.repeat(table.stacked(("sigma",)), 3, axis=1)
+    elif default_m is not None:
+        sigma = np.full((len(table.times_ns), 3), default_m)
+    else:
+        raise InputError(f"{table.path} has no column sigma: add it, or give `sigma_m` [m] of the fixes")
+    if (sigma <= 0).any():
+        raise InputError(f"{table.path} has a standard deviation that is not positive: correct it")
+    return sigma
+
+
+def _time_ns(path: Path, line: int, word: str, unit_ns: int) -> int:
+    try:
+        value = Decimal(word)
+    except InvalidOperation:
+        value = Decimal("NaN")
+    if not value.is_finite() or abs(value) * unit_ns > MAX_TIME_S * 10**9:
+        raise InputError(f"{path} line {line}: '{word[:40]}' is not a time: correct that line")
+    return int((value * unit_ns).to_integral_value())
