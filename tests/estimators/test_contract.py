@@ -12,12 +12,12 @@ from ispom.settings import settings
 from ispom.testing import check_estimator
 from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
 from ispom.warm_up import flight_rig
-from tests.alone import ALL, METHODS, OF_CAMERAS, PAPER
+from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
 
 @pytest.mark.parametrize("method", ALL)
 def test_every_method_keeps_the_contract(method: str) -> None:
-    check_estimator(method)
+    check_estimator(method, sequence=OWN_SEQUENCES[method]() if method in OWN_SEQUENCES else None)
 
 
 def same(a: Trajectory, b: Trajectory) -> bool:

@@ -13,7 +13,7 @@ from ispom.ensemble import build
 from ispom.methods import Config, possible_methods
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory
-from tests.alone import OF_CAMERAS, SURVEY
+from tests.alone import OF_CAMERAS, OWN_SEQUENCES, SURVEY
 from tests.doubles import rig
 
 SECONDS = 1.2
@@ -46,6 +46,9 @@ def as_bytes(found: dict[str, Trajectory], steps: list[Step]) -> dict[str, bytes
 def test_same_bytes(method: str, flight: Sequence, exposures: list[Measurement], rendered: Path) -> None:
     if method in OF_CAMERAS:
         flight = open_simulated("ring5", cache_dir=rendered, duration_s=SECONDS)
+        exposures = [flight[i] for i in range(len(flight))]
+    if method in OWN_SEQUENCES:
+        flight = OWN_SEQUENCES[method]()
         exposures = [flight[i] for i in range(len(flight))]
     short = [e for e in exposures if e.time_ns < SECONDS * 1e9]
     runs = []
