@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.methods import method as registered
 from ispom.methods import names
 from ispom.types import TrackStatus
 
@@ -32,7 +33,7 @@ OTHERS: tuple[Rgb, ...] = (
     (60, 135, 70),
     (80, 125, 160),
 )
-"""Of methods of other packages, in turn; with more of them than these, some share one."""
+"""Of methods of other packages, then of those of the survey, in turn; with more of them than these, some share one."""
 EXTERNAL_COLOURS: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
 """Of trajectories of other programs, in turn."""
 PROVISIONAL: Rgb = (150, 150, 150)
@@ -80,7 +81,7 @@ def of(method: str) -> Rgb:
     """The colour of a method."""
     if method in METHOD:
         return METHOD[method]
-    others = [name for name in names() if name not in METHOD]
+    others = sorted((n for n in names() if n not in METHOD), key=lambda n: bool(registered(n).survey))
     return OTHERS[others.index(method) % len(OTHERS)] if method in others else OTHERS[0]
 
 

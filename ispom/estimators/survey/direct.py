@@ -67,7 +67,7 @@ OVERLAP = Check(
     fails="{value:.0%} of the patches look the same: the keyframe stays (limit {threshold:.0%}).",
 )  # fmt: skip
 MOVED = Check(
-    "moved", "median displacement of the pixels", "trigger", "New keyframe?", unit="% of the width",
+    "pixels_moved", "median displacement of the pixels", "trigger", "New keyframe?", unit="% of the width",
     passes="New keyframe: the pixels moved by {value:.1f} % of the width (limit {threshold} %).",
     fails="The pixels moved by {value:.1f} % of the width: the keyframe stays (limit {threshold} %).",
 )  # fmt: skip

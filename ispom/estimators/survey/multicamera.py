@@ -104,7 +104,7 @@ INLIERS = Check(
     fails="Lost: {value} inliers in all cameras ({threshold} needed).",
 )  # fmt: skip
 SCALE = Check(
-    "scale_sigma", "relative standard deviation of the scale", "finding", "Is the scale observable?", "<=",
+    "relative_scale_sigma", "relative standard deviation of the scale", "finding", "Is the scale observable?", "<=",
     passes="Scale observable: its standard deviation is {value:.1%} (limit {threshold:.1%}).", topic="scale",
     fails="Scale not observable: its standard deviation would be {value:.0%} (limit {threshold:.0%}); it is held.",
 )  # fmt: skip

@@ -43,7 +43,7 @@ MIN_DISPARITY_PX = 2.0
 """A depth from a smaller disparity is off by a quarter and more at half a pixel."""
 
 INLIERS = Check(
-    "inliers",
+    "planar_inliers",
     "points that agree with one motion in the plane",
     "requirement",
     "Located?",

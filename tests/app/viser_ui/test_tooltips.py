@@ -20,6 +20,15 @@ APP = Path(ispom_app.__file__).parent
 PANELS = sorted(p for p in (APP / "features").glob("*/templates/*.html") if (p.parents[1] / "panel.py").exists())
 CONFIGS = {name: method.config for name, method in registry().items()} | {"source": SourceOptions}
 RATIOS = {"min_share", "knot_frames", "knot_misfit", "loss", "max_depth_baselines", "video_scale"}
+RATIOS |= {
+    "min_similar",
+    "keyframe_similar",
+    "rotation_acceleration_deg_s2",
+    "min_agreeing",
+    "max_scale_sigma",
+    "min_gradient",
+    "acceleration_m_s2",
+}
 RATIOS |= {"focal_sigma", "radial_sigma", "decentring_sigma"}
 """Settings that are no whole numbers and have no unit: shares, coefficients, and multiples of what their text names."""
 NO_CONTROLS = {"GuiHtmlHandle", "GuiMarkdownHandle", "GuiProgressBarHandle", "GuiUplotHandle", "GuiImageHandle"}

@@ -82,7 +82,7 @@ def _image(xyz: np.ndarray, grey: np.ndarray, i: int) -> Image:
 
 def test_without_overlap_the_scale_is_not_observable_on_the_straight() -> None:
     steps, trajectory = walked(outwards(3, turning=False))
-    checks = decisions(steps, "scale_sigma")
+    checks = decisions(steps, "relative_scale_sigma")
     assert len(checks) >= 10 and not any(check.passed for check in checks)
     assert min(check.value for check in checks) > 0.1
     assert not any(step.restarted for step in steps)
@@ -95,7 +95,7 @@ def test_without_overlap_the_scale_is_not_observable_on_the_straight() -> None:
 def test_a_turning_rig_without_overlap_finds_its_scale() -> None:
     sequence = outwards(3, turning=True)
     steps, trajectory = walked(sequence)
-    checks = decisions(steps, "scale_sigma")
+    checks = decisions(steps, "relative_scale_sigma")
     assert sum(check.passed for check in checks) >= 6
     known = next(i for i, step in enumerate(steps) if step.restarted)  # the guess before is another segment
     assert sequence.truth is not None
@@ -108,9 +108,9 @@ def test_a_turning_rig_without_overlap_finds_its_scale() -> None:
 
 
 def test_one_camera_never_knows_its_scale() -> None:
-    checks = decisions(walked(only_cameras(outwards(3, turning=True), ["c0"]))[0], "scale_sigma")
+    checks = decisions(walked(only_cameras(outwards(3, turning=True), ["c0"]))[0], "relative_scale_sigma")
     assert checks and not any(check.passed for check in checks)
-    assert CHECKS["scale_sigma"].kind == "finding"
+    assert CHECKS["relative_scale_sigma"].kind == "finding"
 
 
 def test_a_lost_rig_begins_again_where_it_was() -> None:
@@ -156,7 +156,7 @@ def test_kitti_06_with_little_overlap() -> None:
     sequence = open_sequence(str(KITTI))
     assert figures(cropped_pair(sequence, 0.3))["t_err_percent"] < 2.0
     steps, _ = walked(cropped_pair(sequence, 0.0))
-    assert not any(check.passed for check in decisions(steps, "scale_sigma"))
+    assert not any(check.passed for check in decisions(steps, "relative_scale_sigma"))
     assert figures(cropped_pair(sequence, 0.0), metric=False)["t_err_percent"] < 2.0
 
 
@@ -202,7 +202,7 @@ def test_six_real_cameras() -> None:
         state, step = estimator.step(state, frame)
         steps.append(step)
     assert all(step.status is Status.TRACKING for step in steps)
-    assert all(check.passed for check in decisions(steps, "scale_sigma"))  # by what two cameras see
+    assert all(check.passed for check in decisions(steps, "relative_scale_sigma"))  # by what two cameras see
     found, true = steps[2].world_from_frame, frames[0][1].inverse() @ frames[2][1]
     assert found is not None
     assert np.linalg.norm(found.translation - true.translation) < 0.05 * np.linalg.norm(true.translation)
