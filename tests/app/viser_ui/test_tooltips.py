@@ -23,6 +23,7 @@ RATIOS = {"min_share", "knot_frames", "knot_misfit", "loss", "max_depth_baseline
 RATIOS |= {
     "min_similar",
     "keyframe_similar",
+    "keyframe_moved",
     "rotation_acceleration_deg_s2",
     "min_agreeing",
     "max_scale_sigma",
