@@ -1,4 +1,4 @@
-"""Other sensors beside the cameras of a sequence: a YAML file says which files hold what they measured.
+"""Sensors other than the cameras of a sequence: a YAML file says which files hold what they measured.
 
 Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_NAME`; its noise), and
 
