@@ -43,6 +43,8 @@ def detect_map(moment: Moment) -> str | bool | None:
         return False
     if moment.before.get("status") != Status.INITIALISING and not moment.about("map"):
         return False
+    if not moment.now.get("landmarks") and not moment.about("map"):  # a method without a map, as one of flow
+        return False
     found = points(moment.now)
     return f"Map initialised: {found}." if found else "Map initialised."
 

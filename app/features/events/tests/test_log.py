@@ -18,7 +18,7 @@ from ispom.estimators.modern.loops.checks import LOOP_VIEWS
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.second_motion import SECOND_MOTION
 from ispom.geometry import Pose
-from ispom.types import Decision, Status, Step
+from ispom.types import Decision, Landmarks, Status, Step
 
 T, L, INIT = Status.TRACKING, Status.LOST, Status.INITIALISING
 FOUND = checks.POSE_POINTS.of(200, 15)
@@ -54,6 +54,12 @@ def test_a_first_map_and_one_after_a_loss_are_maps_and_no_relocalisation() -> No
     new = checks.AMBIGUITY.of(3, 1.5)
     found = logged([step(INIT), step(INIT), step(T, new), step(L), step(T, new)])
     assert told(found) == [("map", 2, 3), ("lost", 3, 4), ("map", 4, None)]
+
+
+def test_a_method_without_points_of_the_scene_makes_no_map() -> None:
+    assert told(logged([step(INIT), step(T), step(T)])) == []
+    scene = Landmarks(np.arange(3), np.ones((3, 3)), np.zeros((3, 3), np.uint8))
+    assert told(logged([step(INIT), step(T, landmarks=scene), step(T)])) == [("map", 1, 2)]
 
 
 def test_a_method_without_a_step_at_a_frame_changes_nothing() -> None:
