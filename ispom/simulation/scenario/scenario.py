@@ -40,10 +40,12 @@ class World:
     place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles"] = "own"
     """own: that of the scene; city: a street; town: streets around a block; indoor: corridor, stairs and hall; moon:
     craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
-    motion: Literal["own", "flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "sideways"] = "own"
+    motion: Literal["own", "flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "pan", "sideways"] = (
+        "own"
+    )
     """own: that of the scene; flight: along the street; drive: the same, level and even; loop: around the town's block;
     walk: through the building; still; tiny-steps: fifty times slower; rotation: about the video camera's centre;
-    sideways: along a wall."""
+    pan: a full turn about it and back; sideways: along a wall."""
     route: str = ""
     """TUM file of poses world_from_rig, moved through from the first one on, instead of a motion."""
     mesh: str = ""
