@@ -136,15 +136,17 @@ def make_vslam_lab(root: Path, frames: int = 6, right: bool = True, truth: bool 
         ]
         matrix = [1.0, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
         lines += [f"  - {{cam_name: {name},", "     cam_type: gray,", "     cam_model: pinhole,"]
-        lines += ["     focal_length: [80.0, 80.0],", "     principal_point: [47.5, 31.5],", *(lens if distorted else [])]
+        lines += [
+            "     focal_length: [80.0, 80.0],",
+            "     principal_point: [47.5, 31.5],",
+            *(lens if distorted else []),
+        ]
         lines += [f"     image_dimension: [{WIDTH}, {HEIGHT}],", "     fps: 20.0,"]
         lines += [f"     T_BS: [{', '.join(f'{v:.13f}' for v in matrix)}] # Sensor extrinsics wrt. the body-frame."]
         lines += ["    }", ""]
     (folder / "calibration.yaml").write_text("\n".join(lines))
     header = [word for name, *_ in cameras for word in (f"ts_{name} (ns)", f"path_{name}")]
-    cells = [
-        [cell for name, *_ in cameras for cell in (row[0], f"{name}/{i:05d}.png")] for i, row in enumerate(rows)
-    ]
+    cells = [[cell for name, *_ in cameras for cell in (row[0], f"{name}/{i:05d}.png")] for i, row in enumerate(rows)]
     (folder / "rgb.csv").write_text("".join(f"{','.join(row)}\n" for row in [header, *cells]))
     poses = [f"{t},{(t - START_NS) * 1e-9:.9f},2,3,0,0,0,1" for (t,) in ([int(row[0])] for row in rows)]
     table = ["ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw", *(poses if truth else [])]  # without truth, the header alone
