@@ -80,6 +80,17 @@ def read_euroc(path: Path, frame: FrameName = "body", every: bool = False) -> Tr
     return read_pose_table(path, header_columns(path) or OWN, frame, every)[0]
 
 
+# Trajectories as VSLAM-LAB's `groundtruth.csv` and `00000_KeyFrameTrajectory.csv`.
+
+VSLAM_LAB_HEADER = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw"
+
+
+def vslam_lab_text(trajectory: Trajectory) -> str:
+    """Returns the file's content: whole nanoseconds, other values with nine decimals."""
+    lines = _lines(trajectory.times_ns, np.hstack([trajectory.translations, trajectory.xyzw]))
+    return f"{VSLAM_LAB_HEADER}\n{lines}"
+
+
 # Trajectories and landmarks as CSV with a header, for spreadsheets and data frames.
 
 

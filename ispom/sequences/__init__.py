@@ -24,6 +24,7 @@ from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_s
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
+from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
@@ -37,6 +38,7 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_described: open_described,
     looks_like_kitti: open_kitti,
     looks_like_kitti_raw: open_kitti_raw,
+    looks_like_vslam_lab: open_vslam_lab,  # before EuRoC, whose folder may still be there, without its images
     looks_like_euroc: open_euroc,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
@@ -173,7 +175,8 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, mav0, as in EuRoC, "
-        f"rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of images, and one video): {cure}"
+        f"rgb.txt, as in TUM, rgb.csv, as in VSLAM-LAB, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of "
+        f"images, and one video): {cure}"
     )
 
 

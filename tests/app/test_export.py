@@ -147,7 +147,7 @@ def test_a_model_of_a_good_run_keeps_its_observations(
         assert int(observations) > 300 and int(fitting) >= kept * int(observations)
 
 
-@pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "ply", "csv"])
+@pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "vslam-lab", "ply", "csv"])
 def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = tmp_path / "run"
     assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(run)], helpers.build) == 0
