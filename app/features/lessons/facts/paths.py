@@ -65,8 +65,8 @@ def error_curve(ran: Ran, method: str, alignment: str) -> tuple[Array, Array]:
 
 
 def direction_deg(ran: Ran, method: str) -> float:
-    """Angle between the estimated and the true direction of the motion from a frame to the next, as seen from the camera:
-    the median [deg]."""
+    """Angle between the estimated and the true direction of the motion from a frame to the next, in the axes of the
+    moving frame: the median [deg]."""
     own, true = (_steps_seen(path) for path in _compared(ran, method))
     lengths = np.linalg.norm(own, axis=1) * np.linalg.norm(true, axis=1)
     moved = lengths > 0
