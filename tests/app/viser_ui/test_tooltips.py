@@ -19,7 +19,10 @@ from tests.app.helpers import started, wait_for
 APP = Path(ispom_app.__file__).parent
 PANELS = sorted(p for p in (APP / "features").glob("*/templates/*.html") if (p.parents[1] / "panel.py").exists())
 CONFIGS = {name: method.config for name, method in registry().items()} | {"source": SourceOptions}
-RELATIVE = re.compile(r"\[[^\]]+\]|\bshare\b|\brelative\b|\bdeviations?\b|\bthis many\b|\bin video frames\b", re.IGNORECASE)
+RELATIVE = re.compile(
+    r"\[[^\]]+\]|\bshare\b|\brelative\b|\bdeviations?\b|\bthis many\b|\bin video frames\b",
+    re.IGNORECASE,
+)
 """What the text of a setting says that is no whole number and has no unit in its name: its unit, or of what it is a
 part or a multiple."""
 NO_CONTROLS = {"GuiHtmlHandle", "GuiMarkdownHandle", "GuiProgressBarHandle", "GuiUplotHandle", "GuiImageHandle"}
