@@ -38,9 +38,10 @@ FAULTS: Mapping[str, type] = {
 class World:
     """The place, the motion and the cameras."""
 
-    place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles"] = "own"
+    place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles", "tags"] = "own"
     """own: that of the scene; city: a street; town: streets around a block; indoor: corridor, stairs and hall; moon:
-    craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
+    craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same; tags: a wall
+    with AprilTags of 1.2 m."""
     motion: Literal["own", "flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "pan", "sideways"] = (
         "own"
     )
