@@ -11,10 +11,8 @@ The steps, in the order of this file:
 5. Refinement: bundle adjustment of the last keyframes and their points; the two oldest are fixed.
 
 One camera has no scale, and nothing here holds it: it drifts. Where the camera only turns, no new points can be
-intersected, and it gets lost. After a loss a new segment starts from the last pose, with the last speed as its unit. The
-scene is taken to be rigid; no place is recognised.
-
-FIGURES
+intersected, and it gets lost. After a loss a new segment starts from the last pose; its unit is the last distance of
+keyframes. The scene is taken to be rigid; no place is recognised.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from ispom.estimator import VIDEO, Method
 from ispom.estimators.adjustment import BUNDLE_COST
@@ -31,7 +30,7 @@ from ispom.estimators.paper.monocular import TrackedFeatures
 from ispom.estimators.survey.common import OneKind, Result
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.features.front_ends import HARRIS, front_end, front_ends
-from ispom.features.interfaces import Tracker
+from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.numerics.robust import Noise
@@ -42,6 +41,7 @@ from ispom.solvers.multiview.inverse_depth import intersect
 from ispom.solvers.multiview.triple import solve_triple
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
+    Camera,
     Check,
     Decision,
     Frame,
@@ -62,14 +62,16 @@ FIXED_KEYFRAMES = 2
 """They fix position, rotation and unit of a bundle adjustment."""
 ITERATIONS = 10
 """Of a bundle adjustment, at most."""
-MIN_DISTANCE_PX = 8.0
-"""Of a new feature from the others."""
+MIN_DISTANCE_PX = 4.0
+"""Of a new feature from the others: FAST corners, of which only a part is found again, come in clusters."""
 MIN_ANGLE_RAD = np.radians(0.5)
 """Least parallax of a point of the first map."""
 MIN_BUNDLE_POINTS = 10
 """With fewer points a bundle adjustment hardly improves the poses."""
 MIN_INLIER_SHARE = 0.3
 """With fewer of the points in view a pose may be that of something that moves, or of none."""
+MIN_DEPTH_SHARE = 0.1
+"""Of the depth of a point that is left after the predicted motion; it is near the camera or passed otherwise."""
 MIN_EPIPOLAR_SHARE = 0.5
 """With fewer inliers the relative pose explains a minority of the points."""
 
@@ -114,7 +116,7 @@ class PointsConfig:
 
     features: Annotated[str, Choices(front_ends)] = HARRIS.name
     """Features: harris, susan, shi_tomasi (tracked corners), sift, surf, orb (matched), or any other front end."""
-    max_points: Annotated[int, Range(50, 3000)] = 600
+    max_points: Annotated[int, Range(50, 3000)] = 1000
     """Features followed at a time."""
     max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
     """Largest distance from an epipolar line, and half of the largest reprojection error, of an inlier [px]."""
@@ -189,7 +191,7 @@ class Points(OneKind[Memory]):
 
     def process(self, memory: Memory, frame: Frame, watch: Stopwatch) -> tuple[Memory, Result]:
         grey, camera, front = as_grey(frame.image), self.rig.camera("video"), front_end(self.config.features)
-        tracked = track_features(front.tracker, memory, grey)
+        tracked = track_features(front, camera, memory, grey, frame.time_ns)
         here = tracked.as_frame(camera, frame.time_ns)
         watch.lap("track")
         found = self._located(memory, here) if len(memory.points.ids) else self._first_map(memory, here)
@@ -263,8 +265,7 @@ class Points(OneKind[Memory]):
         """Locates the frame; after too many that failed, a new segment starts with this one."""
         config, index = self.config, memory.points.places(here.ids)
         known = np.flatnonzero(index >= 0)
-        seconds = (here.time_ns - memory.time_ns) * 1e-9
-        predicted = memory.world_from_camera @ Pose.exp(seconds * memory.velocity)
+        predicted = predicted_pose(memory, here.time_ns)
         policy = Policy(self._width, self._limit, self._limit)
         fit = locate(memory.points.xyz[index[known]], here.x[known], predicted.inverse(), policy)
         needed = max(config.min_inliers, MIN_INLIER_SHARE * len(known))
@@ -319,12 +320,35 @@ class Points(OneKind[Memory]):
         return replace(after, time_ns=time_ns, world_from_camera=found.pose, velocity=velocity, segments=segments)
 
 
-def track_features(tracker: Tracker, memory: Memory, grey: Image) -> TrackedFeatures:
-    """Returns the features of the last frame in this one; none in the first frame."""
+# Step 1: tracking, or describing and matching
+
+
+def track_features(front: FrontEnd, camera: Camera, memory: Memory, grey: Image, time_ns: int) -> TrackedFeatures:
+    """Returns the features of the last frame in this one; none in the first frame.
+
+    Where there is a map, they are searched for near where the predicted pose has them; those without a depth of their
+    own are taken to be as far away as the nearest one with a depth in the image.
+    """
     uv, status = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
-    if memory.grey is not None:
-        uv, status = tracker.track(memory.grey, grey, memory.uv)
+    here, there = common(memory.ids, memory.points.ids)
+    if memory.grey is not None and not len(here):
+        uv, status = front.tracker.track(memory.grey, grey, memory.uv)
+    elif memory.grey is not None:
+        before, now = memory.world_from_camera, predicted_pose(memory, time_ns)
+        depth = before.inverse().apply(memory.points.xyz[there])[:, 2].clip(MIN_DEPTH_SHARE * memory.unit)
+        _, nearest = KDTree(memory.uv[here]).query(memory.uv)
+        x = camera.normalise(memory.uv)
+        xyz = np.column_stack([x, np.ones(len(x))]) * depth[nearest, None]
+        near = (now.inverse() @ before).apply(xyz)
+        ahead = near[:, 2] > MIN_DEPTH_SHARE * depth[nearest]
+        expected = np.where(ahead[:, None], camera.project(np.where(ahead[:, None], near, xyz)), memory.uv)
+        uv, status = front.guided.track(memory.grey, grey, memory.uv, expected.astype(np.float32))
     return TrackedFeatures(memory.ids, memory.uv, uv, status, np.full(len(status), np.nan, np.float32))
+
+
+def predicted_pose(memory: Memory, time_ns: int) -> Pose:
+    """Returns world_from_camera at constant velocity."""
+    return memory.world_from_camera @ Pose.exp((time_ns - memory.time_ns) * 1e-9 * memory.velocity)
 
 
 def intersected(keys: tuple[TrackedFrame, ...], points: ScenePoints, width: float, limit: float) -> ScenePoints:
