@@ -22,7 +22,6 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from ispom.estimator import VIDEO, Method
 from ispom.estimators.adjustment import BUNDLE_COST
@@ -71,7 +70,7 @@ MIN_BUNDLE_POINTS = 10
 MIN_INLIER_SHARE = 0.3
 """With fewer of the points in view a pose may be that of something that moves, or of none."""
 MIN_DEPTH_SHARE = 0.1
-"""Of the depth of a point that is left after the predicted motion; it is near the camera or passed otherwise."""
+"""Least predicted depth, relative to the unit, of a point that is searched for: others may be passed."""
 MIN_EPIPOLAR_SHARE = 0.5
 """With fewer inliers the relative pose explains a minority of the points."""
 
@@ -326,23 +325,17 @@ class Points(OneKind[Memory]):
 def track_features(front: FrontEnd, camera: Camera, memory: Memory, grey: Image, time_ns: int) -> TrackedFeatures:
     """Returns the features of the last frame in this one; none in the first frame.
 
-    Where there is a map, they are searched for near where the predicted pose has them; those without a depth of their
-    own are taken to be as far away as the nearest one with a depth in the image.
+    Those that were not found but have a place in the map are searched for again, near where the predicted pose has it.
     """
     uv, status = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
-    here, there = common(memory.ids, memory.points.ids)
-    if memory.grey is not None and not len(here):
+    if memory.grey is not None:
         uv, status = front.tracker.track(memory.grey, grey, memory.uv)
-    elif memory.grey is not None:
-        before, now = memory.world_from_camera, predicted_pose(memory, time_ns)
-        depth = before.inverse().apply(memory.points.xyz[there])[:, 2].clip(MIN_DEPTH_SHARE * memory.unit)
-        _, nearest = KDTree(memory.uv[here]).query(memory.uv)
-        x = camera.normalise(memory.uv)
-        xyz = np.column_stack([x, np.ones(len(x))]) * depth[nearest, None]
-        near = (now.inverse() @ before).apply(xyz)
-        ahead = near[:, 2] > MIN_DEPTH_SHARE * depth[nearest]
-        expected = np.where(ahead[:, None], camera.project(np.where(ahead[:, None], near, xyz)), memory.uv)
-        uv, status = front.guided.track(memory.grey, grey, memory.uv, expected.astype(np.float32))
+        index = memory.points.places(memory.ids)
+        again = np.flatnonzero((status != TrackStatus.ALIVE) & (index >= 0))
+        near = predicted_pose(memory, time_ns).inverse().apply(memory.points.xyz[index[again]])
+        ahead = near[:, 2] > MIN_DEPTH_SHARE * memory.unit
+        again, expected = again[ahead], camera.project(near[ahead]).astype(np.float32)
+        uv[again], status[again] = front.guided.track(memory.grey, grey, memory.uv[again], expected)
     return TrackedFeatures(memory.ids, memory.uv, uv, status, np.full(len(status), np.nan, np.float32))
 
 
