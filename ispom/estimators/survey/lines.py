@@ -53,14 +53,12 @@ from ispom.types import (
     Frame,
     Image,
     ImageLines,
-    Landmarks,
     Rig,
     Tracks,
     TrackStatus,
     WorldLines,
     as_grey,
     by_key,
-    colours_at,
 )
 
 NOISE_PX = 0.5
@@ -83,7 +81,7 @@ MAX_BASELINES = 4.0
 AGEING, CONTRADICTION = 1.2, 4.0
 """Growth of the standard deviation of a known disparity from pair to pair; and difference of a new one, in standard
 deviations, that replaces it."""
-MAX_DIRECTIONS, MAX_COUNT, MAX_MAPPED = 6, 10, 3000
+MAX_DIRECTIONS, MAX_COUNT, MAX_MAPPED = 5, 10, 3000
 """Directions in the world, pairs that each is the mean of, and lines of the map."""
 WITHOUT_DIRECTION = MAX_DIRECTIONS
 """Group of lines that point to no vanishing point."""
@@ -259,8 +257,7 @@ class Lines(OneKind["Memory | None"]):
         watch.lap("pose")
         if not decisions[1].passed:
             if memory.lost_pairs < config.max_lost_pairs:
-                shown = {"left": ImageLines.of(uv, -1)}
-                return replace(memory, lost_pairs=memory.lost_pairs + 1), Result(decisions=decisions, lines=shown)
+                return replace(memory, lost_pairs=memory.lost_pairs + 1), self._unused(memory, uv, decisions)
             return self._begun(memory, frame, left, seen, decisions, watch)
 
         located = pose.inverse()
@@ -274,7 +271,7 @@ class Lines(OneKind["Memory | None"]):
         watch.lap("depth")
         residual = np.sqrt((np.minimum(offset, 1e3) ** 2).mean(axis=1)) * camera.fx
         tracks = _tracks(lines[index], uv[match[index]], fits, residual, after.lines)
-        result = self._result(after, frame, uv, tracks, (*decisions, segments))
+        result = self._result(after, uv, tracks, (*decisions, segments))
         return after, replace(result, residuals_px=residual[fits])
 
     def _sigma(self, sigma_px: Array, moved: float) -> Array:
@@ -305,10 +302,9 @@ class Lines(OneKind["Memory | None"]):
         after, segments = self._with_lines(after, frame, left, seen, none, np.zeros(0, np.int64))
         watch.lap("depth")
         if not segments.passed:
-            shown = {"left": ImageLines.of(seen.uv, -1)}
-            return memory, Result(decisions=(*decisions, segments), lines=shown)
+            return memory, self._unused(memory, seen.uv, (*decisions, segments))
         tracks = _tracks(none, seen.uv[:0], np.zeros(0, bool), np.zeros(0), after.lines)
-        result = self._result(after, frame, seen.uv, tracks, (*decisions, segments))
+        result = self._result(after, seen.uv, tracks, (*decisions, segments))
         return after, replace(result, restarted=memory is not None)
 
     def _with_lines(
@@ -385,19 +381,22 @@ class Lines(OneKind["Memory | None"]):
 
     # What is drawn
 
+    def _unused(self, memory: Memory | None, uv: NDArray[np.float32], decisions: tuple[Decision, ...]) -> Result:
+        """Returns the result without a pose: none of the segments is used."""
+        mapped = WorldLines.empty() if memory is None else memory.mapped
+        return Result(decisions=decisions, lines={"left": ImageLines.of(uv, -1)}, world_lines=mapped)
+
     def _result(
-        self, memory: Memory, frame: Frame, uv: NDArray[np.float32], tracks: Tracks, decisions: tuple[Decision, ...]
+        self, memory: Memory, uv: NDArray[np.float32], tracks: Tracks, decisions: tuple[Decision, ...]
     ) -> Result:
         """Segments of the image with the colours of their directions; those that are not used, too."""
         lines = memory.lines
-        used = np.all(uv[:, None] == lines.uv[None], axis=(2, 3))
+        used = np.equal(uv[:, None], lines.uv[None]).all(axis=(2, 3))
         group = np.where(used.any(axis=1), lines.group[used.argmax(axis=1)] if len(lines) else -1, -1)
-        middle = lines.uv.mean(axis=1)
         return Result(
             memory.world_from_left @ self.rig.rig_from_left.inverse(),
             decisions,
             {"left": tracks},
-            Landmarks(lines.ids, lines.xyz.mean(axis=1), colours_at(frame.left, middle)),
             key_frame=True,
             lines={"left": ImageLines.of(uv, group)},
             world_lines=memory.mapped,
