@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from ispom.types import Frame, Sequence, Status, Step
 DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
-def steps_of(sequence: Sequence, config: LinesConfig, most: int = 1000) -> tuple[Lines, list[Step], object]:
+def steps_of(sequence: Sequence, config: LinesConfig, most: int = 1000) -> tuple[Lines, list[Step], Any]:
     estimator, steps = config.build(sequence.rig), list[Step]()
     state = estimator.start()
     for i in [i for i in range(len(sequence)) if sequence.kinds[i] == "stereo"][:most]:
@@ -30,7 +31,7 @@ def flight() -> Sequence:
 
 
 @pytest.fixture(scope="module")
-def run(flight: Sequence) -> tuple[Lines, list[Step], object]:
+def run(flight: Sequence) -> tuple[Lines, list[Step], Any]:
     return steps_of(flight, LinesConfig(), 6)
 
 
@@ -52,12 +53,12 @@ def test_lines_of_the_image_have_the_groups_of_their_directions(run: tuple) -> N
     last = steps[-1]
     lines, known = last.lines["left"], state.memory.lines
     assert (lines.group >= 0).sum() == len(known) and (lines.group < 0).any()
-    assert len(last.world_lines) == len(state.memory.mapped_ids) > 20
+    assert len(last.world_lines) == len(state.memory.map.ids) > 20
     along = known.xyz[:, 1] - known.xyz[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    pointing = known.group < len(state.memory.directions)
+    pointing = known.group < len(state.memory.map.directions)
     assert pointing.any()
-    cosine = np.abs(np.einsum("ni,ni->n", along[pointing], state.memory.directions[known.group[pointing]]))
+    cosine = np.abs(np.einsum("ni,ni->n", along[pointing], state.memory.map.directions[known.group[pointing]]))
     assert np.median(cosine) > np.cos(np.radians(8))
 
 
