@@ -18,8 +18,9 @@ class Export(Programs):
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
     format: Literal["tum", "kitti", "euroc", "vslam-lab", "ply", "colmap", "csv"]
-    """tum, kitti, euroc, vslam-lab: trajectories (the last of the left or only camera); ply: cloud and trajectory;
-    colmap: keyframes, points and observations, as a text model; csv: poses and points with a header."""
+    """tum, kitti, euroc, vslam-lab: trajectories (the last of the left or only camera); ply: cloud, trajectory, and the
+    map of lines or tags; colmap: keyframes, points and observations, as a text model; csv: poses, points and lines with
+    a header."""
     methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""
     out: Path | None = None
