@@ -17,9 +17,9 @@ class Export(Programs):
 
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
-    format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
+    format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv", "panorama"]
     """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: keyframes, points and observations, as a
-    text model; csv: poses and points with a header."""
+    text model; csv: poses and points with a header; panorama: the images by their orientations, as a PNG."""
     methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""
     out: Path | None = None
