@@ -18,6 +18,11 @@ order of this file:
 Limits. The position is that of the first frame, always: where the camera moves by more than about a hundredth of the
 distance of what it sees, a rotation is no longer the truth, and the check `rotation_only` fails. What moves in the
 scene must be the smaller part. A wrong focal length makes a turn close with a gap, which the averaging only spreads.
+
+Measured: sim:city?motion=pan, every 20th video frame of a turn and back: orientations within 0.06 degrees of the truth
+(largest; ORB: 0.14). A film of a roller coaster by a panning telephone without calibration, 70 frames: all registered,
+and the check names a focal length 1.6 times the guess; with that, a rotation explains 75 to 98 % of the rigid matches.
+In the moving flight of sim:city, `rotation_only` fails at each frame until the panorama is lost.
 """
 
 from __future__ import annotations
