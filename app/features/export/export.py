@@ -34,6 +34,7 @@ from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import MARKER
 from ...presentation import colours
 from .options import Export
+from .panorama import panorama_png
 
 Files = dict[str, str | bytes]
 VSLAM_LAB_FILE = "00000_KeyFrameTrajectory.csv"
@@ -102,6 +103,9 @@ def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
             return {f"{method}.csv": euroc_text(trajectory)}, summary
         case "vslam-lab":
             return _vslam_lab(options.run, method, trajectory)
+        case "panorama":
+            png, shown = panorama_png(options.run, trajectory)
+            return {f"{method}.png": png}, shown
     scene = read_maps(options.run / "landmarks.npz").get(method)
     if scene is None:
         raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")

@@ -233,7 +233,7 @@ class Hybrid(OneKind["Memory | None"]):
         key_frame = any(trigger.passed for trigger in triggers)
         if key_frame:
             after = self._keyframe(after, frame)
-        tracks = _tracks(memory.points, points, inliers, found, errors_px, after.points)
+        tracks = tracks_of(memory.points, points, inliers, found, errors_px, after.points)
         watch.lap("map")
         return after, Result(
             pose @ self.rig.rig_from_left.inverse(), (*decisions, *triggers), {"left": tracks},
@@ -364,7 +364,7 @@ def refined(
 # What is shown
 
 
-def _tracks(
+def tracks_of(
     before: Points, now: Points, inliers: NDArray[np.bool_], found: NDArray[np.bool_], errors_px: Array, after: Points
 ) -> Tracks:
     """Returns the points of the last frame, those that ended where they were last, and the new ones `after` it."""
