@@ -11,10 +11,10 @@ Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: th
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
@@ -78,9 +78,9 @@ class FusedConfig:
     """Way of the fixes from which on they give scale and heading [m]."""
     tilt_deg: Annotated[float, Range(0.1, 30)] = 3.0
     """How far from level the rig may stand at the start, where no IMU takes part (1 sigma) [deg]."""
-    turn_deg: Annotated[float, Range(0.001, 10)] = 0.15
+    turn_deg: Annotated[float, Range(0.001, 10)] = 0.05
     """Error of a rotation by the images within a second (1 sigma), growing with the root of the time [deg]."""
-    translation_percent: Annotated[float, Range(0.01, 50)] = 1.5
+    translation_percent: Annotated[float, Range(0.01, 50)] = 0.8
     """Error of a translation by the images (1 sigma), in percent of its length."""
     scale_percent: Annotated[float, Range(0.001, 20)] = 0.5
     """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time."""
@@ -178,7 +178,7 @@ class Fused:
         watch.lap("measure")
         current = dict(state.seen)
         nodes = tuple(replace(n, camera=current.get(n.time_ns, n.camera)) for n in state.nodes)
-        nodes = (nodes[0], *(replace(b, visual=_motion(a, b)) for a, b in itertools.pairwise(nodes)))
+        nodes = (nodes[0], *(replace(b, visual=_motion(a, b)) for a, b in pairwise(nodes)))
         frames = self._camera_from_rig, self._graph.rig_from_body
         start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
@@ -193,7 +193,7 @@ class Fused:
         watch.lap("optimise")
         if self._sensors and deviation > WORST_SCALE:
             return waiting
-        state = replace(state, nodes=nodes, prior=prior)
+        state = replace(state, nodes=nodes, prior=prior, first=prior)
         return self._reported(state, decisions, misfits, watch)
 
     def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
@@ -222,7 +222,7 @@ class Fused:
         while len(nodes) > self._config.window:
             prior = self._graph.reduced(nodes, prior)
             leaving, *others = nodes
-            settled = settled.appended((leaving.number, leaving.time_ns, leaving.local_from_rig, leaving.log_scale))
+            settled = settled.appended(leaving)
             nodes = tuple(others)
         watch.lap("marginalise")
         fits = [FITS[sensor].of(value, MAX_FIT) for sensor, value in misfits.items()]
@@ -256,27 +256,41 @@ class Fused:
         return np.block([[place**2 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
 
     def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
-        """See Integrator: nodes as they left the window or are in it, and the frames between by the images."""
-        nodes = {number: (pose, scale) for number, _, pose, scale in state.settled}
-        if state.prior is not None:
-            nodes |= {n.number: (n.local_from_rig, n.log_scale) for n in state.nodes}
-        found = list[tuple[int, Pose]]()
+        """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
+        the final poses of the images."""
+        final = dict(inputs["visual"].items())
+        nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
+        if state.first is not None:
+            older = [n for n in nodes if n.number < state.first.at.number]
+            together = [self._finally(n, final) for n in nodes if n.number >= state.first.at.number]
+            together = [together[0], *(self._with_motion(a, b, final) for a, b in pairwise(together))]
+            nodes = [*older, *self._graph.optimised(tuple(together), state.first)[0]]
+        by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
-            if number in nodes:
-                pose, scale = nodes[number]
-                found.append((time_ns, WORLD_FROM_LOCAL @ pose @ self._collector.in_rig(relative, scale)))
+            if (node := by_number.get(number)) is not None:
+                if time_ns in final and node.time_ns in final:
+                    relative = final[node.time_ns].inverse() @ final[time_ns]
+                moved = self._collector.in_rig(relative, node.log_scale)
+                found.append((time_ns, WORLD_FROM_LOCAL @ node.local_from_rig @ moved))
         return Trajectory.of(found)
+
+    def _finally(self, node: Node, final: Mapping[int, Pose]) -> Node:
+        return replace(node, camera=final.get(node.time_ns, node.camera))
+
+    def _with_motion(self, before: Node, now: Node, final: Mapping[int, Pose]) -> Node:
+        """Returns the node with the final motion of the images."""
+        both = before.time_ns in final and now.time_ns in final and now.visual is not None
+        return replace(now, visual=_motion(before, now)) if both else now
 
     def _with_other_sensors(self, state: FusedState) -> FusedState:
         """Goes on from the last pose after a change of the scheme."""
         bare = replace(self.start(), settled=state.settled, frames=state.frames, seen=state.seen, last_ns=state.last_ns)
         if state.covariance is None or not state.nodes:
             return replace(bare, number=state.number)
-        nodes, settled = state.nodes, state.settled
-        settled = settled.extended((n.number, n.time_ns, n.local_from_rig, n.log_scale) for n in nodes[:-1])
-        last = replace(nodes[-1], fixes=(), bias=np.zeros(6))
+        settled = state.settled.extended(state.nodes[:-1])
+        last = replace(state.nodes[-1], fixes=(), bias=np.zeros(6))
         prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), 0.1)
-        bare = replace(bare, nodes=(last,), prior=prior, covariance=state.covariance, settled=settled)
+        bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
         return replace(bare, number=state.number)
 
 

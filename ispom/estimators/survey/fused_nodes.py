@@ -59,8 +59,10 @@ class FusedState:
     walls: Array | None = None
     """Points of the scan of the last node, at its time."""
     fixes: tuple[GnssFix, ...] = ()
-    settled: PersistentList[tuple[int, int, Pose, float]] = PersistentList()
-    """(number, time_ns, local_from_rig, log scale) of nodes that left the window."""
+    first: Prior | None = None
+    """That of the start."""
+    settled: PersistentList[Node] = PersistentList()
+    """Nodes that left the window."""
     frames: PersistentList[tuple[int, int, Pose]] = PersistentList()
     """(time_ns, number of the node before, camera_of_node_from_camera) of all frames with a pose."""
     last_ns: int | None = None
