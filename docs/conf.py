@@ -23,4 +23,3 @@ html_title = f"ISPOM {release}"
 html_static_path = ["_static"]
 html_show_sphinx = False
 html_theme_options = {"source_view_link": "", "top_of_page_buttons": []}
-suppress_warnings = ["toc.empty_glob"]  # pages of later releases are found by their folder

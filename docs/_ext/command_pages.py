@@ -11,8 +11,9 @@ from markdown_text import as_cell, table
 def pages() -> dict[str, str]:
     """Returns a page for each command, and the table of all of them."""
     import tyro
-    from ispom.methods import names
     from ispom_app.cli.main import _commands
+
+    from ispom.methods import names
 
     found, rows = {}, []
     for command, module in _commands().items():

@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import yaml
 from markdown_text import as_cell, as_prose, table
+
 from ispom.estimator import Method
 from ispom.methods import BUILT_IN, SURVEY
 from ispom.settings import Setting, settings
@@ -92,10 +93,16 @@ def _method(method: Method) -> str:
     note = DOCS / "methods" / "notes" / f"{page_name(method.name)}.md"
     if note.is_file():
         text.append(note.read_text(encoding="utf-8").strip())
-    text.append(f"## Run it\n\n```sh\nispom run {source} --methods {method.name} --out recordings/{page_name(method.name)}\n```")
+    text.append(
+        f"## Run it\n\n```sh\nispom run {source} --methods {method.name} --out recordings/{page_name(method.name)}\n```"
+    )
     if method.stages:
         stages = [(f"`{name}`", as_cell(sentence)) for name, sentence in method.stages.items()]
-        text += ["## Stages of a step", "`steps.csv` and the page state the time of each.", table(("stage", "what"), stages)]
+        text += [
+            "## Stages of a step",
+            "`steps.csv` and the page state the time of each.",
+            table(("stage", "what"), stages),
+        ]
     text += ["## Settings", _settings_table(method)]
     if method.checks:
         text += ["## Checks", _checks_intro(method), *(_check(method, check) for check in _by_question(method))]
@@ -221,7 +228,11 @@ def _threshold(method: Method, check: Check) -> str:
     """A setting with its default, a constant with its value, or that it is computed at each frame."""
     package = _home(method).__name__.rsplit(".", 1)[0]
     uses = [(m, t) for m, name, t in _uses() if re.fullmatch(r"[\w.]+", name) and _resolve(m, name) is check]
-    own = [use for use in uses if use[0].__name__ in (_home(method).__name__, package) or use[0].__name__.startswith(package)]
+    own = [
+        use
+        for use in uses
+        if use[0].__name__ in (_home(method).__name__, package) or use[0].__name__.startswith(package)
+    ]
     known = {s.name for s in settings(method.config)}
     said: dict[str, None] = {}
     for module, threshold in own or uses:

@@ -99,7 +99,10 @@ def loop() -> str:
     drift = [(x + 0.55 * i, y - 0.35 * i) for i, (x, y) in enumerate(truth)]
     parts = [path(truth, GREY, 3), path(drift, RED), dot(*truth[0], GREY, 5), dot(*drift[-1], RED, 5)]
     parts += [line(*drift[-1], *truth[0], GREEN, 2, "4 3"), words(310, 90, "odometry drifts", RED)]
-    parts += [words(310, 115, "a loop measures this gap,", GREEN), words(310, 135, "and a pose graph spreads it", GREEN)]
+    parts += [
+        words(310, 115, "a loop measures this gap,", GREEN),
+        words(310, 135, "and a pose graph spreads it", GREEN),
+    ]
     parts += [words(310, 160, "ground truth", GREY)]
     return svg(520, 225, parts)
 
