@@ -1,4 +1,4 @@
-"""The README is short, and its commands and the checks' are the same ones, each a single line that sets up all it needs."""
+"""The README is short; its commands are those of the checks, each a single line that sets up all it needs."""
 
 import re
 from pathlib import Path

@@ -48,10 +48,8 @@ def pages() -> dict[str, str]:
             home = import_module(left[name])
             kind = "class" if inspect.isclass(getattr(home, name)) else "function"
             members = "\n   :members:\n   :undoc-members:" if kind == "class" else ""
-            where = name if getattr(ispom, name) is getattr(home, name) else f"{left[name]}.{name}"
-            directives.append(
-                f".. auto{kind}:: ispom.{name}{members}" if where == name else f".. auto{kind}:: {where}{members}"
-            )
+            where = "ispom" if getattr(ispom, name) is getattr(home, name) else left[name]
+            directives.append(f".. auto{kind}:: {where}.{name}{members}")
             del left[name]
         text += [f"## {title}", "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
     return {"reference/python_api.md": "\n\n".join(text)}

@@ -22,7 +22,7 @@ from ispom.types import Check
 DOCS = Path(__file__).parents[1]
 KINDS = {
     "requirement": "Requirement: if it fails, the step that it guards fails.",
-    "trigger": "Trigger: it asks a question, and any trigger that passes answers it with yes. Not passing is no failure.",
+    "trigger": "Trigger: any trigger that passes answers the question with yes. Not passing is no failure.",
     "finding": "Finding: a measurement with its limit. Neither outcome is a failure.",
     "warning": "Warning: if it fails, the result is doubtful, and the method goes on.",
 }

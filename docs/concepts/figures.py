@@ -22,7 +22,8 @@ def svg(width: int, height: int, parts: Iterable[str]) -> str:
 
 def line(x1: float, y1: float, x2: float, y2: float, colour: str = GREY, width: float = 1.5, dash: str = "") -> str:
     dashed = f' stroke-dasharray="{dash}"' if dash else ""
-    return f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke="{colour}" stroke-width="{width}"{dashed}/>'
+    ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
+    return f'<line {ends} stroke="{colour}" stroke-width="{width}"{dashed}/>'
 
 
 def path(points: Iterable[tuple[float, float]], colour: str, width: float = 2.0, dash: str = "") -> str:
@@ -152,9 +153,8 @@ def layers() -> str:
         width = 560 / len(names)
         for k, name in enumerate(names):
             x, y = 90 + k * width, 14 + 34 * i + (12 if colour == BLUE else 0)
-            parts.append(
-                f'<rect x="{x + 2:.1f}" y="{y}" width="{width - 4:.1f}" height="28" rx="4" fill="none" stroke="{colour}"/>'
-            )
+            place = f'x="{x + 2:.1f}" y="{y}" width="{width - 4:.1f}" height="28" rx="4"'
+            parts.append(f'<rect {place} fill="none" stroke="{colour}"/>')
             parts.append(words(x + width / 2, y + 19, name, anchor="middle"))
     parts += [words(16, 80, "app", ORANGE), words(16, 240, "ispom", BLUE)]
     return svg(670, 340, parts)

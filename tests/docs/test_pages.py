@@ -119,7 +119,7 @@ def test_sentences_are_short() -> None:
 
 def test_sentences_are_told_apart() -> None:
     language = module(DOCS / "language.py")
-    text = "# Head\n\nOne two three. Four five\nsix `seven`.\n\n- eight nine ten\n\n| a b c | d |\n\n```sh\nno prose here\n```\n"
+    text = "# Head\n\nOne two three. Four five\nsix `seven`.\n\n- eight nine ten\n\n| a b | c |\n\n```\nno prose\n```\n"
     assert language.sentences(text) == ["One two three.", "Four five six `seven`.", "eight nine ten"]
 
 
