@@ -11,6 +11,8 @@ def pages() -> dict[str, str]:
     from ispom_app.engine.run_events.kinds import checks, frames, tracking
     from ispom_app.engine.run_folder.digests import DIGESTS
     from ispom_app.engine.run_folder.step_log import DECISION_COLUMNS, STEP_COLUMNS
+    from ispom_app.session.actions import actions
+    from ispom_app.session.registry import load_features
 
     from ispom.types import TrackStatus
 
@@ -54,7 +56,10 @@ def pages() -> dict[str, str]:
     ]
     quantities = table(("name", "meaning"), rows)
     ends = [(f"`{s.name.lower()}`", as_cell(s.reason)) for s in TrackStatus if s.dropped]
+    load_features()
+    keys = [(f"`{a.key.replace('Arrow', '')}`", as_cell(a.label), as_cell(a.hint)) for a in actions()]
     return {
+        "_generated/keys.md": table(("key", "action", "what it does"), keys),
         "_generated/steps_columns.md": steps,
         "_generated/decisions_columns.md": decisions,
         "_generated/event_kinds.md": events,
