@@ -21,5 +21,6 @@ autodoc_preserve_defaults = True
 html_theme = "furo"
 html_title = f"ISPOM {release}"
 html_static_path = ["_static"]
+html_css_files = ["custom.css"]
 html_show_sphinx = False
 html_theme_options = {"source_view_link": "", "top_of_page_buttons": []}

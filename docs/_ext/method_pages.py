@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -210,11 +212,31 @@ def _uses() -> list[tuple[ModuleType, str, ast.expr]]:
         name = "ispom.estimators." + ".".join(path.relative_to(root).with_suffix("").parts)
         if path.name == "__init__.py":
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            called = node.func if isinstance(node, ast.Call) else None
-            if isinstance(called, ast.Attribute) and called.attr == "of" and len(node.args) > 1:  # type: ignore[union-attr]
-                found.append((import_module(name), ast.unparse(called.value), node.args[1]))  # type: ignore[union-attr]
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+            assigned = list(_assigned(function))
+            once = Counter(name for name, _ in assigned)
+            values = {name: value for name, value in assigned if once[name] == 1}
+            for node in ast.walk(function):
+                called = node.func if isinstance(node, ast.Call) else None
+                arguments = node.args if isinstance(node, ast.Call) else []
+                if isinstance(called, ast.Attribute) and called.attr == "of" and len(arguments) > 1:
+                    value = values.get(ast.unparse(arguments[1]), arguments[1])
+                    cases = [value.body, value.orelse] if isinstance(value, ast.IfExp) else [value]
+                    found += [(import_module(name), ast.unparse(called.value), case) for case in cases]
     return found
+
+
+def _assigned(function: ast.FunctionDef) -> Iterator[tuple[str, ast.expr]]:
+    """The names that a function assigns a value to, also several at once."""
+    for node in ast.walk(function):
+        if not isinstance(node, ast.Assign) or len(node.targets) != 1:
+            continue
+        target = node.targets[0]
+        if isinstance(target, ast.Name):
+            yield target.id, node.value
+        elif isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            yield from zip(map(ast.unparse, target.elts), node.value.elts, strict=False)
 
 
 def _resolve(module: ModuleType, expression: str) -> Any:
@@ -237,18 +259,29 @@ def _threshold(method: Method, check: Check) -> str:
     said: dict[str, None] = {}
     for module, threshold in own or uses:
         said.setdefault(_said(method, module, threshold, known))
-    said.pop("", None)
-    return " or ".join(said) or "computed at each frame; `decisions.csv` has it"
+    computed = not said or "" in said
+    return " or ".join([*filter(None, said), *["computed at each frame; `decisions.csv` has it"][: int(computed)]])
 
 
 def _said(method: Method, module: ModuleType, threshold: ast.expr, known: set[str]) -> str:
     text = ast.unparse(threshold)
-    last = text.split(".")[-1]
-    if re.fullmatch(r"[\w.]+", text) and last in known and "." in text:
-        flag = f"`--{method.name}.{last.replace('_', '-')}`"
-        return f"setting {flag} (default {getattr(method.config(), last)})"
-    if isinstance(threshold, ast.Constant):
+    parts = text.split(".")
+    if re.fullmatch(r"[\w.]+", text) and (named := [part for part in parts if part in known]):
+        flag = f"`--{method.name}.{named[-1].replace('_', '-')}`"
+        return f"setting {flag} (default {getattr(method.config(), named[-1])})"
+    if isinstance(threshold, ast.Constant) and isinstance(threshold.value, int | float):
         return f"{threshold.value:g}"
-    if re.fullmatch(r"[\w.]+", text) and isinstance(value := _resolve(module, text), int | float):
-        return f"{value:g} (`{last}`)"
-    return ""
+    value = _number(module, threshold)
+    return "" if value is None else f"{value:g} (`{parts[-1]}`)" if re.fullmatch(r"[\w.]+", text) else f"{value:g}"
+
+
+def _number(module: ModuleType, expression: ast.expr) -> float | None:
+    """The value of a constant of a module, or of a product of such."""
+    if isinstance(expression, ast.BinOp) and isinstance(expression.op, ast.Mult):
+        factors = [_number(module, side) for side in (expression.left, expression.right)]
+        return None if None in factors else factors[0] * factors[1]  # type: ignore[operator]
+    if isinstance(expression, ast.Constant):
+        return expression.value if isinstance(expression.value, int | float) else None
+    text = ast.unparse(expression)
+    value = _resolve(module, text) if re.fullmatch(r"[\w.]+", text) else None
+    return value if isinstance(value, int | float) else None
