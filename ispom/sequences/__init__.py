@@ -22,6 +22,7 @@ from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
+from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, open_malaga, open_parking
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
 from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
@@ -40,6 +41,8 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_like_kitti_raw: open_kitti_raw,
     looks_like_vslam_lab: open_vslam_lab,  # before EuRoC, whose folder may still be there, without its images
     looks_like_euroc: open_euroc,
+    looks_like_parking: open_parking,
+    looks_like_malaga: open_malaga,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
 ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {

@@ -154,6 +154,40 @@ def make_vslam_lab(root: Path, frames: int = 6, right: bool = True, truth: bool 
     return folder
 
 
+def make_parking(root: Path, frames: int = 6, truth: bool = True) -> Path:
+    """Writes `parking` as UZH's course has it; the camera moves along x."""
+    folder = root / "parking"
+    (folder / "images").mkdir(parents=True)
+    for i, image in enumerate(images(frames, 0)):
+        cv2.imwrite(str(folder / "images" / f"img_{i:05d}.png"), image)
+    (folder / "K.txt").write_text("80.0, 0,        47.5,\n0,      78.0, 31.5,\n0,      0,      1,\n")
+    if truth:
+        (folder / "poses.txt").write_text("".join(f"1 0 0 {i / 10} 0 1 0 0 0 0 1 0 \n" for i in range(frames)))
+    return folder
+
+
+def make_malaga(root: Path, frames: int = 6, calibrated: bool = True) -> Path:
+    """Writes an extract of the Malaga data set with images of the usual size, where there is no calibration."""
+    folder = root / "malaga-urban-dataset-extract-07"
+    size = (WIDTH, HEIGHT) if calibrated else (800, 600)
+    inner = folder / f"{folder.name}_rectified_{size[0]}x{size[1]}_Images"
+    inner.mkdir(parents=True)
+    for i in range(frames):
+        for side, shift in (("left", 8), ("right", 0)):
+            image = cv2.resize(images(frames, shift)[i], size)
+            cv2.imwrite(str(inner / f"img_CAMERA1_{1261229981 + i}.{580023 + i}_{side}.jpg"), image)
+    if calibrated:
+        text = "// made for a test\n" + "".join(
+            f"[CAMERA_{side}]\nresolution=[{WIDTH} {HEIGHT}]\ncx={cx}\ncy=31.5\nfx=80.0 // [px]\nfy=80.0\n"
+            "dist=[0 0 0 0 0]\n"
+            for side, cx in (("LEFT", 49.5), ("RIGHT", 47.5))
+        )
+        pose = "pose_quaternion=[0.119320 -0.000336 0.000373 0.999994 -0.000329 -0.001567 0.003142]"
+        path = folder / f"camera_params_rectified_a=0_{WIDTH}x{HEIGHT}.txt"
+        path.write_text(f"{text}[CAMERA_LEFT2RIGHT_POSE]\n{pose}\n")
+    return folder
+
+
 MAKERS: dict[str, Callable[[Path], Path]] = {
     "kitti": make_drive,
     "kitti, one camera": lambda root: make_drive(root, right=False, poses=False),
@@ -162,6 +196,8 @@ MAKERS: dict[str, Callable[[Path], Path]] = {
     "vslam-lab": make_vslam_lab,
     "vslam-lab, rectified": lambda root: make_vslam_lab(root, distorted=False),
     "vslam-lab, one camera": lambda root: make_vslam_lab(root, right=False, truth=False),
+    "parking": make_parking,
+    "malaga": make_malaga,
     "tum": make_tum,
     "7-scenes": make_seven_scenes,
     "kitti raw, sync": make_kitti_raw,
