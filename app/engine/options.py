@@ -55,7 +55,7 @@ class Programs:
 
     external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
-    examples/external_program/README.md; can be given several times. It steps on video by default."""
+    docs/reference/external_programs.md; can be given several times. It steps on video by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class SourceOptions:
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
     sensors: Path | None = None
     """Other sensors (IMU, GNSS, wheels) of the same drive: a YAML file that names their files, as described in
-    ispom/sequences/sensors.py."""
+    docs/reference/source_files.md."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no

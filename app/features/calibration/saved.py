@@ -70,7 +70,7 @@ def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) 
     if clock is not None:
         comment += f"\n# {clock_words(clock)}"
     if form == "rig":
-        text = f"{comment}\n# poses are rig_from_CAMERA, x_rig = R x_camera + t [m]; see the README\n"
+        text = f"{comment}\n# poses are rig_from_CAMERA, x_rig = R x_camera + t [m]; see docs/start/own_rig.md\n"
         write_file(path, text + rig_text(rig), SIGNATURE)
         return
     files = rig_files(rig, form)

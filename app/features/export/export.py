@@ -21,6 +21,7 @@ from ispom.io.trajectories import (
     trajectory_csv,
     tum_text,
     vslam_lab_text,
+    world_lines_csv,
 )
 from ispom.io.whole import require_no_links, write_whole
 from ispom.methods import method as registered
@@ -33,6 +34,7 @@ from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import MARKER
 from ...presentation import colours
 from .options import Export
+from .panorama import panorama_png
 
 Files = dict[str, str | bytes]
 VSLAM_LAB_FILE = "00000_KeyFrameTrajectory.csv"
@@ -101,14 +103,22 @@ def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
             return {f"{method}.csv": euroc_text(trajectory)}, summary
         case "vslam-lab":
             return _vslam_lab(options.run, method, trajectory)
+        case "panorama":
+            png, shown = panorama_png(options.run, trajectory)
+            return {f"{method}.png": png}, shown
     scene = read_maps(options.run / "landmarks.npz").get(method)
     if scene is None:
         raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")
-    summary = f"{summary}, {len(scene.landmarks)} points"
+    lines = scene.lines
+    summary = f"{summary}, {len(scene.landmarks)} points" + (f", {len(lines)} lines" if len(lines) else "")
     if options.format == "ply":
-        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colours.of(method))}, summary
+        colour, line_rgb = colours.of(method), colours.of_groups(lines.group)
+        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colour, lines, line_rgb)}, summary
     tables: Files = {f"{method}.csv": trajectory_csv(trajectory)}
-    return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, summary
+    tables |= {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}
+    if len(lines):
+        tables |= {f"{method}_lines.csv": world_lines_csv(lines)}
+    return tables, summary
 
 
 def _vslam_lab(run: Path, method: str, trajectory: Trajectory) -> tuple[Files, str]:

@@ -26,7 +26,7 @@ class Run(Options):
     """Write run.rrd, which any Rerun viewer opens."""
     until: str | None = None
     """Stop after the first frame where this condition holds, such as 'integrated.error_m > 0.2' or
-    'monocular.inliers < 30 and stereo.status == "lost"'. The README lists the names."""
+    'monocular.inliers < 30 and stereo.status == "lost"'. docs/reference/conditions.md lists the names."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The protocol of programs (examples/external_program/README.md): the requests, and checks of each answer.
+"""The protocol of programs (docs/reference/external_programs.md): the requests, and checks of each answer.
 
 A request is one line of JSON, followed by as many bytes as it states. No field of an answer is trusted unchecked.
 """
@@ -43,7 +43,7 @@ _NAMES = ("version", "saves", "frame", "unit", "grey", "source", "checks")
 
 @dataclass(frozen=True)
 class Description:
-    """The answer to `hello`; the README of the protocol explains each field."""
+    """The answer to `hello`; docs/reference/external_programs.md explains each field."""
 
     saves: bool
     frame: Frame

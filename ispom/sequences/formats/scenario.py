@@ -1,4 +1,4 @@
-"""A simulated scene with faults, as a YAML file: `scene: city`, and what the README lists."""
+"""A simulated scene with faults, as a YAML file: `scene: city`, and what docs/reference/scenarios.md lists."""
 
 from __future__ import annotations
 

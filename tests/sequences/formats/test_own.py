@@ -357,9 +357,11 @@ def test_left_and_right_folders_with_a_rig_need_no_sequence_yaml(tmp_path: Path)
         open_sequence(str(folder))
 
 
-def test_the_examples_of_the_readme_open(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
-    found = dict(re.findall(r"```yaml\n# (\w+\.yaml): (.*?)```", readme, re.DOTALL))
+def test_the_examples_of_the_documentation_open(tmp_path: Path) -> None:
+    start = Path(__file__).parents[3] / "docs" / "start"
+    text = "".join((start / name).read_text(encoding="utf-8") for name in ("own_video.md", "own_rig.md"))
+    found = dict(re.findall(r"```yaml\n# (\w+\.yaml): (.*?)```", text, re.DOTALL))
+    assert found.keys() == {"camera.yaml", "sequence.yaml", "rig.yaml"}
     for name, text in found.items():
         (tmp_path / name).write_text(f"# {text}")
     blank = [np.zeros((480, 640), np.uint8)] * 4

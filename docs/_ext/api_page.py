@@ -1,0 +1,55 @@
+"""The page of the public Python API: every name of `ispom.__all__`, by the part of the library that it comes from."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+
+GROUPS = {
+    "Sequences and data": ("ispom.sequences", "ispom.types"),
+    "Methods and runs": ("ispom.estimator", "ispom.methods", "ispom.ensemble", "ispom.settings", "ispom.errors"),
+    "Features": ("ispom.features",),
+    "Geometry and solvers": ("ispom.geometry", "ispom.cameras", "ispom.solvers"),
+    "Evaluation": ("ispom.evaluation",),
+    "Tests of contracts, and the rest": ("ispom",),
+}
+INTRO = """# Python API
+
+`import ispom` gives what plug-ins and notebooks need. A name is removed only after one release in which using it warns.
+Modules below `ispom`, such as `ispom.solvers`, may change with each release.
+
+```python
+import ispom
+
+sequence = ispom.open_sequence("sim:tiny")
+methods = ispom.default_methods(sequence.rig)
+ensemble = ispom.build(ispom.Config(), methods, sequence.rig)
+state = ensemble.start()
+for i in range(len(sequence)):
+    state, steps = ensemble.step(state, sequence[i])
+trajectories = ensemble.finish(state)  # by method
+```
+"""
+
+
+def pages() -> dict[str, str]:
+    """Returns the page with a directive for each public name."""
+    import ispom
+
+    left = dict(ispom._HOME_OF)
+    text = [INTRO]
+    for title, homes in GROUPS.items():
+        mine = [name for name in sorted(left) if any(f"{left[name]}.".startswith(f"{home}.") for home in homes)]
+        if not mine:
+            continue
+        directives = []
+        for name in mine:
+            # the home, as ispom.errors is also the name of a module
+            home = import_module(left[name])
+            kind = "class" if inspect.isclass(getattr(home, name)) else "function"
+            members = "\n   :members:\n   :undoc-members:" if kind == "class" else ""
+            where = "ispom" if getattr(ispom, name) is getattr(home, name) else left[name]
+            directives.append(f".. auto{kind}:: {where}.{name}{members}")
+            del left[name]
+        text += [f"## {title}", "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
+    return {"reference/python_api.md": "\n\n".join(text)}

@@ -1,0 +1,58 @@
+"""A page for each command of the command line, from its own parser; settings of methods are on the methods' pages."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+from markdown_text import as_cell, table
+
+
+def pages() -> dict[str, str]:
+    """Returns a page for each command, and the table of all of them."""
+    import tyro
+    from ispom_app.cli.main import _commands
+
+    from ispom.methods import names
+
+    found, rows = {}, []
+    for command, module in _commands().items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            parser = tyro.extras.get_parser(module.Options, prog=f"ispom {command}")
+        own, has_settings = [], False
+        for action in parser._actions:
+            title = getattr(action.container, "title", "") or ""
+            if title.removesuffix(" options") in names():
+                has_settings = True
+            elif action.dest != "help":
+                own.append(action)
+        words = " ".join((parser.description or "").split())
+        rows.append((f"[`ispom {command}`](command_line/{command}.md)", as_cell(words)))
+        places, flags = [a for a in own if not a.option_strings], [a for a in own if a.option_strings]
+        text = [f"# `ispom {command}`", as_cell(words)]
+        if places:
+            text += ["## Arguments", table(("argument", "meaning"), [(f"`{a.dest}`", _help(a)) for a in places])]
+        if flags:
+            text += ["## Options", table(("option", "values", "meaning"), [_flag(a) for a in flags])]
+        if has_settings:
+            text.append(
+                "Every setting of a method is an option, too, such as `--stereo.max-tracks 300`. "
+                "The [pages of the methods](../../methods/index.md) list them."
+            )
+        found[f"reference/command_line/{command}.md"] = "\n\n".join(text)
+    found["_generated/commands.md"] = table(("command", "what it does"), rows)
+    return found
+
+
+def _help(action) -> str:
+    return as_cell(re.sub(r"\x1b\[[0-9;]*m", "", action.help or ""))
+
+
+def _flag(action) -> tuple[str, str, str]:
+    names = ", ".join(f"`{name}`" for name in action.option_strings)
+    values = "" if action.nargs == 0 else str(action.metavar or "")
+    values = f"`{values}`" if values else ""
+    if len(values) > 120:
+        values = "names of methods, see below"
+    return names, values.replace("|", "\\|"), _help(action)

@@ -1,0 +1,143 @@
+"""README and documentation: command lines that the program takes, links that lead somewhere, pages that are fresh."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from ispom.methods import BUILT_IN, SURVEY
+from ispom.settings import settings
+from tests.docs.commands import command_lines, pages
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+
+def module(path: Path) -> ModuleType:
+    """A file that is in no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec and spec.loader
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def generated() -> dict[str, str]:
+    """The pages that follow from the code, by path below docs."""
+    return module(DOCS / "_ext" / "generated.py").pages()
+
+
+def test_the_program_takes_every_command_line() -> None:
+    lines = [line for page in pages() for line in command_lines(page.read_text(encoding="utf-8"))]
+    assert len(lines) > 60, "the blocks of commands are not found any more"
+    command = [sys.executable, "-m", "tests.docs.commands"]
+    parsed = subprocess.run(command, input=json.dumps(lines), capture_output=True, text=True, cwd=ROOT, check=False)
+    assert parsed.returncode == 0 and not parsed.stdout, parsed.stdout + parsed.stderr
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path, generated: dict[str, str]) -> None:
+    home = page.parent.parent if page.parent.name == "notes" else page.parent  # notes are parts of the methods' pages
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        path = (home / name).resolve() if name else page
+        there = path.exists() or path.relative_to(DOCS).as_posix() in generated
+        assert there, f"{page.name} links to {target}, which is not there"
+        if anchor and path.suffix == ".md" and path.exists():
+            heads = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in {slug(head) for head in heads}, f"{page.name} links to {target}, which is no heading"
+
+
+def slug(heading: str) -> str:
+    """As MyST names a heading's anchor."""
+    kept = re.sub(r"[^\w\s-]", lambda m: "-" if m[0] == "." else "", heading.lower().replace("`", ""))
+    return re.sub(r"\s+", "-", kept.strip())
+
+
+def test_every_picture_is_there() -> None:
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        for name in (*re.findall(r"!\[.*?\]\((.*?)\)", text), *re.findall(r"^```\{image\} (\S+)", text, re.MULTILINE)):
+            assert (page.parent / name).is_file(), f"{page} shows {name}, which is missing"
+
+
+def test_the_figures_are_those_of_the_script() -> None:
+    figures = module(DOCS / "concepts" / "figures.py")
+    for name, draw in figures.FIGURES.items():
+        path = DOCS / "concepts" / f"{name}.svg"
+        assert path.read_text(encoding="utf-8") == draw(), f"run python docs/concepts/figures.py: {path.name} is old"
+
+
+@pytest.mark.parametrize("method", (*BUILT_IN, *SURVEY), ids=lambda m: m.name)
+def test_every_method_has_a_page(method, generated: dict[str, str]) -> None:
+    page = generated[f"methods/{re.sub(r'[^a-z0-9]', '_', method.name)}.md"]
+    for setting in settings(method.config):
+        assert f"--{method.name}.{setting.name.replace('_', '-')}`" in page
+    for key in method.checks:
+        assert f"### `{method.name}.{key}`" in page
+        assert f"{method.name}.{key} <" in generated["reference/checks.md"]
+    assert page.count("| what to do |") == len(method.checks)
+
+
+def test_the_default_methods_say_what_to_do_about_each_check() -> None:
+    import yaml
+
+    known = yaml.safe_load((DOCS / "methods" / "advice.yaml").read_text(encoding="utf-8"))
+    for method in BUILT_IN:
+        for check in method.checks.values():
+            if check.kind in ("requirement", "warning"):
+                assert check.key in known["checks"] or check.topic in known["topics"], f"{method.name}.{check.key}"
+    existing = {check.key for method in (*BUILT_IN, *SURVEY) for check in method.checks.values()}
+    assert set(known["checks"]) <= existing, "advice about a check that is gone"
+
+
+def test_every_command_has_a_page(generated: dict[str, str]) -> None:
+    for path in (ROOT / "app" / "cli" / "commands").glob("[a-z]*.py"):
+        name = path.stem.replace("_", "-")
+        assert any(f"reference/command_line/{each}.md" in generated for each in (path.stem, name)), path.stem
+
+
+def test_sentences_are_short() -> None:
+    language = module(DOCS / "language.py")
+    for page in language.pages():
+        text = page.read_text(encoding="utf-8")
+        if not text.startswith("<!-- generated"):
+            mean = language.mean_words(text)
+            assert mean <= language.LONGEST_MEAN, f"{page.relative_to(ROOT)}: {mean:.1f} words per sentence"
+
+
+def test_sentences_are_told_apart() -> None:
+    language = module(DOCS / "language.py")
+    text = "# Head\n\nOne two three. Four five\nsix `seven`.\n\n- eight nine ten\n\n| a b | c |\n\n```\nno prose\n```\n"
+    assert language.sentences(text) == ["One two three.", "Four five six `seven`.", "eight nine ten"]
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-b",
+        "html",
+        str(DOCS),
+        str(tmp_path / "site"),
+    ]
+    built = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert built.returncode == 0, built.stderr
+    for page in ("index.html", "methods/monocular.html", "reference/python_api.html", "howto/run.html"):
+        assert (tmp_path / "site" / page).is_file()
