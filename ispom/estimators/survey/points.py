@@ -61,6 +61,8 @@ FIXED_KEYFRAMES = 2
 """They fix position, rotation and unit of a bundle adjustment."""
 ITERATIONS = 10
 """Of a bundle adjustment, at most."""
+LOSS_FACTOR = 3.0
+"""Width of the loss over the standard deviation of a feature's position: 0.5 px at 1.5 px."""
 MIN_DISTANCE_PX = 4.0
 """Of a new feature from the others: FAST corners, of which only a part is found again, come in clusters."""
 MIN_ANGLE_RAD = np.radians(0.5)
@@ -96,9 +98,9 @@ PARALLAX = Check(
     fails="The points moved by {value:.2f} degrees since the last keyframe ({threshold} make one).",
 )  # fmt: skip
 FEW = Check(
-    "points_left", "share of the last keyframe's points that are left", "trigger", "New keyframe?", "<",
-    passes="New keyframe: {value:.0%} of the last one's points are left (limit {threshold:.0%}).",
-    fails="{value:.0%} of the last keyframe's points are left (limit {threshold:.0%}).",
+    "points_left", "inliers, relative to the points of the last keyframe", "trigger", "New keyframe?", "<",
+    passes="New keyframe: inliers are {value:.0%} of the last one's points (limit {threshold:.0%}).",
+    fails="Inliers are {value:.0%} of the last keyframe's points (limit {threshold:.0%}).",
 )  # fmt: skip
 CHECKS = by_key(EPIPOLAR, THREE_VIEWS, INLIERS, PARALLAX, FEW, BUNDLE_COST)
 STAGES = {
@@ -119,12 +121,12 @@ class PointsConfig:
     """Features followed at a time."""
     max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
     """Largest distance from an epipolar line, and half of the largest reprojection error, of an inlier [px]."""
-    min_inliers: Annotated[int, Range(8, 500)] = 20
+    min_inliers: Annotated[int, Range(8, 500)] = 15
     """With fewer points that fit its pose a frame is not located."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.0
     """Median displacement of the points since the last keyframe, without rotation, that makes the next one [deg]."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.6
-    """A smaller share of the last keyframe's points also makes a keyframe."""
+    min_share: Annotated[float, Range(0.1, 1)] = 0.7
+    """Fewer inliers, relative to the points of the map in the last keyframe, also make a keyframe."""
     keyframes: Annotated[int, Range(3, 20)] = 8
     """Keyframes adjusted together."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
@@ -278,7 +280,7 @@ class Points(OneKind[Memory]):
         here = replace(here, world_from_camera=Pose.from_xyzw(pose.xyzw, pose.translation))
         last = memory.keyframes[-1]
         moved = PARALLAX.of(parallax_deg(last, here, self._width), config.min_parallax_deg)
-        few = FEW.of(last.common(here) / max(len(last.ids), 1), config.min_share)
+        few = FEW.of(fit.inliers.sum() / max(memory.points.count(last.ids), 1), config.min_share)
         return Found(
             memory.keyframes, memory.points, (located, moved, few), here.pose, moved.passed or few.passed,
             here.ids[known], fit.distances,
@@ -354,7 +356,8 @@ def intersected(keys: tuple[TrackedFrame, ...], points: ScenePoints, width: floa
     poses = [key.pose.inverse() for key in keys]
     found = intersect(
         np.stack([pose.rotation for pose in poses]), np.stack([pose.translation for pose in poses]), cameras[order],
-        number[order], np.concatenate([k.x for k in keys])[order], int(fresh.sum()), Noise(width),
+        number[order], np.concatenate([k.x for k in keys])[order], int(fresh.sum()),
+        Noise(width / LOSS_FACTOR, LOSS_FACTOR),
     )  # fmt: skip
     good = (found.depth > 0) & (found.worst <= limit) & (found.significance >= SIGNIFICANCE)
     return points.merged(ScenePoints(known[fresh][good], found.xyz_in_world[good]))
