@@ -39,7 +39,9 @@ APP_LAYERS = (
 """The same for the app's folders. Features draw with what the views offer, and the views show features."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
-TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "docs", "examples", "setup.py", "package.json", "biome.json"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}
+TOP |= {"docs", ".github", ".pre-commit-config.yaml", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "Dockerfile"}
+TOP |= {".dockerignore", "compose.yaml"}
 """What the repository holds at its top, and nothing else."""
 
 PUBLIC = ROOT / "ispom" / "__init__.py"

@@ -78,10 +78,10 @@ def _discard_output() -> None:
 
 
 def _commands() -> dict[str, ModuleType]:
-    """The modules of the folder `commands` by name, in the order of their PLACE. They import their work late: the help
-    text should not wait for viewers and ray casters."""
+    """The modules of the folder `commands` by name (`new-method` of new_method.py), in the order of their PLACE. They
+    import their work late: the help text should not wait for viewers and ray casters."""
     names = [module.name for module in iter_modules(commands.__path__)]
-    found = {name: import_module(f"{commands.__name__}.{name}") for name in names}
+    found = {name.replace("_", "-"): import_module(f"{commands.__name__}.{name}") for name in names}
     return dict(sorted(found.items(), key=lambda item: item[1].PLACE))
 
 

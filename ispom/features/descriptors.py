@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -125,11 +126,21 @@ def each_once(pairs: NDArray[np.int64], similarity: Array) -> NDArray[np.int64]:
     return pairs[np.sort(order[first])]
 
 
+class KeypointFeatures(Protocol):
+    """What is used of a cv2.Feature2D."""
+
+    def detect(self, image: Image, mask: None, /) -> Sequence[cv2.KeyPoint]: ...
+
+    def compute(self, image: Image, keypoints: Sequence[cv2.KeyPoint], /) -> tuple[Sequence[cv2.KeyPoint], Any]: ...
+
+    def detectAndCompute(self, image: Image, mask: None, /) -> tuple[Sequence[cv2.KeyPoint], Any]: ...
+
+
 @dataclass(frozen=True)
 class OpenCvFeatures:
-    """A Detector and a Descriptor that wrap a feature of OpenCV, such as `cv2.ORB.create`."""
+    """A Detector and a Descriptor that wrap a feature of OpenCV, such as `cv2.ORB.create`, or one with its methods."""
 
-    create: Callable[[int], cv2.Feature2D]
+    create: Callable[[int], KeypointFeatures]
     """Creates the OpenCV object for a number of keypoints."""
     length: int
     """Number of entries of a descriptor."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.features.images import factor_of, halved
 from ispom.features.patches import RADIUS_PX
+from ispom.geometry import Array
 from ispom.kernels import kernel, part, read_only
 from ispom.types import Image
 
@@ -64,24 +65,35 @@ def detect_spread(
     halved image, where it is there already.
     """
     factor, searched = factor_of(grey), halved(grey) if half is None else half
-    height, width = searched.shape
-    border_px, min_distance_px = border_px // factor, min_distance_px / factor
-    score = cv2.cornerMinEigenVal(searched, 3, ksize=3)
+    score = np.asarray(cv2.cornerMinEigenVal(searched, 3, ksize=3), np.float32)
+    return factor * spread_peaks(
+        searched, score, QUALITY, count, np.asarray(taken, np.float64) / factor, min_distance_px / factor,
+        border_px // factor, RADIUS_PX // factor, crowd,
+    )  # fmt: skip
+
+
+def spread_peaks(
+    image: Image, score: NDArray[np.float32], quality: float, count: int, taken: Array, min_distance_px: float,
+    border_px: int, radius_px: int, crowd: float = 1.0,
+) -> NDArray[np.float32]:  # fmt: skip
+    """Returns the peaks (M, 2) [px] of a score of an image's pixels, of the same size, spread as by `detect_spread`.
+
+    A peak below `quality` times a strong score is none; nor is one without texture within `radius_px`.
+    """
+    height, width = image.shape
     peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
     peak[:border_px], peak[-border_px:], peak[:, :border_px], peak[:, -border_px:] = False, False, False, False
     some = score[::4, ::4].ravel()
     strong = float(np.partition(some, -STRONGEST)[-STRONGEST] if score.size > 1000 else score.max())
-    row, column = np.nonzero(peak & (score > max(QUALITY * strong, 1e-7)))
+    row, column = np.nonzero(peak & (score > max(quality * strong, 1e-7)))
     if not len(row):
         return np.zeros((0, 2), np.float32)
     side = np.sqrt(width * height / max(count / 5, 1))
     across, down = max(1, round(width / side)), max(1, round(height / side))
     order = np.argsort(-score[row, column], kind="stable")
-    radius = RADIUS_PX // factor
-    noise = 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
-    return factor * _select(
-        read_only(searched), radius, noise, column[order], row[order],
-        np.asarray(taken, np.float64) / factor, width, height, across, down,
+    noise = 0.5 * (grey_noise(image) * (2 * radius_px + 1)) ** 2
+    return _select(
+        read_only(image), radius_px, noise, column[order], row[order], taken, width, height, across, down,
         int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
     )  # fmt: skip
 

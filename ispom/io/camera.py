@@ -26,9 +26,9 @@ FISHEYE_FLAGS = ("fisheye_model", "fisheye", "is_fisheye", "use_fisheye")
 _NEUTRAL = frozenset({"", "none", "pinhole", "perspective", "null"})
 """Names of a projection without a word about its distortion."""
 _LENSES: dict[str, str] = {
-    **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan5", "radtan8"), "opencv"),
+    **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan4", "radtan5", "radtan8"), "opencv"),
     **dict.fromkeys(("rationalpolynomial", "rational", "brown", "brownconrady", "standard"), "opencv"),
-    **dict.fromkeys(("fisheye", "equidistant", "equi", "opencvfisheye"), "fisheye"),
+    **dict.fromkeys(("fisheye", "equidistant", "equi", "equid4", "opencvfisheye"), "fisheye"),
     **dict.fromkeys(("kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb", "kb4"), "fisheye"),
 }
 COUNTS = {"opencv": (4, 5, 8), "fisheye": (4,)}

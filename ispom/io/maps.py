@@ -1,10 +1,10 @@
-"""landmarks.npz: each method's landmarks, and the observations of its keyframes."""
+"""landmarks.npz: each method's landmarks, the observations of its keyframes, and its lines of the scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZipFile, ZipInfo
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.io.files import require_file
 from ispom.io.rows import LARGEST
-from ispom.types import FrameName, Landmarks, Trajectory
+from ispom.types import FrameName, Landmarks, Trajectory, WorldLines
 
 MAX_BYTES = 1 << 30
 SMALL_BYTES, MOST_PACKED = 64 << 20, 60
@@ -34,6 +34,8 @@ _SHAPES = {
     "seen_uv": ("n2", "f"),
 }
 """By array of a method: its axes (letters: sizes that agree within a method) and kind of number."""
+_LINE_SHAPES = {"line_xyz": ("l23", "f"), "line_group": ("l", "i")}
+"""The same of what only methods with lines of the scene have: a map of lines, or of tags."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,8 @@ class SceneMap:
     """(N,) id of its point; points that never got a position are among them."""
     seen_uv: NDArray[np.float32]
     """(N, 2) [px] of each observation."""
+    lines: WorldLines = field(default_factory=WorldLines.empty)
+    """The lines that were known at the end."""
 
 
 def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
@@ -67,6 +71,9 @@ def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
         values += (method_map.seen_from, method_map.seen_ids, method_map.seen_uv)
         arrays |= {f"{method}.{name}": value for name, value in zip(_SHAPES, values, strict=True)}
         arrays[f"{method}.camera"] = np.array(CAMERAS.index(keys.frame))
+        if len(method_map.lines):
+            line_values = method_map.lines.xyz_in_world, method_map.lines.group
+            arrays |= {f"{method}.{name}": value for name, value in zip(_LINE_SHAPES, line_values, strict=True)}
     out = BytesIO()
     np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
     return out.getvalue()
@@ -86,7 +93,8 @@ def read_maps(path: Path) -> dict[str, SceneMap]:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         methods = dict.fromkeys(name.rpartition(".")[0] for name in arrays)
-        return {method: _map({n: arrays[f"{method}.{n}"] for n in (*_SHAPES, "camera")}) for method in methods}
+        present = {m: (*_SHAPES, "camera", *(_LINE_SHAPES if f"{m}.line_xyz" in arrays else ())) for m in methods}
+        return {method: _map({n: arrays[f"{method}.{n}"] for n in names}) for method, names in present.items()}
     except InputError:
         raise
     except OSError as error:
@@ -111,7 +119,8 @@ def _claimed_bytes(packed: ZipFile, entry: ZipInfo) -> int:
 def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
     """Raises ValueError where shapes or kinds do not agree."""
     counts: dict[str, int] = {}
-    for name, (axes, kind) in _SHAPES.items():
+    shapes = _SHAPES | (_LINE_SHAPES if "line_xyz" in arrays else {})
+    for name, (axes, kind) in shapes.items():
         array = arrays[name]
         expected = (counts.setdefault(axes[0], len(array)), *(int(n) for n in axes[1:]))
         if array.shape != expected or array.dtype.kind != kind:
@@ -138,4 +147,5 @@ def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
         arrays["seen_from"],
         arrays["seen_ids"],
         arrays["seen_uv"],
+        WorldLines(arrays["line_xyz"], arrays["line_group"]) if "line_xyz" in arrays else WorldLines.empty(),
     )

@@ -18,7 +18,7 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.files import names, read_bytes, require_file
 from ispom.io.rows import LARGEST
-from ispom.types import Image, Landmarks, Trajectory
+from ispom.types import Image, Landmarks, Trajectory, WorldLines
 
 _VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])
 _ORIENTED = np.dtype([("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)])
@@ -26,18 +26,30 @@ _TRIANGLE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 _EDGE = np.dtype([("vertices", "<i4", 2)])
 
 
-def ply_bytes(landmarks: Landmarks, trajectory: Trajectory, colour: tuple[int, int, int]) -> bytes:
-    """Binary: the landmarks' vertices, then the positions of the trajectory in its colour, joined by edges."""
+def ply_bytes(
+    landmarks: Landmarks,
+    trajectory: Trajectory,
+    colour: tuple[int, int, int],
+    lines: WorldLines | None = None,
+    line_rgb: NDArray[np.uint8] | None = None,
+) -> bytes:
+    """Binary: the landmarks' vertices, then the positions of the trajectory in its colour, joined by edges, then both
+    ends of each of the L lines of the scene, joined as well, in their colours (L, 3)."""
+    ends = np.zeros((0, 3)) if lines is None else lines.xyz_in_world.reshape(-1, 3)
     count, poses = len(landmarks), len(trajectory)
-    vertices = np.zeros(count + poses, _VERTEX)
-    vertices["xyz"] = np.concatenate([landmarks.xyz_in_world, trajectory.translations])
+    vertices = np.zeros(count + poses + len(ends), _VERTEX)
+    vertices["xyz"] = np.concatenate([landmarks.xyz_in_world, trajectory.translations, ends])
     vertices["rgb"][:count], vertices["rgb"][count:] = landmarks.rgb, colour
-    edges = np.zeros(max(poses - 1, 0), _EDGE)
-    edges["vertices"] = count + np.arange(len(edges))[:, None] + (0, 1)
+    if line_rgb is not None:
+        vertices["rgb"][count + poses :] = np.repeat(line_rgb, 2, axis=0)
+    starts = np.concatenate([np.arange(max(poses - 1, 0)), poses + np.arange(0, len(ends), 2)])
+    edges = np.zeros(len(starts), _EDGE)
+    edges["vertices"] = count + starts[:, None] + (0, 1)
     header = [
         "ply",
         "format binary_little_endian 1.0",
         f"comment vertices from {count} on are the trajectory, world_from_{trajectory.frame}",
+        *([f"comment vertices from {count + poses} on are the ends of lines of the scene"] if len(ends) else []),
         f"element vertex {len(vertices)}",
         *(f"property float {axis}" for axis in "xyz"),
         *(f"property uchar {channel}" for channel in ("red", "green", "blue")),

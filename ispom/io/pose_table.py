@@ -27,7 +27,7 @@ _UNIT_WORDS = {
     "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns", "nanosecs": "ns", "nanoseconds": "ns",
 }  # fmt: skip
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "t")
+_TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "ts", "t")
 """Names of a column of times; the first of these has priority."""
 _POSITION = frozenset({"p", "t", "pos", "position", "trans", "translation", "tvec", "location", "xyz"})
 _ROTATION = frozenset({"q", "quat", "quaternion", "orientation", "rot", "rotation", "qvec", "attitude"})

@@ -18,7 +18,7 @@ from ispom.geometry import Array
 from ispom.io.kitti import read_poses
 from ispom.io.pose_table import Columns, header_columns, read_pose_table
 from ispom.io.rows import latest, numbers, read_rows, read_text, times_ns
-from ispom.types import FrameName, Landmarks, Trajectory
+from ispom.types import FrameName, Landmarks, Trajectory, WorldLines
 
 ORDER = tuple(range(8))
 
@@ -80,6 +80,17 @@ def read_euroc(path: Path, frame: FrameName = "body", every: bool = False) -> Tr
     return read_pose_table(path, header_columns(path) or OWN, frame, every)[0]
 
 
+# Trajectories as VSLAM-LAB's `groundtruth.csv` and `00000_KeyFrameTrajectory.csv`.
+
+VSLAM_LAB_HEADER = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw"
+
+
+def vslam_lab_text(trajectory: Trajectory) -> str:
+    """Returns the file's content: whole nanoseconds, other values with nine decimals."""
+    lines = _lines(trajectory.times_ns, np.hstack([trajectory.translations, trajectory.xyzw]))
+    return f"{VSLAM_LAB_HEADER}\n{lines}"
+
+
 # Trajectories and landmarks as CSV with a header, for spreadsheets and data frames.
 
 
@@ -94,6 +105,15 @@ def landmarks_csv(landmarks: Landmarks) -> str:
     colours = (",".join(map(str, rgb)) for rgb in landmarks.rgb.tolist())
     points = _lines(landmarks.ids, landmarks.xyz_in_world).splitlines()
     return "id,x,y,z,red,green,blue\n" + "".join(f"{p},{c}\n" for p, c in zip(points, colours, strict=True))
+
+
+def world_lines_csv(lines: WorldLines) -> str:
+    """Writes one line of the scene per row, in the trajectory's world and unit: its group and both ends.
+
+    The group is the number of a direction that lines share, or of the tag of which the line is a side.
+    """
+    keys = np.array([f"{n},{group}" for n, group in enumerate(lines.group.tolist())])
+    return "id,group,x1,y1,z1,x2,y2,z2\n" + _lines(keys, lines.xyz_in_world.reshape(-1, 6))
 
 
 def _lines(keys: np.ndarray, values: Array) -> str:

@@ -22,8 +22,10 @@ from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
+from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, open_malaga, open_parking
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
+from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
@@ -37,7 +39,10 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_described: open_described,
     looks_like_kitti: open_kitti,
     looks_like_kitti_raw: open_kitti_raw,
+    looks_like_vslam_lab: open_vslam_lab,  # before EuRoC, whose folder may still be there, without its images
     looks_like_euroc: open_euroc,
+    looks_like_parking: open_parking,
+    looks_like_malaga: open_malaga,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
 ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
@@ -173,7 +178,8 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, mav0, as in EuRoC, "
-        f"rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of images, and one video): {cure}"
+        f"rgb.txt, as in TUM, rgb.csv, as in VSLAM-LAB, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of "
+        f"images, and one video): {cure}"
     )
 
 

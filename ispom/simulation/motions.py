@@ -113,6 +113,11 @@ SLOWER = 0.02
 TURN_DEG, TURN_HZ = np.array([6.0, 35.0, 3.0]), np.array([0.23, 0.11, 0.17])
 """Amplitude and frequency of the pure rotation, about x, y, z."""
 
+PAN_S = 20.0
+"""Time of the pan: a full turn and back."""
+NOD_DEG, NOD_HZ = np.array([6.0, 3.0]), np.array([0.21, 0.13])
+"""Amplitude and frequency of the nodding and the rolling meanwhile."""
+
 
 class Motion(Protocol):
     """A motion of the platform."""
@@ -153,6 +158,22 @@ class PureRotation:
         start = self.path.pose_at(0) @ video
         turn = np.radians(TURN_DEG) * np.sin(2 * np.pi * TURN_HZ * time_ns * 1e-9)
         return Pose(start.rotation @ so3_exp(turn), start.translation) @ video.inverse()
+
+
+@dataclass(frozen=True)
+class Pan:
+    """A full turn to the right and back again, about the centre of the video camera, as of a surveyor's panorama."""
+
+    path: Flight
+
+    def pose_at(self, time_ns: int) -> Pose:
+        video = simulated_rig().rig_from_video
+        start = self.path.pose_at(0) @ video
+        t = time_ns * 1e-9
+        yaw = np.pi * (1 - np.cos(2 * np.pi * t / PAN_S))
+        nod = np.radians(NOD_DEG) * np.sin(2 * np.pi * NOD_HZ * t)
+        turn = so3_exp(np.array([0.0, yaw, 0.0])) @ so3_exp(np.array([nod[0], 0.0, nod[1]]))
+        return Pose(start.rotation @ turn, start.translation) @ video.inverse()
 
 
 @dataclass(frozen=True)
@@ -232,6 +253,7 @@ MOTIONS: Mapping[str, Callable[[Flight], Motion]] = {
     "still": Still,
     "tiny-steps": TinySteps,
     "rotation": PureRotation,
+    "pan": Pan,
     "sideways": Sideways,
     "drive": Drive,
     "loop": Loop,

@@ -35,6 +35,7 @@ PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "wall": lambda seed: build_wall(seed, "wall"),
     "blank": lambda seed: build_wall(seed, "blank"),
     "tiles": lambda seed: build_wall(seed, "tiles"),
+    "tags": lambda seed: build_wall(seed, "tags"),
 }
 """Places by name, made of a seed."""
 

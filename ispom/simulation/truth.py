@@ -139,7 +139,7 @@ class Profiler:
             ranges = ((first - poses.translations) * normal).sum(axis=1) / (directions * normal).sum(axis=1)
         seen &= (ranges > NEAREST_M) & (ranges < self.reach_m)
         noise = np.random.default_rng([seed, 5]).normal(0, self.noise_m, count)
-        return TimedPoints(times_ns[seen], ((ranges + noise)[:, None] * beams)[seen])
+        return TimedPoints(times_ns[seen], (ranges[seen] + noise[seen])[:, None] * beams[seen])
 
 
 def true_path(pose_at: Callable[[int], Pose], start_ns: int, end_ns: int) -> Trajectory:

@@ -22,7 +22,7 @@ from ispom.io.trajectories import read_trajectory, read_tum, tum_text
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
-from tests.io.test_maps import scene
+from tests.io.test_maps import LINES, scene
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -74,11 +74,52 @@ def test_ply_opens_in_open3d(run: Path) -> None:
     assert np.asarray(line.lines).tolist() == [[60 + i, 61 + i] for i in range(7)]
 
 
+@pytest.fixture
+def run_with_lines(run: Path) -> Path:
+    """The same with lines of the scene, as the methods `lines` and `tags` have them."""
+    (run / "landmarks.npz").write_bytes(map_bytes({"monocular": replace(scene(), lines=LINES)}))
+    return run
+
+
+def test_ply_has_the_lines_of_the_scene_as_edges(run_with_lines: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = exported(run_with_lines, "ply") / "monocular.ply"
+    assert "60 points, 3 lines" in capsys.readouterr().out
+    content = path.read_bytes()
+    header, _, body = content.partition(b"end_header\n")
+    assert b"element vertex 74\n" in header and b"element edge 10\n" in header
+    vertices = np.frombuffer(body, np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)]), 74)
+    edges = np.frombuffer(body, np.dtype("<i4"), offset=vertices.nbytes).reshape(-1, 2)
+    np.testing.assert_array_equal(vertices["xyz"][68:].reshape(3, 2, 3), LINES.xyz_in_world.astype(np.float32))
+    assert edges[:7].tolist() == [[60 + i, 61 + i] for i in range(7)]
+    assert edges[7:].tolist() == [[68, 69], [70, 71], [72, 73]]
+    assert vertices["rgb"][68].tolist() == vertices["rgb"][69].tolist() != vertices["rgb"][70].tolist()
+
+
+def test_lines_open_in_open3d(run_with_lines: Path) -> None:
+    path = exported(run_with_lines, "ply") / "monocular.ply"
+    try:
+        reader = open3d().io
+    except InputError as error:
+        pytest.skip(str(error))
+    found = reader.read_line_set(str(path))
+    points, edges = np.asarray(found.points), np.asarray(found.lines)
+    np.testing.assert_allclose(points[edges[7:]], LINES.xyz_in_world, rtol=1e-6)
+
+
+def test_csv_has_a_row_for_each_line_of_the_scene(run_with_lines: Path) -> None:
+    with (exported(run_with_lines, "csv") / "monocular_lines.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["id"], row["group"]) for row in rows] == [("0", "0"), ("1", "1"), ("2", "2")]
+    ends = [[float(row[f"{axis}{end}"]) for end in (1, 2) for axis in "xyz"] for row in rows]
+    np.testing.assert_array_equal(np.array(ends).reshape(3, 2, 3), LINES.xyz_in_world)
+
+
 def test_csv(run: Path) -> None:
     folder, expected = exported(run, "csv"), scene()
     with (folder / "monocular_landmarks.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["id"]) for row in rows] == expected.landmarks.ids.tolist()
+    assert not (folder / "monocular_lines.csv").exists()
     assert [float(rows[5][axis]) for axis in "xyz"] == pytest.approx(expected.landmarks.xyz_in_world[5], rel=1e-6)
     with (folder / "monocular.csv").open() as file:
         assert [int(row["time_ns"]) for row in csv.DictReader(file)] == expected.key_frames.times_ns.tolist()
@@ -147,7 +188,7 @@ def test_a_model_of_a_good_run_keeps_its_observations(
         assert int(observations) > 300 and int(fitting) >= kept * int(observations)
 
 
-@pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "ply", "csv"])
+@pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "vslam-lab", "ply", "csv"])
 def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = tmp_path / "run"
     assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(run)], helpers.build) == 0

@@ -70,7 +70,7 @@ def test_the_recording_of_a_map(tmp_path: Path, unchanged: Path) -> None:
     assert not (tmp_path / "map.rrd").is_symlink() and (tmp_path / "map.rrd").stat().st_size
 
 
-@pytest.mark.parametrize("form", ["tum", "csv", "kitti", "euroc"])
+@pytest.mark.parametrize("form", ["tum", "csv", "kitti", "euroc", "vslam-lab"])
 def test_an_export(form: str, whole: Path, tmp_path: Path, unchanged: Path) -> None:
     out = tmp_path / "out"
     assert main(["export", str(whole), "--format", form, "--out", str(out)]) == 0

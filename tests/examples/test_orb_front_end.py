@@ -41,6 +41,6 @@ def test_a_run_uses_it(installed: Path, recording: Path, tmp_path: Path) -> None
 
 def test_an_unknown_one_is_refused_with_all_names(installed: Path, recording: Path, tmp_path: Path) -> None:
     words = ("-m", "ispom_app", "run", recording, "--methods", "monocular", "--out", tmp_path / "run")
-    found = python(installed, *words, "--monocular.features", "surf")
+    found = python(installed, *words, "--monocular.features", "freak")
     assert found.returncode == 2 and found.stderr.count("\n") == 1
-    assert all(name in found.stderr for name in ("surf", "klt", "corners", "patches", "sift", "orb", NAME))
+    assert all(name in found.stderr for name in ("freak", "klt", "corners", "patches", "sift", "orb", NAME))

@@ -138,9 +138,9 @@ def test_what_has_no_texture_is_not_tracked(front: FrontEnd, pair: tuple[Image, 
 def test_the_default_comes_first_and_others_are_named_where_one_is_unknown() -> None:
     assert front_ends()[:5] == ("klt", "corners", "patches", "sift", "orb") and REGISTRY.items()["klt"] is KLT
     with pytest.raises(InputError, match="klt, corners, patches, sift, orb"):
-        front_end("surf")
-    with pytest.raises(InputError, match=r"--monocular\.features is 'surf'.*klt, corners, patches, sift, orb"):
-        check(ModernMonocularConfig(features="surf"), "monocular.")
+        front_end("freak")
+    with pytest.raises(InputError, match=r"--monocular\.features is 'freak'.*klt, corners, patches, sift, orb"):
+        check(ModernMonocularConfig(features="freak"), "monocular.")
     (setting,) = (s for s in settings(ModernMonocularConfig) if s.name == "features")
     assert setting.type.__args__ == front_ends()
 

@@ -1,6 +1,7 @@
 """landmarks.npz: read back as written; damaged files are told."""
 
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError
 from ispom.io.maps import SceneMap, map_bytes, read_maps
-from ispom.types import Landmarks, Trajectory
+from ispom.types import Landmarks, Trajectory, WorldLines
 from tests import doubles
 
 
@@ -38,6 +39,27 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["stereo"].key_frames.rotations, expected.key_frames.rotations)
     np.testing.assert_allclose(found["stereo"].landmarks.xyz_in_world, expected.landmarks.xyz_in_world, rtol=1e-6)
     np.testing.assert_array_equal(found["stereo"].seen_uv, expected.seen_uv)
+
+
+LINES = WorldLines(
+    np.array([[[0.1, 0, 3], [0.1, 2, 3]], [[-1, 0, 4], [1, 0, 4.7]], [[0, 0, 5], [0, 1, 6]]]), np.arange(3)
+)
+
+
+def test_lines_are_read_back_exactly_and_methods_without_have_none(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(map_bytes({"tags": replace(scene(), lines=LINES), "stereo": scene()}))
+    found = read_maps(tmp_path / "a.npz")
+    np.testing.assert_array_equal(found["tags"].lines.xyz_in_world, LINES.xyz_in_world)
+    np.testing.assert_array_equal(found["tags"].lines.group, LINES.group)
+    assert not len(found["stereo"].lines)
+
+
+def test_lines_without_an_end_or_a_place_are_refused(tmp_path: Path) -> None:
+    for bad in (LINES.xyz_in_world[:, :1], LINES.xyz_in_world * np.nan, LINES.xyz_in_world[:2]):
+        lines = WorldLines(bad, LINES.group)
+        (tmp_path / "a.npz").write_bytes(map_bytes({"tags": replace(scene(), lines=lines)}))
+        with pytest.raises(InputError, match="is damaged"):
+            read_maps(tmp_path / "a.npz")
 
 
 def test_a_missing_file_is_reported(tmp_path: Path) -> None:

@@ -120,11 +120,84 @@ def make_seven_scenes(root: Path, frames: int = 6, truth: bool = True) -> Path:
     return folder
 
 
+def make_vslam_lab(root: Path, frames: int = 6, right: bool = True, truth: bool = True, distorted: bool = True) -> Path:
+    """Writes `V9` as VSLAM-LAB does; the body moves along its x axis by 1 m/s, the right camera is 0.11 m beside the
+    left one."""
+    folder = root / "V9"
+    cameras = (("rgb_0", 8, 0.0), ("rgb_1", 0, 0.11)) if right else (("rgb_0", 8, 0.0),)
+    lines, rows = ["%YAML 1.2", "---", "cameras:"], [[str(START_NS + i * STEP_NS)] for i in range(frames)]
+    for name, shift, x in cameras:
+        (folder / name).mkdir(parents=True)
+        for i, image in enumerate(images(frames, shift)):
+            cv2.imwrite(str(folder / name / f"{i:05d}.png"), image)
+        lens = [
+            "     distortion_type: radtan4,",
+            "     distortion_coefficients: [-0.05, 0.01, 0.0, 0.0], ",
+        ]
+        matrix = [1.0, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+        lines += [f"  - {{cam_name: {name},", "     cam_type: gray,", "     cam_model: pinhole,"]
+        lines += [
+            "     focal_length: [80.0, 80.0],",
+            "     principal_point: [47.5, 31.5],",
+            *(lens if distorted else []),
+        ]
+        lines += [f"     image_dimension: [{WIDTH}, {HEIGHT}],", "     fps: 20.0,"]
+        lines += [f"     T_BS: [{', '.join(f'{v:.13f}' for v in matrix)}] # Sensor extrinsics wrt. the body-frame."]
+        lines += ["    }", ""]
+    (folder / "calibration.yaml").write_text("\n".join(lines))
+    header = [word for name, *_ in cameras for word in (f"ts_{name} (ns)", f"path_{name}")]
+    cells = [[cell for name, *_ in cameras for cell in (row[0], f"{name}/{i:05d}.png")] for i, row in enumerate(rows)]
+    (folder / "rgb.csv").write_text("".join(f"{','.join(row)}\n" for row in [header, *cells]))
+    poses = [f"{t},{(t - START_NS) * 1e-9:.9f},2,3,0,0,0,1" for (t,) in ([int(row[0])] for row in rows)]
+    table = ["ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw", *(poses if truth else [])]  # without truth, the header alone
+    (folder / "groundtruth.csv").write_text("\n".join(table) + "\n")
+    return folder
+
+
+def make_parking(root: Path, frames: int = 6, truth: bool = True) -> Path:
+    """Writes `parking` as UZH's course has it; the camera moves along x."""
+    folder = root / "parking"
+    (folder / "images").mkdir(parents=True)
+    for i, image in enumerate(images(frames, 0)):
+        cv2.imwrite(str(folder / "images" / f"img_{i:05d}.png"), image)
+    (folder / "K.txt").write_text("80.0, 0,        47.5,\n0,      78.0, 31.5,\n0,      0,      1,\n")
+    if truth:
+        (folder / "poses.txt").write_text("".join(f"1 0 0 {i / 10} 0 1 0 0 0 0 1 0 \n" for i in range(frames)))
+    return folder
+
+
+def make_malaga(root: Path, frames: int = 6, calibrated: bool = True) -> Path:
+    """Writes an extract of the Malaga data set with images of the usual size, where there is no calibration."""
+    folder = root / "malaga-urban-dataset-extract-07"
+    size = (WIDTH, HEIGHT) if calibrated else (800, 600)
+    inner = folder / f"{folder.name}_rectified_{size[0]}x{size[1]}_Images"
+    inner.mkdir(parents=True)
+    for i in range(frames):
+        for side, shift in (("left", 8), ("right", 0)):
+            image = cv2.resize(images(frames, shift)[i], size)
+            cv2.imwrite(str(inner / f"img_CAMERA1_{1261229981 + i}.{580023 + i}_{side}.jpg"), image)
+    if calibrated:
+        text = "// made for a test\n" + "".join(
+            f"[CAMERA_{side}]\nresolution=[{WIDTH} {HEIGHT}]\ncx={cx}\ncy=31.5\nfx=80.0 // [px]\nfy=80.0\n"
+            "dist=[0 0 0 0 0]\n"
+            for side, cx in (("LEFT", 49.5), ("RIGHT", 47.5))
+        )
+        pose = "pose_quaternion=[0.119320 -0.000336 0.000373 0.999994 -0.000329 -0.001567 0.003142]"
+        path = folder / f"camera_params_rectified_a=0_{WIDTH}x{HEIGHT}.txt"
+        path.write_text(f"{text}[CAMERA_LEFT2RIGHT_POSE]\n{pose}\n")
+    return folder
+
+
 MAKERS: dict[str, Callable[[Path], Path]] = {
     "kitti": make_drive,
     "kitti, one camera": lambda root: make_drive(root, right=False, poses=False),
     "euroc": make_euroc,
     "euroc, one camera": lambda root: make_euroc(root, right=False, truth=False),
+    "vslam-lab": make_vslam_lab,
+    "vslam-lab, rectified": lambda root: make_vslam_lab(root, distorted=False),
+    "vslam-lab, one camera": lambda root: make_vslam_lab(root, right=False, truth=False),
+    "parking": make_parking,
+    "malaga": make_malaga,
     "tum": make_tum,
     "7-scenes": make_seven_scenes,
     "kitti raw, sync": make_kitti_raw,

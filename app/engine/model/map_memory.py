@@ -1,4 +1,4 @@
-"""What `ispom run` remembers of the scene: what the keyframes saw, from which the final poses give the landmarks."""
+"""What `ispom run` remembers of the scene: lines, and what keyframes saw, of which the final poses make landmarks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.io.maps import CAMERAS, SceneMap
 from ispom.solvers.multiview.structure import intersected
-from ispom.types import FrameName, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory
+from ispom.types import FrameName, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory, WorldLines
 
 _Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
 """Ids (M,) and RGB (M, 3)."""
@@ -24,11 +24,15 @@ class MapCollector:
     """
 
     camera: FrameName | None = None
+    lines: WorldLines = field(default_factory=WorldLines.empty)
+    """The last ones that were known."""
     _colours: list[_Colours] = field(default_factory=list)
     _seen: dict[int, Tracks] = field(default_factory=dict)
 
     def add(self, step: Step) -> None:
         """The tracks of keyframes, the step's own or those of the part that follows the video, and their colours."""
+        if len(step.world_lines):
+            self.lines = step.world_lines
         part = step if step.tracks else next((p for p in step.parts if "video" in p.tracks), step)
         placed = np.isfinite(part.landmarks.xyz_in_world).all(axis=1)
         if placed.any():
@@ -56,7 +60,8 @@ class MapCollector:
             np.concatenate([getattr(view, name) for view in views]) for name in ("ids", "uv", "disparity_px")
         )
         seen_from = np.repeat(np.arange(len(times)), [len(view) for view in views[1:]])
-        return SceneMap(self._landmarks(keys, rig, (seen_from, ids, uv, disparity_px)), keys, seen_from, ids, uv)
+        landmarks = self._landmarks(keys, rig, (seen_from, ids, uv, disparity_px))
+        return SceneMap(landmarks, keys, seen_from, ids, uv, self.lines)
 
     def _landmarks(self, keys: Trajectory, rig: Rig, seen: tuple[NDArray, NDArray, NDArray, NDArray]) -> Landmarks:
         """Those that the method itself gave a place at some time: it never trusted the other tracks."""

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -15,8 +16,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ispom.ensemble import build
-from ispom.errors import InputError, printable
-from ispom.io.whole import write_whole
+from ispom.errors import InputError, counted, printable
+from ispom.io.files import exists
+from ispom.io.rows import read_text
+from ispom.io.whole import require_no_links, write_whole
 
 from ...engine import warmup
 from ...engine.outputs import claim_folder
@@ -32,6 +35,7 @@ from .plan import Plan, Run, config_of
 from .plan_file import read_plan
 from .results import by_plan
 from .row import Row
+from .shards import MISSING, Shard, failures, report_text, retried, shard_of
 from .statistics import Outcome
 
 COMMAND, PLAN = "experiment", "plan.yaml"
@@ -43,6 +47,8 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
     The exit code is 0, also where runs failed: those are rows that say why. InputError as `completed`.
     """
     plan = read_plan(options)
+    if options.shard is not None:
+        return _shard(options, plan, shard_of(options.shard), builder)
     rows, outcomes = completed(options, plan, builder, Terminal())
     failed = [row for row in rows if row.failure is not None]
     lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
@@ -56,6 +62,49 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
     return 0
 
 
+def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> int:
+    """Computes a part of the runs, and prints what failed."""
+    if options.merge:
+        raise InputError("--shard computes a part, --merge tables all parts: give one of them")
+    workers = _workers(options, 0)
+    retried(lambda: _claim(options.out, plan))
+    runs = shard.of(list(plan.runs()))
+    before = [row for run in runs if (row := finished_before(plan, run, options.out)) is not None]
+    done_before = {row.run for row in before}
+    left, rows = [run for run in runs if run not in done_before], before
+    with terminable() as signals:
+        _compile(left)
+        with closing(_scheduled(plan, left, options, workers, builder, Terminal())) as done:
+            for row in shown(done, len(runs), len(before)):
+                rows.append(row)
+                signals.check()
+    rows = by_plan(plan, rows)
+    report = options.out / shard.file
+    report.parent.mkdir(exist_ok=True)
+    require_no_links(options.out, report)
+    write_whole(report, report_text(rows))
+    failed = [row for row in rows if row.failure is not None]
+    lines = [f"failed: {row.run}: {row.failure}" for row in failed]
+    lines.append(f"shard {shard.number} of {shard.count}: {counted(len(rows), 'run')}, {len(failed)} failed: {report}")
+    sys.stdout.write("\n".join(map(printable, lines)) + "\n")
+    return 0
+
+
+def _claim(out: Path, plan: Plan) -> None:
+    """Makes the folder, with the plan in it; InputError where it holds anything else."""
+    claim_folder(out, COMMAND)
+    content = yaml.safe_dump(msgspec.to_builtins(plan), sort_keys=False, allow_unicode=True)
+    if not exists(out / PLAN) or read_text(out / PLAN) != content:
+        write_whole(out / PLAN, content)
+
+
+def _compile(runs: Iterable[Run]) -> None:
+    """What the methods need, once and not in each worker."""
+    for line in {run.line for run in runs}:
+        warmup.start([line.method], config_of(line))
+        wait_for_compiler()
+
+
 def completed(
     options: Experiment, plan: Plan, builder: Builder, watcher: Watcher
 ) -> tuple[Sequence[Row], Sequence[Outcome]]:
@@ -65,16 +114,17 @@ def completed(
     far written.
     """
     workers = _workers(options)
-    claim_folder(options.out, COMMAND)
+    _claim(options.out, plan)
     runs = list(plan.runs())
     before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
-    write_whole(options.out / PLAN, yaml.safe_dump(msgspec.to_builtins(plan), sort_keys=False, allow_unicode=True))
     left, rows = [run for run in runs if run not in before], list(before.values())
+    if options.merge:
+        known = failures(options.out)
+        rows += [Row(run, known.get(run.folder.as_posix(), MISSING)) for run in left]
+        left = []
     outcomes: Sequence[Outcome] = ()
     with terminable() as signals:
-        for line in {run.line for run in left}:
-            warmup.start([line.method], config_of(line))
-            wait_for_compiler()  # once, not in each worker
+        _compile(left)
         try:
             with closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
                 for row in watcher.rows(done, len(runs), len(before)):
@@ -86,14 +136,16 @@ def completed(
     return rows, outcomes
 
 
-def _workers(options: Experiment) -> int:
-    """0: in this process."""
+def _workers(options: Experiment, default: int | None = None) -> int:
+    """0: in this process. Without a `default`, one for each core where Dask is installed."""
     if options.workers is not None and not 0 <= options.workers <= 1024:
         raise InputError(f"--workers is {options.workers}, give a value from 0 to 1024")
     if not 0.5 <= options.memory_gb <= 4096:
         raise InputError(f"--memory-gb is {options.memory_gb:g}, give a value from 0.5 to 4096")
     if options.workers is not None:
         return options.workers
+    if default is not None:
+        return default
     return (os.cpu_count() or 1) if cluster.installed() else 0
 
 

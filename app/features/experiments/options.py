@@ -11,7 +11,7 @@ import tyro
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """Runs sources x methods x settings x seeds, and writes tables, figures and a page with medians and spreads. The
-    same command goes on where an earlier one was stopped."""
+    same command continues where an earlier one was stopped."""
 
     plan: tyro.conf.Positional[str]
     """fig8, fig9, table1, table4 (of the paper), or a YAML file; docs/howto/experiment.md has an example."""
@@ -25,11 +25,16 @@ class Experiment:
     """Use only the first N frames of each source."""
     workers: int | None = None
     """Runs at the same time, a process with one thread each, by Dask: 0 runs one after the other in this process.
-    Default: one for each core, or 0 where Dask is not installed."""
+    Default: one for each core, or 0 with --shard or where Dask is not installed."""
     memory_gb: float = 4.0
     """Memory of a worker [GB]: one that needs more is ended, and its run is a row that says so."""
     scheduler: str | None = None
     """Address of a running Dask cluster, such as tcp://head:8786, which sees the same folders; instead of workers of
     this machine."""
+    shard: str | None = None
+    """K/N computes only every N-th run, from the K-th on, such as 3/40 in an array job: nothing is tabled. The command
+    without it merges: it tables all runs in the folder, and computes those that are missing."""
+    merge: bool = False
+    """Compute nothing: table the runs that are in the folder, a missing one as a failed row."""
     recordings: bool = False
     """Write run.rrd of each run, too."""

@@ -52,6 +52,18 @@ class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of the runs, 0..1, in which it must hold."""
 
 
+class Field(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A field of research as an ellipse, as in Fig. 1 of the paper."""
+
+    name: str
+    line: str
+    """To which the ellipse is a link."""
+    ellipse: tuple[float, float, float, float, float]
+    """Centre and half axes in a picture of 100 x 60, and how far it is turned clockwise [degrees]."""
+    label: tuple[float, float]
+    """Where the name is written."""
+
+
 @dataclass(frozen=True)
 class Run:
     """One run: a line on a source with a seed."""
@@ -86,6 +98,8 @@ class Plan:
     stereo_every: int = 1
     video_scale: float = 1.0
     max_exposures: int | None = None
+    fields: tuple[Field, ...] = ()
+    """Drawn at the top of the page; none: no such picture."""
 
     def runs(self) -> Iterator[Run]:
         """By source and seed: those on the same images follow each other."""

@@ -18,7 +18,7 @@ from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
 
 from .options import Experiment
-from .plan import Line, Plan, Statement, Value
+from .plan import Field, Line, Plan, Statement, Value
 
 MAX_RUNS = 100_000
 
@@ -45,6 +45,7 @@ class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stereo_every: int = 1
     video_scale: float = 1.0
     max_exposures: int | None = None
+    fields: tuple[Field, ...] = ()
 
 
 def built_in() -> dict[str, Any]:
@@ -85,12 +86,14 @@ def _plan(name: str, where: str, content: Any) -> Plan:
     except msgspec.ValidationError as error:
         raise InputError(f"{where}: {error}: correct it") from None
     lines = _lines(where, entry)
+    known = {line.name for line in lines}
     for statement in entry.statements:
         for line in filter(None, (statement.line, statement.over_line)):
-            if line not in {item.name for item in lines}:
-                raise InputError(
-                    f"{where}: a statement is about line {line!r}, which is none of the plan's: correct it"
-                )
+            if line not in known:
+                raise InputError(f"{where}: a statement is about line {line!r}, none of the plan's: correct it")
+    for field in entry.fields:
+        if field.line not in known:
+            raise InputError(f"{where}: a field is of line {field.line!r}, none of the plan's: correct it")
     for line in lines:
         if unknown := [source for source in line.sources if source not in entry.sources]:
             raise InputError(f"{where}: line {line.name!r} has the source {unknown[0]!r}, which is none of the plan's")
@@ -108,6 +111,7 @@ def _plan(name: str, where: str, content: Any) -> Plan:
         entry.stereo_every,
         entry.video_scale,
         entry.max_exposures,
+        entry.fields,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from pathlib import Path
 
 from ispom.errors import InputError, printable
 from ispom.io.colmap import colmap_model
@@ -12,19 +13,32 @@ from ispom.io.kitti import poses_text
 from ispom.io.maps import read_maps
 from ispom.io.meshes import ply_bytes
 from ispom.io.rig import read_rig
-from ispom.io.trajectories import euroc_text, landmarks_csv, read_tum, seconds_text, trajectory_csv, tum_text
+from ispom.io.trajectories import (
+    euroc_text,
+    landmarks_csv,
+    read_tum,
+    seconds_text,
+    trajectory_csv,
+    tum_text,
+    vslam_lab_text,
+    world_lines_csv,
+)
 from ispom.io.whole import require_no_links, write_whole
 from ispom.methods import method as registered
 from ispom.methods import names
 from ispom.types import FrameName, Trajectory
 
 from ...engine.outputs import claim_folder
+from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import MARKER
 from ...presentation import colours
 from .options import Export
+from .panorama import panorama_png
 
 Files = dict[str, str | bytes]
+VSLAM_LAB_FILE = "00000_KeyFrameTrajectory.csv"
+"""Name that VSLAM-LAB looks for; the digits are the number of the iteration."""
 MIN_SHARE = 0.8
 """A COLMAP model of less of the observations is not what the run saw."""
 
@@ -87,14 +101,34 @@ def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
             return {f"{method}.txt": poses_text(trajectory), f"{method}_times.txt": _times(trajectory)}, summary
         case "euroc":
             return {f"{method}.csv": euroc_text(trajectory)}, summary
+        case "vslam-lab":
+            return _vslam_lab(options.run, method, trajectory)
+        case "panorama":
+            png, shown = panorama_png(options.run, trajectory)
+            return {f"{method}.png": png}, shown
     scene = read_maps(options.run / "landmarks.npz").get(method)
     if scene is None:
         raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")
-    summary = f"{summary}, {len(scene.landmarks)} points"
+    lines = scene.lines
+    summary = f"{summary}, {len(scene.landmarks)} points" + (f", {len(lines)} lines" if len(lines) else "")
     if options.format == "ply":
-        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colours.of(method))}, summary
+        colour, line_rgb = colours.of(method), colours.of_groups(lines.group)
+        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colour, lines, line_rgb)}, summary
     tables: Files = {f"{method}.csv": trajectory_csv(trajectory)}
-    return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, summary
+    tables |= {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}
+    if len(lines):
+        tables |= {f"{method}_lines.csv": world_lines_csv(lines)}
+    return tables, summary
+
+
+def _vslam_lab(run: Path, method: str, trajectory: Trajectory) -> tuple[Files, str]:
+    """The poses of the left camera, or of the only one, as its other baselines write them."""
+    rig = read_rig(run / "rig.yaml")
+    camera: FrameName = "left" if rig.has_stereo else "video"
+    metric = registered(method).unit == "metric"
+    poses = in_frame(trajectory, rig, camera, 1.0 if metric else None)
+    summary = f"{len(poses)} poses world_from_{camera} in {'metres' if metric else 'a unit of its own'}"
+    return {f"{method}/{VSLAM_LAB_FILE}": vslam_lab_text(poses)}, summary
 
 
 def _colmap(options: Export, method: str) -> tuple[Files, str]:

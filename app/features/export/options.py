@@ -17,9 +17,10 @@ class Export(Programs):
 
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
-    format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
-    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: keyframes, points and observations, as a
-    text model; csv: poses and points with a header."""
+    format: Literal["tum", "kitti", "euroc", "vslam-lab", "ply", "colmap", "csv", "panorama"]
+    """tum, kitti, euroc, vslam-lab: trajectories (the last of the left or only camera); ply: cloud, trajectory, and the
+    map of lines or tags; colmap: keyframes, points and observations, as a text model; csv: poses, points and lines with
+    a header; panorama: the images by their orientations, as a PNG."""
     methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""
     out: Path | None = None

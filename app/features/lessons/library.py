@@ -46,6 +46,8 @@ ORDER = (
     "outliers",
     "errors",
     "table1",
+    "intensities",
+    "view",
 )
 """As they build on each other."""
 

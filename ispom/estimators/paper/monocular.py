@@ -103,7 +103,7 @@ class MonocularConfig:
     interpolation: Interpolation = "bspline"
     """Initial positions between keyframes; rotations are interpolated spherically."""
     features: Annotated[str, Choices(front_ends)] = CORNERS.name
-    """What finds and tracks points: corners (the strongest, as published), klt, patches, sift, orb, or a package's."""
+    """Finds and tracks points: corners (the strongest, as published), klt, sift, surf, orb, or any other front end."""
     max_tracks: Annotated[int, Range(50, 2000)] = 400
     """Points tracked at a time."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.5

@@ -55,6 +55,8 @@ class Result:
     world_lines: WorldLines = field(default_factory=WorldLines.empty)
     restarted: bool = False
     """A new segment begins here."""
+    revised: Trajectory = field(default_factory=Trajectory.empty)
+    """Poses of earlier frames that this one improved; a method that has any gives them in `finish`, too."""
     status: Status | None = None
     """None: tracking with a pose; without one initialising before the first pose, and lost after it."""
 
@@ -111,6 +113,7 @@ class OneKind(Generic[Memory]):
             restarted=result.restarted,
             lines=result.lines,
             world_lines=result.world_lines,
+            revised=result.revised,
         )
         return replace(state, memory=memory, poses=poses, last_ns=frame.time_ns), step
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, Method
 from ispom.estimators.survey.common import OneKind, Result, tracks_between
-from ispom.estimators.survey.photometric import Alignment, align, pyramid, square_patch, textured
+from ispom.estimators.survey.photometric import Alignment, align, guesses_around, pyramid, square_patch, textured
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
@@ -46,10 +46,6 @@ MIN_DISPARITY_PX = 0.5
 """Points with a smaller disparity have no depth."""
 MAX_DEVIATION_PX = 0.5
 """Largest standard deviation of a disparity."""
-FORWARD = (-0.1, -0.03, 0.03, 0.1)
-"""Displacements along the optical axis that are tried besides the predicted one, as a share of the median depth."""
-TURNS_RAD = 0.06
-"""Rotations to the sides that are tried."""
 
 POINTS = Check(
     "depth_points", "pixels with a gradient and a depth", "requirement", "Keyframe possible?",
@@ -186,12 +182,7 @@ class Direct(OneKind["Memory | None"]):
         now_from_key = memory.world_from_left.inverse() @ keyframe.world_from_left
         predicted = Pose.exp(seconds * memory.velocity).inverse() @ now_from_key
         depth = camera.fx * self.rig.baseline_m / keyframe.disparity_px.astype(float)
-        ahead = np.array([0.0, 0.0, float(np.median(depth))])
-        others = [Pose(translation=-share * ahead) for share in FORWARD]
-        others += [
-            Pose.from_rotvec(turn * axis, np.zeros(3)) for axis in np.eye(3)[:2] for turn in (-TURNS_RAD, TURNS_RAD)
-        ]
-        guesses = (predicted, now_from_key, *(other @ now_from_key for other in others))
+        guesses = guesses_around(predicted, now_from_key, depth)
         return align(
             camera, pyramid(keyframe.grey), keyframe.uv.astype(float), depth, pyramid(left), guesses, PATCH
         )  # fmt: skip

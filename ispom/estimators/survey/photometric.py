@@ -38,6 +38,10 @@ MIN_CORRELATION = 0.7
 """Of a patch with the image where the motion carries it; less is another thing, or occluded."""
 GOOD, FOLLOWED = 0.6, 3
 """Share of similar patches from which no other guess is tried, and the number of those that are followed to the end."""
+FORWARD = (-0.1, -0.03, 0.03, 0.1)
+"""Displacements along the optical axis that are tried besides the predicted one, as a share of the median depth."""
+TURNS_RAD = 0.06
+"""Rotations to the sides that are tried."""
 CONVERGED = 1e-3
 """Step of the largest part of a twist, relative to the resolution of an image pixel, at which the iteration ends."""
 
@@ -54,6 +58,15 @@ def square_patch(side_px: int) -> Array:
     """Returns the offsets (side^2, 2) [px] of the pixels of a patch from its middle."""
     along = np.arange(side_px) - (side_px - 1) / 2
     return np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+
+
+def guesses_around(predicted: Pose, last: Pose, depth: Array) -> tuple[Pose, ...]:
+    """Returns guesses of image_from_reference: the predicted one, the `last` one, and others around that, along the
+    optical axis by shares of the median of the depths (N,), and rotated to the sides."""
+    ahead = np.array([0.0, 0.0, float(np.median(depth))])
+    others = [Pose(translation=-share * ahead) for share in FORWARD]
+    others += [Pose.from_rotvec(turn * axis, np.zeros(3)) for axis in np.eye(3)[:2] for turn in (-TURNS_RAD, TURNS_RAD)]
+    return predicted, last, *(other @ last for other in others)
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,10 +102,11 @@ def _cameras(folder: Path, left: str, right: str, size: tuple[int, int]) -> tupl
 
 
 def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """world_from_left of `poses/NN.txt` next to `sequences`, None where there is none."""
+    """world_from_left of `poses/NN.txt` next to `sequences`, or next to NN as in UZH's course; None without one."""
     folder = folder.resolve()
-    path = folder.parent.parent / "poses" / f"{folder.name}.txt"
-    if not exists(path):
+    places = [place / "poses" / f"{folder.name}.txt" for place in (folder.parent.parent, folder.parent)]
+    path = next((place for place in places if exists(place)), None)
+    if path is None:
         return None
     poses = read_poses(path)
     if len(poses) < len(times_ns):

@@ -20,6 +20,7 @@ from ispom.simulation.places.meshes import mesh_name
 from ispom.simulation.rendering.cache import AheadRenderer, ImageCache, default_folder, source_key
 from ispom.simulation.rendering.process import render_pool
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
+from ispom.simulation.scenario.sensors import Scenery
 from ispom.simulation.source import Source
 from ispom.types import Frame, Image, Measurement, Rig, Sequence, Trajectory
 
@@ -131,6 +132,12 @@ def open_scenario(scenario: Scenario, seed: int, cache_dir: Path | None = None) 
     world, preset = scenario.world, PRESETS.get(scenario.scene)
     length_s = world.duration_s or (preset and preset.length_s(world)[0])
     sequence = open_simulated(scenario.scene, seed, cache_dir, world.motion_blur, length_s, world)
+    if scenario.sensors:
+        source = Source(
+            seed, world.motion_blur, PRESETS[scenario.scene].scale, *PRESETS[scenario.scene].rendered(world)
+        )
+        path = motion_of(source.motion, seed)
+        sequence = scenario.sensed(sequence, Scenery(path.pose_at, sequence.times_ns, lambda: source.scene, seed))
     if not scenario.words:
         return sequence
     named = replace(sequence, name=f"{sequence.name}, {scenario.words}")

@@ -1,9 +1,9 @@
-"""A scenario: a scene, how one moves in it, and faults; from the words after `sim:` or from a YAML file."""
+"""A scenario: a scene, how one moves in it, other sensors, and faults; of the words after `sim:` or of a YAML file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +13,7 @@ from ispom.settings import Range, from_plain, settings
 from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
 from ispom.simulation.scenario.fault import Clock, Dropped, Fault, Repeated
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
+from ispom.simulation.scenario.sensors import SENSORS, Scenery, SimulatedSensor
 from ispom.types import Sequence
 
 FAULTS: Mapping[str, type] = {
@@ -37,13 +38,16 @@ FAULTS: Mapping[str, type] = {
 class World:
     """The place, the motion and the cameras."""
 
-    place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles"] = "own"
+    place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles", "tags"] = "own"
     """own: that of the scene; city: a street; town: streets around a block; indoor: corridor, stairs and hall; moon:
-    craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
-    motion: Literal["own", "flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "sideways"] = "own"
+    craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same; tags: a wall
+    with AprilTags of 1.2 m."""
+    motion: Literal["own", "flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "pan", "sideways"] = (
+        "own"
+    )
     """own: that of the scene; flight: along the street; drive: the same, level and even; loop: around the town's block;
     walk: through the building; still; tiny-steps: fifty times slower; rotation: about the video camera's centre;
-    sideways: along a wall."""
+    pan: a full turn about it and back; sideways: along a wall."""
     route: str = ""
     """TUM file of poses world_from_rig, moved through from the first one on, instead of a motion."""
     mesh: str = ""
@@ -73,7 +77,7 @@ class World:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scene with a world and faults."""
+    """A scene with a world, other sensors and faults."""
 
     scene: str
     """city, tiny ..."""
@@ -82,6 +86,16 @@ class Scenario:
     world: World
     faults: tuple[tuple[str, Fault], ...] = ()
     """With their names, in the order in which they are applied."""
+    sensors: tuple[SimulatedSensor, ...] = ()
+    """Those that it has besides cameras, each once."""
+
+    def sensed(self, sequence: Sequence, scenery: Scenery) -> Sequence:
+        """Returns the sequence with what the other sensors measured."""
+        if not self.sensors:
+            return sequence
+        rig = sequence.rig.changed(**{each.name: each.sensor() for each in self.sensors})
+        found = [m for each in self.sensors for m in each.measured(scenery)]
+        return replace(sequence, rig=rig).with_measurements(found)
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         """Returns the sequence with all faults."""
@@ -92,58 +106,66 @@ class Scenario:
     @property
     def words(self) -> str:
         """Differences from the plain scene, for people; an empty text where there are none."""
-        faults = (f"{name} {', '.join(_changed(fault))}".strip() for name, fault in self.faults)
-        return ", ".join([*_changed(self.world), *faults])
+        named = [*((each.name, each) for each in self.sensors), *self.faults]
+        others = (f"{name} {', '.join(_changed(each))}".strip() for name, each in named)
+        return ", ".join([*_changed(self.world), *others])
 
 
 def scenario_of_words(text: str) -> Scenario:
-    """Reads what follows `sim:`, as in `city?motion=rotation&fault=darkness:factor=0.1,from_s=3`.
+    """Reads what follows `sim:`, as in `city?motion=drive&sensor=gnss:noise_m=1&fault=darkness:factor=0.1,from_s=3`.
 
     Raises InputError where it is invalid.
     """
     scene, _, query = text.partition("?")
-    world, faults = dict[str, Any](), list[dict[str, Any]]()
+    world, listed = dict[str, Any](), {"sensor": list[dict[str, Any]](), "fault": list[dict[str, Any]]()}
     for part in filter(None, query.split("&")):
         key, equals, value = part.partition("=")
         if not equals:
             raise InputError(f"sim:{text}: {part[:60]!r} is no setting: give such as motion=rotation or fault=darkness")
-        if key == "fault":
+        if key in listed:
             name, _, chosen = value.partition(":")
             pairs = [pair.partition("=") for pair in filter(None, chosen.split(","))]
-            faults.append({name: {k: _plain(v) for k, _, v in pairs}})
+            listed[key].append({name: {k: _plain(v) for k, _, v in pairs}})
         else:
             world[key] = _plain(value)
-    return _scenario(f"sim:{text}", {"scene": scene, **world, "faults": faults})
+    return _scenario(f"sim:{text}", {"scene": scene, **world, **{f"{key}s": value for key, value in listed.items()}})
 
 
 def scenario_of_file(path: Path) -> Scenario:
-    """Reads a YAML file: scene, perhaps seed, the fields of `World`, and faults, a list of `name: {setting: value}`."""
+    """Reads a YAML file: scene, perhaps seed, the fields of `World`, and the lists `sensors` and `faults` of
+    `name: {setting: value}`."""
     return _scenario(str(path), read_mapping(path))
 
 
 def _scenario(where: str, content: Mapping[Any, Any]) -> Scenario:
     rest = dict(content)
-    scene, seed, listed = rest.pop("scene", None), rest.pop("seed", None), rest.pop("faults", [])
+    scene, seed = rest.pop("scene", None), rest.pop("seed", None)
+    entries = {key: rest.pop(key, []) for key in ("sensors", "faults")}
     if not isinstance(scene, str):
         raise InputError(f"{where}: scene is {str(scene)[:40]!r}: give a name such as city")
     if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
         raise InputError(f"{where}: seed is {str(seed)[:40]!r}: give a whole number")
-    if not isinstance(listed, list) or not all(isinstance(f, str | dict) for f in listed):
-        raise InputError(f"{where}: faults is no list of faults: give such as [{{darkness: {{factor: 0.1}}}}]")
+    for key, example in (("sensors", "{gnss: {noise_m: 1}}"), ("faults", "{darkness: {factor: 0.1}}")):
+        if not isinstance(entries[key], list) or not all(isinstance(f, str | dict) for f in entries[key]):
+            raise InputError(f"{where}: {key} is no list of {key}: give such as [{example}]")
     world = from_plain(World, rest, where)
     _check(world, where)
-    return Scenario(scene, seed, world, tuple(_fault(where, f) for f in listed))
+    faults = tuple(_named(where, f, FAULTS, "fault") for f in entries["faults"])
+    sensors = [_named(where, f, SENSORS, "sensor") for f in entries["sensors"]]
+    if len({name for name, _ in sensors}) < len(sensors):
+        raise InputError(f"{where}: a sensor is there twice: give each kind once")
+    return Scenario(scene, seed, world, faults, tuple(sensor for _, sensor in sensors))
 
 
-def _fault(where: str, entry: str | dict[Any, Any]) -> tuple[str, Fault]:
-    """`darkness`, or `{darkness: {factor: 0.1}}`."""
+def _named(where: str, entry: str | dict[Any, Any], known: Mapping[str, type], what: str) -> tuple[str, Any]:
+    """Returns name and value of `darkness`, or of `{darkness: {factor: 0.1}}`."""
     named = {entry: {}} if isinstance(entry, str) else entry
     name, chosen = next(iter(named.items()), ("", {}))
-    if len(named) != 1 or name not in FAULTS:
-        raise InputError(f"{where}: {str(name)[:40]!r} is no fault: choose from {', '.join(FAULTS)}")
-    fault = from_plain(FAULTS[name], chosen if chosen is not None else {}, f"{where}: {name}")
-    _check(fault, f"{where}: {name}")
-    return name, fault
+    if len(named) != 1 or name not in known:
+        raise InputError(f"{where}: {str(name)[:40]!r} is no {what}: choose from {', '.join(known)}")
+    value = from_plain(known[name], chosen if chosen is not None else {}, f"{where}: {name}")
+    _check(value, f"{where}: {name}")
+    return name, value
 
 
 def _check(values: Any, where: str) -> None:

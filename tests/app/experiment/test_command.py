@@ -22,7 +22,8 @@ def plan(tmp_path: Path) -> Path:
     lines = {"B": {"method": "monocular"}, "C": {"method": "stereo", "settings": {"stereo.max_tracks": 400}}}
     statements = [{"text": "C < B", "quantity": "ate_m", "line": "C", "over_line": "B", "at_most": 1e6}]
     file = tmp_path / "own.yaml"
-    content = {"title": "Own", "sources": [drive], "lines": lines, "statements": statements}
+    fields = [{"name": "Field C", "line": "C", "ellipse": [50, 30, 20, 10, 5], "label": [50, 30]}]
+    content = {"title": "Own", "sources": [drive], "lines": lines, "statements": statements, "fields": fields}
     file.write_text(yaml.safe_dump(content))
     return file
 
@@ -55,6 +56,7 @@ def test_every_run_is_a_folder_and_a_row(plan: Path, tmp_path: Path, capsys: pyt
     assert summary["statements"][0]["holds"] in (True, False) and summary["plan"]["title"] == "Own"
     page = (out / "index.html").read_text()
     assert all(f'href="{r["run"]}/"' in page for r in found) and "http" not in page.replace("http-equiv", "")
+    assert '<a href="#line-C">' in page and 'id="line-C"' in page and ">Field C<" in page
     assert {f"{n}.{e}" for n in ("paths", "quantities") for e in ("png", "svg")} <= {p.name for p in out.iterdir()}
     assert "2 runs, 0 failed" in capsys.readouterr().out
 

@@ -21,6 +21,7 @@ NUMBERS: Mapping[str, Callable[..., float]] = {
         paths.error_at_end_m,
         paths.metres_per_unit,
         paths.step_scale_end,
+        paths.direction_deg,
         paths.length_m,
         paths.speed_m_per_s,
         paths.poses_per_s,

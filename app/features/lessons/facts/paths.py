@@ -64,6 +64,18 @@ def error_curve(ran: Ran, method: str, alignment: str) -> tuple[Array, Array]:
     return (error.reference.times_ns - ran.sequence.times_ns[0]) * 1e-9, error.position_errors_m
 
 
+def direction_deg(ran: Ran, method: str) -> float:
+    """Angle between the estimated and the true direction of the motion from a frame to the next, in the axes of the
+    moving frame: the median [deg]."""
+    own, true = (_steps_seen(path) for path in _compared(ran, method))
+    lengths = np.linalg.norm(own, axis=1) * np.linalg.norm(true, axis=1)
+    moved = lengths > 0
+    if not moved.any():
+        raise InputError(f"{method} or the camera did not move in this run: there is no direction to compare")
+    cosines = np.sum(own * true, axis=1)[moved] / lengths[moved]
+    return float(np.degrees(np.median(np.arccos(np.clip(cosines, -1, 1)))))
+
+
 def length_m(ran: Ran, method: str) -> float:
     """Of its path [m, or its own unit]."""
     return ran.path(method).length
@@ -101,6 +113,11 @@ def _compared(ran: Ran, method: str) -> tuple[Trajectory, Trajectory]:
     if len(own) < MIN_POSES:
         raise InputError(f"{method} has {len(own)} poses with a known truth, {MIN_POSES} are needed")
     return own, true
+
+
+def _steps_seen(path: Trajectory) -> Array:
+    """(N - 1, 3) from each position to the next, in the axes of the moving frame."""
+    return np.einsum("nji,nj->ni", path.rotations[:-1], np.diff(path.translations, axis=0))
 
 
 def _error(ran: Ran, method: str, alignment: str) -> TrajectoryError:

@@ -55,7 +55,7 @@ class ModernMonocularConfig:
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Least parallax of a point in the map [deg]."""
     features: Annotated[str, Choices(front_ends)] = KLT.name
-    """Detects, tracks and describes features: klt (corners), patches, sift, orb, or one that a package adds."""
+    """Detects, tracks and describes features: klt (corners), patches, sift, surf, orb, or any other front end."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
     """Tracking noise after some keyframes, 1 sigma [px]; sets outlier limits, the initial width of the loss, and
     covariances until the noise is measured from residuals (`noise`)."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from ispom_app.engine.model.map_memory import MapCollectors
 
-from ispom.types import Frame, Landmarks, Step, Tracks, TrackStatus, Trajectory
+from ispom.types import Frame, Landmarks, Step, Tracks, TrackStatus, Trajectory, WorldLines
 from tests import doubles
 
 BLACK = np.zeros((60, 80), np.uint8)
@@ -84,3 +84,12 @@ def test_key_frames_with_a_final_pose_and_their_living_tracks() -> None:
 def test_a_method_that_never_spoke_has_an_empty_map() -> None:
     found = MapCollectors().scenes({"stereo": Trajectory.empty()}, ("stereo",), doubles.rig())["stereo"]
     assert not len(found.landmarks) and not len(found.key_frames) and not len(found.seen_ids)
+
+
+def test_the_last_known_lines_are_kept_while_a_method_is_lost() -> None:
+    memories, (run, poses) = MapCollectors(), walked(3, cloud())
+    early, late = (WorldLines(np.full((count, 2, 3), 1.5), np.arange(count)) for count in (1, 2))
+    for step, lines in zip(run, (early, late, WorldLines.empty()), strict=True):
+        memories.add((replace(step, world_lines=lines),))
+    found = memories.scenes({"monocular": poses}, ("monocular",), doubles.rig())["monocular"].lines
+    assert found.group.tolist() == [0, 1]

@@ -1,0 +1,1 @@
+"""`ispom grade` and `ispom new-method`: a method of a student, from its skeleton to its points."""

@@ -1,0 +1,313 @@
+"""Images fused with other sensors: the schemes of the paper's Table 2, as a factor graph over a window.
+
+1. Nodes: every `node_s` seconds, and at each fix, the graph has a pose (`fused_links`: what was measured in between).
+2. Start: scale, gravity and heading from the first metres (`fused_start`).
+3. Graph: relative poses of the visual method (loose coupling) with a scale that changes slowly, preintegrated IMU,
+   positions of the antenna, wheels, matched scans (`fused_graph`); Forster et al. 2017, Dellaert and Kaess 2017.
+4. What leaves the window stays as a prior; the same without each sensor shows how much it contributes.
+
+Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.estimator import VIDEO, Method, require_frame
+from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, SLIP, STARTED
+from ispom.estimators.survey.fused_graph import Graph, Node, Noise
+from ispom.estimators.survey.fused_nodes import Collector, FusedState
+from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, started
+from ispom.geometry import Array, Pose
+from ispom.settings import Range
+from ispom.stopwatch import Stopwatch
+from ispom.types import Decision, Kind, Measurement, Rig, Status, Step, Trajectory
+
+OTHERS: dict[Kind, str] = {
+    "imu": "an IMU",
+    "gnss": "a GNSS antenna",
+    "wheel": "a wheel odometer",
+    "laser": "a laser scanner",
+}
+SCHEMES: dict[str, frozenset[Kind]] = {
+    "1": frozenset({"gnss", "imu"}),
+    "2": frozenset({"gnss", "imu"}),
+    "3": frozenset({"gnss", "imu", "wheel"}),
+    "4": frozenset({"gnss"}),
+    "5": frozenset({"imu", "wheel"}),
+    "6": frozenset({"imu"}),
+    "7": frozenset({"wheel", "laser"}),
+    "8": frozenset({"wheel"}),
+    "9": frozenset(),
+}
+"""The sensors of the paper's Table 2 besides the images."""
+Scheme = Literal["auto", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
+WAITING_NODES = 80
+"""Nodes that are kept until the start."""
+SOONEST_S = 0.08
+"""Between a node and one for a fix."""
+GAUGE = 1e-3
+"""Standard deviation [m], [rad] of what the first pose defines."""
+UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
+"""Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
+WORST_SCALE = 0.1
+"""Standard deviation of the log scale with which the start is accepted."""
+WORLD_FROM_LOCAL = Pose(OPTICAL_FROM_LEVEL)
+"""x east, y down, z north."""
+
+
+@dataclass(frozen=True)
+class FusedConfig:
+    """Settings of `fused`."""
+
+    scheme: Scheme = "auto"
+    """Which sensors take part, by the scheme of Table 2: 1, 2 GNSS and IMU; 3 these and wheels; 4 GNSS; 5 IMU and
+    wheels; 6 IMU; 7 wheels and laser; 8 wheels; 9 images alone; auto: all that the recording has."""
+    node_s: Annotated[float, Range(0.05, 2)] = 0.25
+    """Time from one node of the graph to the next [s]."""
+    window: Annotated[int, Range(3, 60)] = 16
+    """Nodes that are estimated together."""
+    start_m: Annotated[float, Range(1, 200)] = 8.0
+    """Way of the fixes from which on they give scale and heading [m]."""
+    tilt_deg: Annotated[float, Range(0.1, 30)] = 3.0
+    """How far from level the rig may stand at the start, where no IMU takes part (1 sigma) [deg]."""
+    turn_deg: Annotated[float, Range(0.001, 10)] = 0.05
+    """Error of a rotation by the images within a second (1 sigma), growing with the root of the time [deg]."""
+    translation_percent: Annotated[float, Range(0.01, 50)] = 0.8
+    """Error of a translation by the images (1 sigma), in percent of its length."""
+    scale_percent: Annotated[float, Range(0.001, 20)] = 0.5
+    """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time."""
+    slip_percent: Annotated[float, Range(0.5, 100)] = 5.0
+    """Wheels slip where their way differs by more from that of the images, in percent."""
+
+    def build(self, rig: Rig) -> Fused:
+        """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
+        return Fused(rig, self, "fused", "video")
+
+
+class Fused:
+    """An Integrator of a visual method, which it calls `visual`."""
+
+    def __init__(self, rig: Rig, config: FusedConfig, name: str, kind: Kind) -> None:
+        known = frozenset(kind for kind in OTHERS if rig.has(kind))
+        self._sensors = known if config.scheme == "auto" else SCHEMES[config.scheme]
+        if missing := [OTHERS[k] for k in OTHERS if k in self._sensors - known]:
+            raise InputError(
+                f"{name}: scheme {config.scheme} needs {' and '.join(missing)}, which this sequence lacks: add it by "
+                f"--sensors FILE.yaml, or choose --{name}.scheme auto"
+            )
+        for module, needed in (("gtsam", True), ("small_gicp", "laser" in self._sensors)):
+            if needed and find_spec(module) is None:
+                raise InputError(f"{name} needs {module}, which is not installed: pip install 'ispom[fusion]'")
+        self._config, self._kind, self._metric = config, kind, kind != "video"
+        self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
+        noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
+        self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
+        frames = self._camera_from_rig, self._graph.rig_from_body
+        self._collector = Collector(rig, self._sensors, *frames, 0.01 * config.slip_percent)
+
+    def start(self) -> FusedState:
+        """See Integrator."""
+        return FusedState(self._sensors)
+
+    def step(
+        self, state: FusedState, measurement: Measurement, inputs: Mapping[str, Step], /
+    ) -> tuple[FusedState, Step]:
+        """See Integrator. Other measurements wait for the next frame."""
+        watch = Stopwatch()
+        if measurement.kind in OTHERS:
+            state = self._collector.waiting(state, measurement)
+            status = Status.INITIALISING if state.prior is None else Status.TRACKING
+            watch.lap("wait")
+            return state, Step(measurement.time_ns, status, seconds=watch.seconds)
+        frame, visual = require_frame(measurement, frozenset({self._kind}), state.last_ns), inputs["visual"]
+        if state.sensors != self._sensors:
+            state = self._with_other_sensors(state)
+        state = replace(self._collector.with_images(state, visual), last_ns=frame.time_ns)
+        sighted = bool(state.seen) and state.seen[-1][0] == frame.time_ns
+        watch.lap("wait")
+        if not self._due(state, frame.time_ns, sighted):
+            state, step = self._between(state, frame.time_ns, sighted)
+        elif state.prior is None:
+            state, step = self._waiting_for_start(state, frame.time_ns, watch)
+        else:
+            state, step = self._with_node(state, frame.time_ns, watch)
+        shown = {"tracks": visual.tracks, "landmarks": visual.landmarks} if self._metric else {"tracks": visual.tracks}
+        return state, replace(step, seconds=watch.seconds, residuals_px=visual.residuals_px, **shown)
+
+    def _due(self, state: FusedState, time_ns: int, sighted: bool) -> bool:
+        """Checks that the frame becomes a node."""
+        if not state.nodes or state.prior is None:
+            first = not state.nodes or time_ns - state.nodes[-1].time_ns >= 1e9 * self._config.node_s
+            return sighted and (first or bool(state.fixes))
+        since_s = (time_ns - state.nodes[-1].time_ns) * 1e-9
+        return since_s >= self._config.node_s or (bool(state.fixes) and since_s >= SOONEST_S)
+
+    def _between(self, state: FusedState, time_ns: int, sighted: bool) -> tuple[FusedState, Step]:
+        """A frame between two nodes: its pose comes from the last node and the images."""
+        start = dict(state.seen).get(state.nodes[-1].time_ns) if state.nodes else None
+        if not sighted or start is None:
+            waits = state.prior is None
+            return state, Step(time_ns, Status.INITIALISING if waits else Status.LOST, decisions=(LOCATED.of(0, 1),))
+        last, relative = state.nodes[-1], start.inverse() @ dict(state.seen)[time_ns]
+        state = replace(state, frames=state.frames.appended((time_ns, last.number, relative)))
+        if state.prior is None or state.covariance is None:
+            return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1),))
+        moved = self._collector.in_rig(relative, last.log_scale)
+        along = moved.inverse().adjoint
+        length, seconds = float(np.linalg.norm(moved.translation)), (time_ns - last.time_ns) * 1e-9
+        covariance = along @ state.covariance @ along.T + self._graph.noise.covariance(length, seconds)
+        pose = WORLD_FROM_LOCAL @ last.local_from_rig @ moved
+        decisions = (LOCATED.of(1, 1),)
+        return state, Step(time_ns, Status.TRACKING, "rig", pose, covariance, decisions=decisions)
+
+    def _waiting_for_start(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
+        """Adds a node, and starts the graph once enough was measured."""
+        if state.fresh:
+            state = replace(state, nodes=(), walls=None)
+        state, node, _ = self._collector.next_node(state, time_ns)
+        state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
+        state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
+        watch.lap("measure")
+        nodes = _revised(state.nodes, dict(state.seen))
+        frames = self._camera_from_rig, self._graph.rig_from_body
+        start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
+        decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
+        waiting = replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
+        if start is None:
+            return waiting
+        prior = self._graph.first_prior(
+            start.nodes[0], self._first_covariance(start.nodes[0].local_from_rig), start.scale_sigma
+        )
+        nodes, misfits = self._graph.optimised(start.nodes, prior)
+        deviation = self._graph.uncertainty(nodes, prior)[1]
+        watch.lap("optimise")
+        if self._sensors and deviation > WORST_SCALE:
+            return waiting
+        state = replace(state, nodes=nodes, prior=prior, first=prior)
+        return self._reported(state, decisions, misfits, watch)
+
+    def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
+        """Adds a node to the graph, and estimates the window."""
+        state, node, apart = self._collector.next_node(state, time_ns)
+        sources = sum(each is not None for each in (node.visual, node.inertial, node.wheel, node.laser))
+        decisions = [LOCATED.of(sources, 1)]
+        if apart is not None:
+            decisions.append(SLIP.of(apart, 0.01 * self._config.slip_percent))
+        watch.lap("measure")
+        assert state.prior is not None
+        nodes, misfits = self._graph.optimised(_revised((*state.nodes, node), dict(state.seen)), state.prior)
+        watch.lap("optimise")
+        state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
+        return self._reported(state, tuple(decisions), misfits, watch)
+
+    def _reported(
+        self, state: FusedState, decisions: tuple[Decision, ...], misfits: Mapping[str, float], watch: Stopwatch
+    ) -> tuple[FusedState, Step]:
+        """Returns the Step of the last node, and the window without the nodes that are too many."""
+        nodes, prior, settled = state.nodes, state.prior, state.settled
+        assert prior is not None
+        last = nodes[-1]
+        covariance, scale_sigma, gains = self._graph.uncertainty(nodes, prior)
+        revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
+        while len(nodes) > self._config.window:
+            prior = self._graph.reduced(nodes, prior)
+            leaving, *others = nodes
+            settled = settled.appended(leaving)
+            nodes = tuple(others)
+        watch.lap("marginalise")
+        fits = [FITS[sensor].of(value, MAX_FIT) for sensor, value in misfits.items()]
+        gain = [GAINS[sensor].of(value, MIN_GAIN) for sensor, value in gains.items()]
+        located = not last.blind or state.covariance is None
+        state = replace(state, nodes=nodes, prior=prior, settled=settled, covariance=covariance)
+        return state, Step(
+            last.time_ns,
+            Status.TRACKING if located else Status.LOST,
+            "rig",
+            WORLD_FROM_LOCAL @ last.local_from_rig if located else None,
+            covariance if located else None,
+            key_frame=True,
+            revised=revised,
+            scale=None if self._metric else float(np.exp(last.log_scale)),
+            scale_sigma=scale_sigma,
+            decisions=(*decisions, *fits, *gain),
+        )
+
+    def _first_covariance(self, first: Pose) -> Array:
+        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well."""
+        place = UNPLACED_M if "gnss" in self._sensors else GAUGE
+        heading = UNTURNED if "gnss" in self._sensors else GAUGE
+        tilt = GAUGE
+        if "imu" in self._sensors:
+            tilt = TILTED
+        elif "gnss" in self._sensors:
+            tilt = np.radians(self._config.tilt_deg)
+        up = first.rotation.T @ np.array([0.0, 0.0, 1.0])
+        turn = tilt**2 * np.eye(3) + (heading**2 - tilt**2) * np.outer(up, up)
+        return np.block([[place**2 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
+
+    def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
+        """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
+        the final poses of the images."""
+        final = dict(inputs["visual"].items())
+        nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
+        if state.first is not None:
+            older = [n for n in nodes if n.number < state.first.at.number]
+            together = _revised(tuple(n for n in nodes if n.number >= state.first.at.number), final)
+            nodes = [*older, *self._graph.optimised(together, state.first)[0]]
+        by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
+        for time_ns, number, relative in state.frames:
+            if (node := by_number.get(number)) is not None:
+                both = time_ns in final and node.time_ns in final
+                seen = final[node.time_ns].inverse() @ final[time_ns] if both else relative
+                moved = self._collector.in_rig(seen, node.log_scale)
+                found.append((time_ns, WORLD_FROM_LOCAL @ node.local_from_rig @ moved))
+        return Trajectory.of(found)
+
+    def _with_other_sensors(self, state: FusedState) -> FusedState:
+        """Goes on from the last pose after a change of the scheme."""
+        bare = replace(self.start(), settled=state.settled, frames=state.frames, seen=state.seen, last_ns=state.last_ns)
+        if state.covariance is None or not state.nodes:
+            return replace(bare, number=state.number)
+        settled = state.settled.extended(state.nodes[:-1])
+        last = replace(state.nodes[-1], fixes=(), bias=np.zeros(6))
+        prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), 0.1)
+        bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
+        return replace(bare, number=state.number)
+
+
+def _revised(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:
+    """Returns nodes with the motions of the images by revised poses of their camera, by time."""
+    found = [replace(node, camera=cameras.get(node.time_ns, node.camera)) for node in nodes]
+    for i, (before, now) in enumerate(pairwise(found), 1):
+        both = before.time_ns in cameras and now.time_ns in cameras and now.visual is not None
+        if both and before.camera is not None and now.camera is not None:
+            found[i] = replace(now, visual=before.camera.inverse() @ now.camera)
+    return tuple(found)
+
+
+METHOD = Method(
+    "fused",
+    VIDEO | frozenset(OTHERS),
+    FusedConfig,
+    "metric",
+    "Forster et al. 2017 (preintegrated IMU), Dellaert and Kaess 2017 (factor graphs)",
+    "metres per monocular unit",
+    {"visual": "monocular"},
+    CHECKS,
+    {
+        "wait": "Keeps what the sensors measured until the next node.",
+        "measure": "Makes relative poses of it: samples, wheels, scans.",
+        "optimise": "Estimates all nodes of the window.",
+        "marginalise": "Gives the covariance, and takes the oldest node out.",
+    },
+    frozenset(OTHERS),
+    "Table 2: images and other sensors",
+)

@@ -1,0 +1,62 @@
+"""The checks of `fused`: whether it has a pose, whether each sensor agrees with the others, and what it contributes."""
+
+from __future__ import annotations
+
+from ispom.types import Check, by_key
+
+MAX_FIT = 2.5
+"""RMS residual [standard deviations] from which on a sensor contradicts the others: of three values, 0.01 % of
+consistent ones lie beyond it."""
+MIN_GAIN = 1.05
+"""A sensor contributes where the position would be less certain by this factor without it."""
+NAMES = {"visual": "Images", "imu": "IMU", "gnss": "GNSS", "wheel": "Wheels", "laser": "Laser"}
+
+LOCATED = Check(
+    "motion_sources",
+    "sensors that measured the motion since the last node",
+    "requirement",
+    "Located?",
+    passes="Tracking: {value} sensors measured the motion since the last node (minimum {threshold}).",
+    fails="Lost: no sensor measured the motion since the last node ({value}, {threshold} needed).",
+    topic="pose",
+)
+STARTED = Check(
+    "start_nodes",
+    "nodes until scale and heading are known",
+    "finding",
+    passes="Started: scale and directions are known after {value} nodes.",
+    fails="Waiting: scale and directions are unknown after {value} nodes.",
+)
+SLIP = Check(
+    "wheel_slip",
+    "way of the wheels that the images do not confirm",
+    "warning",
+    relation="<=",
+    passes="The wheels roll: their way differs by {value:.0%} from that of the images (limit {threshold:.0%}).",
+    fails="The wheels slip: {value:.0%} of their way is not confirmed by the images (limit {threshold:.0%}); ignored.",
+)
+FITS = {
+    sensor: Check(
+        f"{sensor}_misfit",
+        f"RMS residual of {name}",
+        "warning",
+        relation="<=",
+        unit="sigma",
+        passes=f"{name}: residuals of {{value:.2f}} standard deviations agree with the others (limit {{threshold}}).",
+        fails=f"Contradiction of {name}: residuals of {{value:.1f}} standard deviations (limit {{threshold}}): check "
+        "its pose in the rig, its clock, and its stated noise.",
+    )
+    for sensor, name in NAMES.items()
+}
+GAINS = {
+    sensor: Check(
+        f"{sensor}_gain",
+        f"factor of the position's standard deviation without {name}",
+        "finding",
+        passes=f"{name}: without them the position would be {{value:.2f}} times less certain.",
+        fails=f"{name}: without them the position would be as certain ({{value:.2f}} times less).",
+    )
+    for sensor, name in NAMES.items()
+    if sensor != "visual"
+}
+CHECKS = by_key(LOCATED, STARTED, SLIP, *FITS.values(), *GAINS.values())

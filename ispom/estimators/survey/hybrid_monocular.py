@@ -1,0 +1,411 @@
+"""The hybrid method with one camera and a map of its own, as printed (Forster, Pizzoli and Scaramuzza, SVO, 2014).
+
+Alignment of sparse patches, of features and of the pose are those of `hybrid.py`. What a pair gives there, the depth of
+new corners, comes from motion here. The steps, in the order of this file:
+
+1. The first map: corners are followed by Lucas-Kanade until they moved enough. Each relative pose that two images allow
+   (essential matrix, and the decompositions of a homography, for a plane) is adjusted together with images between
+   them; the one with the lowest cost counts, if its points are enough.
+2. Seeds: new corners of a keyframe are followed, and become points of the map once their rays from the keyframe and
+   from the present image meet at a sufficient angle. SVO filters depths of such seeds; the angle is a simple stand-in.
+3. Keyframes are adjusted together with their points (the last few; the two oldest stay as they are).
+
+Limits. The unit is the median depth of the first map. Where the camera only rotates no seed becomes a point, and the
+map is lost once it leaves the view: points that are out of sight are not found again. After that a new segment begins,
+with a unit of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimator import VIDEO, Method
+from ispom.estimators.survey import hybrid
+from ispom.estimators.survey.common import OneKind, Result, tracks_between
+from ispom.estimators.survey.hybrid import ALIGNED, INLIERS, MOVED, REMAINING, Keyframe, Points
+from ispom.features.klt import Klt
+from ispom.features.shi_tomasi import detect_spread
+from ispom.geometry import Array, Pose
+from ispom.settings import Range
+from ispom.solvers.bundle import adjust
+from ispom.solvers.localisation import fit_pose
+from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
+from ispom.solvers.multiview.two_view import hypotheses
+from ispom.stopwatch import Stopwatch
+from ispom.types import Camera, Check, Decision, Frame, Image, Landmarks, Rig, TrackStatus, as_grey, by_key, colours_at
+
+FOLLOW = Klt(levels=4)
+"""Of corners without a depth."""
+MIN_DISTANCE_PX = 10.0
+"""Between corners."""
+MAX_KEYFRAMES = 8
+"""Keyframes that are adjusted, and whose patches are kept."""
+BETWEEN = 4
+"""Images between the two of the first map that help to choose its relative pose."""
+LEAST_SHARE = 0.6
+"""Share of the corners that the first map must explain."""
+LOSS_PX = 0.5
+"""Width of the Cauchy loss in adjustments: the deviation of an aligned corner is about half of it."""
+NEW_POINT_PX = 1.0
+"""Largest reprojection error of a new point in both of its images."""
+
+STARTED = Check(
+    "start_parallax", "displacement of the corners that no rotation explains", "requirement", "First map?",
+    unit="% of the width",
+    passes="First map is tried: the corners moved by {value:.1f} % of the width ({threshold} % needed).",
+    fails="Waiting for a first map: the corners moved by {value:.1f} % of the width ({threshold} % needed).",
+)  # fmt: skip
+EXPLAINED = Check(
+    "start_explained", "share of the corners that the first map explains", "requirement", "First map?", topic="map",
+    passes="First map: it explains {value:.0%} of the corners ({threshold:.0%} needed).",
+    fails="No first map: it would explain {value:.0%} of the corners ({threshold:.0%} needed).",
+)  # fmt: skip
+NEW_POINTS = Check(
+    "seeds_converged", "seeds that became points of the map", "finding",
+    passes="{value} corners became points of the map.", fails="No corner became a point of the map.",
+)  # fmt: skip
+CHECKS = by_key(STARTED, EXPLAINED, INLIERS, ALIGNED, REMAINING, MOVED, NEW_POINTS)
+STAGES = {
+    "first map": "Follows corners until two images and those between them give a map.",
+    **{name: text for name, text in hybrid.STAGES.items() if name != "map"},
+    "seeds": "Follows corners without a depth; those with enough parallax become points of the map.",
+    "map": "Makes a keyframe, and adjusts the last keyframes together with their points.",
+}
+
+
+@dataclass(frozen=True)
+class HybridMonocularConfig:
+    """Settings of the hybrid method with one camera."""
+
+    max_points: Annotated[int, Range(50, 3000)] = 400
+    """Corners that are followed at a time, with and without a depth."""
+    min_inliers: Annotated[int, Range(8, 500)] = 20
+    """With fewer corners that agree with one pose a frame is not located."""
+    max_error_px: Annotated[float, Range(0.3, 20)] = 2.0
+    """Largest reprojection error of an inlier [px]."""
+    start_moved: Annotated[float, Range(0.2, 30)] = 4.0
+    """Median displacement of the corners, without what a rotation explains, for a first map [% of the width]."""
+    min_parallax_deg: Annotated[float, Range(0.1, 20)] = 1.5
+    """Angle between two rays from which a corner becomes a point of the map [degrees]."""
+    keyframe_left: Annotated[float, Range(0.1, 1)] = 0.8
+    """With a smaller share of the last keyframe's points the frame becomes a keyframe."""
+    keyframe_moved: Annotated[float, Range(0.1, 50)] = 4.0
+    """With a larger median displacement of the corners the frame becomes a keyframe [% of the image's width]."""
+    max_lost_frames: Annotated[int, Range(0, 100)] = 5
+    """Frames that may fail before a new segment starts from the last pose."""
+
+    def build(self, rig: Rig) -> HybridMonocular:
+        return HybridMonocular(rig, self)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """N corners that are followed until there is a map."""
+
+    first: Image
+    grey: Image
+    """The last image."""
+    ids: NDArray[np.int64]
+    first_uv: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    next_id: int
+    base: Pose = field(default_factory=Pose)
+    """world_from_camera of the first image."""
+    restarted: bool = False
+    between: tuple[NDArray[np.float32], ...] = ()
+    """(N, 2) each, in images between, oldest first."""
+    skipped: int = 0
+    """Images since the newest of them, of every `stride` of which one is kept."""
+    stride: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """M corners without a depth."""
+
+    ids: NDArray[np.int64]
+    key: NDArray[np.int64]
+    """(M,) number of the keyframe that saw them first."""
+    key_uv: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    """(M, 2) in the last frame."""
+
+    def __getitem__(self, some: NDArray[np.bool_]) -> Seeds:
+        return Seeds(self.ids[some], self.key[some], self.key_uv[some], self.uv[some])
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """The map with its seeds, or the start of one."""
+
+    start: Start | None = None
+    map: hybrid.Memory | None = None
+    seen: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 2), np.float32))
+    """(N, K, 2) where the N points of the map were seen by its K keyframes [px]; NaN where they were not."""
+    seeds: Seeds | None = None
+
+
+class HybridMonocular(OneKind[Memory]):
+    """Gives each frame a pose in the unit of the first map. World: the camera at the first frame of that."""
+
+    kind, frame = "video", "video"
+
+    def __init__(self, rig: Rig, config: HybridMonocularConfig) -> None:
+        self.config, self.camera = config, rig.camera("video")
+
+    def begin(self) -> Memory:
+        """See OneKind."""
+        return Memory()
+
+    def process(self, memory: Memory, frame: Frame, watch: Stopwatch) -> tuple[Memory, Result]:
+        """See OneKind: one frame."""
+        grey = as_grey(frame.image)
+        if memory.map is None or memory.seeds is None:
+            return self._started(memory.start, frame, grey, watch)
+        config, old, camera = self.config, memory.map, self.camera
+        motion, aligned = hybrid.sparse_alignment(old, camera, grey, frame.time_ns)
+        watch.lap("sparse alignment")
+        uv, found = hybrid.feature_alignment(old, camera, grey, motion)
+        watch.lap("feature alignment")
+        fit = hybrid.refined(old.points, camera, uv, found, motion, config.max_error_px)
+        inliers = np.zeros(len(uv), bool)
+        if fit is not None:
+            inliers[np.flatnonzero(found)[fit.inliers]] = True
+        located = INLIERS.of(inliers.sum(), config.min_inliers)
+        watch.lap("pose")
+        if fit is None or not located.passed:
+            if old.lost < config.max_lost_frames:
+                return replace(memory, map=replace(old, lost=old.lost + 1)), Result(decisions=(aligned, located))
+            start = self._new_start(grey, old.next_id, old.world_from_camera, restarted=True)
+            return Memory(start), Result(decisions=(aligned, located))
+
+        pose = fit.camera_from_world.inverse()
+        pose = Pose.from_xyzw(pose.xyzw, pose.translation)
+        points = replace(old.points, uv=np.where(inliers[:, None], uv, old.points.uv).astype(np.float32))
+        seconds = (frame.time_ns - old.time_ns) * 1e-9
+        now = replace(
+            old, points=points[inliers], grey=grey, time_ns=frame.time_ns, world_from_camera=pose, lost=0,
+            velocity=(old.world_from_camera.inverse() @ pose).log() / seconds,
+        )  # fmt: skip
+        after = Memory(None, now, memory.seen[inliers], memory.seeds)
+        after, converged = self._with_seeds(after, old.grey)
+        watch.lap("seeds")
+        shift = np.linalg.norm(points.uv - points.last_key_uv, axis=1)[inliers]
+        triggers = (
+            REMAINING.of(inliers.sum() / max(old.full, 1), config.keyframe_left),
+            MOVED.of(100 * np.median(shift) / grey.shape[1], config.keyframe_moved),
+        )
+        key_frame = any(trigger.passed for trigger in triggers)
+        if key_frame:
+            after = self._keyframe(after)
+        assert after.map is not None
+        errors_px = np.full(len(uv), np.nan)
+        errors_px[found] = camera.fx * fit.distances
+        tracks = hybrid.tracks_of(old.points, points, inliers, found, errors_px, after.map.points)
+        watch.lap("map")
+        return after, Result(
+            after.map.world_from_camera, (aligned, located, *triggers, NEW_POINTS.of(converged, 1)), {"video": tracks},
+            _landmarks(after.map.points, frame), errors_px[inliers], key_frame=key_frame,
+        )  # fmt: skip
+
+    # Step 1: the first map
+
+    def _new_start(self, grey: Image, next_id: int, base: Pose, restarted: bool) -> Start:
+        uv = detect_spread(grey, self.config.max_points, np.zeros((0, 2), np.float32), MIN_DISTANCE_PX)
+        return Start(grey, grey, next_id + np.arange(len(uv)), uv, uv, next_id + len(uv), base, restarted)
+
+    def _started(self, start: Start | None, frame: Frame, grey: Image, watch: Stopwatch) -> tuple[Memory, Result]:
+        """Follows the corners of the start, and tries to make a map."""
+        if start is None or len(start.ids) < 2 * self.config.min_inliers:
+            base, restarted = (Pose(), False) if start is None else (start.base, start.restarted)
+            start = self._new_start(grey, 0 if start is None else start.next_id, base, restarted)
+            watch.lap("first map")
+            tracks = tracks_between(start.ids, start.uv)
+            return Memory(start), Result(decisions=(STARTED.of(0, self.config.start_moved),), tracks={"video": tracks})
+        uv, status = FOLLOW.track(start.grey, grey, start.uv)
+        alive = status == TrackStatus.ALIVE
+        before, between = start.uv[alive], [b[alive] for b in start.between]
+        start = replace(start, grey=grey, ids=start.ids[alive], first_uv=start.first_uv[alive], uv=uv[alive])
+        x1, x2 = (self.camera.normalise(p.astype(float)) for p in (start.first_uv, start.uv))
+        moved = 0.0
+        if len(x1) >= self.config.min_inliers:
+            rotation = dominant_rotation(x1, x2, 3 * LOSS_PX / self.camera.fx)
+            moved = 100 * median_displacement(rotation, x1, x2) * self.camera.fx / grey.shape[1]
+        enough = STARTED.of(moved, self.config.start_moved)
+        decisions: tuple[Decision, ...] = (enough,)
+        tracks = {"video": tracks_between(start.ids, start.uv, before)}
+        if enough.passed:
+            made, explained = self._first_map(start, between, x1, x2, frame.time_ns)
+            decisions = (enough, explained)
+            if made is not None and made.map is not None:
+                watch.lap("first map")
+                return made, Result(
+                    made.map.world_from_camera, decisions, tracks, _landmarks(made.map.points, frame),
+                    key_frame=True, restarted=start.restarted,
+                )  # fmt: skip
+        if start.skipped + 1 >= start.stride:
+            between, start = [*between, start.uv], replace(start, skipped=0)
+        else:
+            start = replace(start, skipped=start.skipped + 1)
+        if len(between) > 2 * BETWEEN:
+            between, start = between[1::2], replace(start, stride=2 * start.stride)
+        watch.lap("first map")
+        return Memory(replace(start, between=tuple(between))), Result(decisions=decisions, tracks=tracks)
+
+    def _first_map(
+        self, start: Start, between: list[NDArray[np.float32]], x1: Array, x2: Array, time_ns: int
+    ) -> tuple[Memory | None, Decision]:
+        """Returns the map of the best relative pose of two images, adjusted together with some between them."""
+        some = between[:: max(1, -(-len(between) // BETWEEN))]
+        x = [x1, x2, *(self.camera.normalise(uv.astype(float)) for uv in some)]
+        limit = NEW_POINT_PX / self.camera.fx
+        trials = [self._trial(x, pose, limit) for pose in hypotheses(x1, x2, limit).second_from_first]
+        good = [trial for trial in trials if trial is not None]
+        if not good:
+            return None, EXPLAINED.of(0.0, LEAST_SHARE)
+        poses, xyz, keep = max(good, key=lambda trial: int(trial[2].sum()))
+        explained = EXPLAINED.of(keep.mean(), LEAST_SHARE)
+        if not explained.passed or keep.sum() < self.config.min_inliers:
+            return None, replace(explained, passed=False)
+        unit = 1 / float(np.median(xyz[keep, 2]))
+        now = start.base @ poses[1].scaled(unit).inverse()
+        keyframes = Keyframe(0, start.first, start.base), Keyframe(1, start.grey, now)
+        count = int(keep.sum())
+        points = Points(
+            start.ids[keep], start.base.apply(unit * xyz[keep]), np.zeros(count), np.zeros(count, np.int64),
+            start.first_uv[keep], start.uv[keep], start.uv[keep],
+        )  # fmt: skip
+        seen = np.stack([start.first_uv[keep], start.uv[keep]], axis=1)
+        made = hybrid.Memory(keyframes, points, start.grey, time_ns, now, start.next_id, full=count)
+        empty = Seeds(points.ids[:0], points.key[:0], points.key_uv[:0], points.uv[:0])
+        return self._with_new_seeds(Memory(None, made, seen, empty)), explained
+
+    def _trial(self, x: list[Array], second_from_first: Pose, limit: float) -> tuple | None:
+        """Returns poses camera_from_first, points (N, 3), and which (N,) all images explain; None without a map."""
+        xyz = triangulate(second_from_first, x[0], x[1])
+        ahead = (xyz[:, 2] > 0) & (second_from_first.apply(xyz)[:, 2] > 0) & np.isfinite(xyz).all(axis=1)
+        if ahead.sum() < self.config.min_inliers:
+            return None
+        poses = [Pose(), second_from_first]
+        for i, seen in enumerate(x[2:]):
+            share = (i + 1) / (len(x) - 1)
+            guess = Pose.exp(share * second_from_first.log())
+            fit = fit_pose(xyz[ahead], seen[ahead], guess, limit / 2, 4 * limit)
+            if fit is None:
+                return None
+            poses.append(fit.camera_from_world)
+        index, cameras = np.flatnonzero(ahead), np.arange(len(x))
+        bundle = adjust(
+            tuple(poses), xyz[ahead], np.tile(cameras, len(index)), np.repeat(np.arange(len(index)), len(x)),
+            np.stack([seen[ahead] for seen in x], axis=1).reshape(-1, 2), 1, limit / 2, 20,
+        )  # fmt: skip
+        fits = (bundle.residuals.reshape(-1, len(x)) <= 2 * limit).all(axis=1)
+        keep = np.zeros(len(xyz), bool)
+        keep[index[fits]] = True
+        xyz = np.where(keep[:, None], 0.0, xyz)
+        xyz[index] = bundle.xyz_in_world
+        first = bundle.cameras_from_world[0]
+        return [p @ first.inverse() for p in bundle.cameras_from_world], first.apply(xyz), keep
+
+    # Step 2: seeds
+
+    def _with_seeds(self, memory: Memory, before: Image) -> tuple[Memory, int]:
+        """Follows the seeds into the present image; those with enough parallax become points. Also their number."""
+        seeds, now, camera = memory.seeds, memory.map, self.camera
+        assert seeds is not None and now is not None
+        uv, status = FOLLOW.track(before, now.grey, seeds.uv)
+        seeds = replace(seeds, uv=uv)[status == TrackStatus.ALIVE]
+        xyz, sure = np.zeros((len(seeds.ids), 3)), np.zeros(len(seeds.ids), bool)
+        x_key, x_now = (camera.normalise(p.astype(float)) for p in (seeds.key_uv, seeds.uv))
+        for keyframe in now.keyframes:
+            some = np.flatnonzero(seeds.key == keyframe.number)
+            now_from_key = now.world_from_camera.inverse() @ keyframe.world_from_camera
+            if not len(some) or np.linalg.norm(now_from_key.translation) < 1e-9:
+                continue
+            found = triangulate(now_from_key, x_key[some], x_now[some])
+            sure[some] = self._sure(now_from_key, found, x_key[some], x_now[some])
+            xyz[some] = keyframe.world_from_camera.apply(found)
+        if not sure.any():
+            return replace(memory, seeds=seeds), 0
+        new = seeds[sure]
+        made = Points(new.ids, xyz[sure], np.zeros(len(new.ids)), new.key, new.key_uv, new.uv, new.uv)
+        seen = np.full((len(new.ids), len(now.keyframes), 2), np.nan, np.float32)
+        for k, keyframe in enumerate(now.keyframes):
+            seen[new.key == keyframe.number, k] = new.key_uv[new.key == keyframe.number]
+        grown = replace(now, points=now.points.joined(made))
+        return Memory(None, grown, np.concatenate([memory.seen, seen]), seeds[~sure]), int(sure.sum())
+
+    def _sure(self, now_from_key: Pose, xyz: Array, x_key: Array, x_now: Array) -> NDArray[np.bool_]:
+        """Returns which points (N, 3) in the keyframe lie before both cameras, fit, and have enough parallax."""
+        there = now_from_key.apply(xyz)
+        ahead = np.isfinite(xyz).all(axis=1) & (xyz[:, 2] > 0) & (there[:, 2] > 0)
+        safe = np.where(ahead[:, None], xyz, (0.0, 0.0, 1.0))
+        there = np.where(ahead[:, None], there, (0.0, 0.0, 1.0))
+        errors = [np.linalg.norm(p[:, :2] / p[:, 2:] - x, axis=1) for p, x in ((safe, x_key), (there, x_now))]
+        fits = np.maximum(*errors) <= NEW_POINT_PX / self.camera.fx
+        return ahead & fits & (parallax_rad(now_from_key, safe) >= np.radians(self.config.min_parallax_deg))
+
+    def _with_new_seeds(self, memory: Memory) -> Memory:
+        """Adds corners of the last keyframe where there are none."""
+        now, seeds = memory.map, memory.seeds
+        assert seeds is not None and now is not None
+        uv = detect_spread(now.grey, self.config.max_points, np.concatenate([now.points.uv, seeds.uv]), MIN_DISTANCE_PX)
+        ids, number = now.next_id + np.arange(len(uv)), now.keyframes[-1].number
+        more = Seeds(
+            np.concatenate([seeds.ids, ids]), np.concatenate([seeds.key, np.full(len(uv), number)]),
+            np.concatenate([seeds.key_uv, uv]), np.concatenate([seeds.uv, uv]),
+        )  # fmt: skip
+        return replace(memory, map=replace(now, next_id=now.next_id + len(uv)), seeds=more)
+
+    # Step 3: keyframes
+
+    def _keyframe(self, memory: Memory) -> Memory:
+        """Makes the last frame a keyframe, and adjusts the last ones with their points."""
+        now, seeds = memory.map, memory.seeds
+        assert seeds is not None and now is not None
+        number = now.keyframes[-1].number + 1
+        keyframes = (*now.keyframes, Keyframe(number, now.grey, now.world_from_camera))[-MAX_KEYFRAMES:]
+        seen = np.concatenate([memory.seen, now.points.uv[:, None]], axis=1)[:, -len(keyframes) :]
+        points, oldest = replace(now.points, last_key_uv=now.points.uv), keyframes[0].number
+        stale = points.key < oldest
+        points = replace(
+            points, key=np.where(stale, number, points.key),
+            key_uv=np.where(stale[:, None], points.uv, points.key_uv),
+        )  # fmt: skip
+        poses, xyz, keep = adjusted(keyframes, points.xyz, seen, self.camera, self.config.max_error_px)
+        keyframes = tuple(replace(k, world_from_camera=p) for k, p in zip(keyframes, poses, strict=True))
+        points = replace(points, xyz=xyz)[keep]
+        now = replace(now, keyframes=keyframes, points=points, world_from_camera=poses[-1], full=len(points))
+        return self._with_new_seeds(Memory(None, now, seen[keep], seeds[seeds.key >= oldest]))
+
+
+def adjusted(
+    keyframes: tuple[Keyframe, ...], xyz: Array, seen: NDArray[np.float32], camera: Camera, max_error_px: float
+) -> tuple[list[Pose], Array, NDArray[np.bool_]]:
+    """Returns world_from_camera of K keyframes and points (N, 3), adjusted to where they were seen (N, K, 2) [px].
+
+    The two oldest keyframes are fixed: they hold the unit. Also which points (N,) fit in the last keyframe.
+    """
+    point, key = np.nonzero(np.isfinite(seen[..., 0]))
+    x = camera.normalise(seen[point, key].astype(float))
+    bundle = adjust(tuple(k.world_from_camera.inverse() for k in keyframes), xyz, key, point, x, 2, LOSS_PX / camera.fx)
+    poses = [p.inverse() for p in bundle.cameras_from_world]
+    poses = [Pose.from_xyzw(p.xyzw, p.translation) for p in poses]
+    keep = np.ones(len(xyz), bool)
+    keep[point[(key == len(keyframes) - 1) & (bundle.residuals > max_error_px / camera.fx)]] = False
+    return poses, bundle.xyz_in_world, keep & np.isfinite(bundle.xyz_in_world).all(axis=1)
+
+
+def _landmarks(points: Points, frame: Frame) -> Landmarks:
+    return Landmarks(points.ids, points.xyz, colours_at(frame.image, points.uv))
+
+
+METHOD = Method(
+    "hybrid.monocular", VIDEO, HybridMonocularConfig, "own", "Forster, Pizzoli and Scaramuzza 2014 (SVO)",
+    checks=CHECKS, stages=STAGES, survey="Table 3, one camera: hybrid",
+)  # fmt: skip

@@ -1,0 +1,89 @@
+"""What a release needs agrees with itself: version, citation, workflows, containers."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib.metadata import metadata, version
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tyro
+import yaml
+from ispom_app.views.web.options import App
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+FILES = [*sorted((ROOT / ".github").rglob("*.yml")), *(ROOT / n for n in (".pre-commit-config.yaml", "compose.yaml"))]
+
+
+def content(name: str) -> Any:
+    return yaml.safe_load((ROOT / name).read_text())
+
+
+@pytest.mark.parametrize("path", [*FILES, ROOT / "CITATION.cff"], ids=lambda p: p.name)
+def test_it_is_yaml(path: Path) -> None:
+    assert isinstance(yaml.safe_load(path.read_text()), dict)
+
+
+def test_the_version_is_in_one_place() -> None:
+    """And where a file cannot read it from there, it is the same."""
+    own = PROJECT["project"]["version"]
+    assert version("ispom") == own == content("CITATION.cff")["version"]
+    assert f"## {own}" in (ROOT / "CHANGELOG.md").read_text() or f"## [{own}]" in (ROOT / "CHANGELOG.md").read_text()
+    others = [
+        p for p in (*(ROOT / "ispom").rglob("*.py"), *(ROOT / "app").rglob("*.py")) if f'"{own}"' in p.read_text()
+    ]
+    assert not others
+
+
+def test_the_paper_is_a_reference() -> None:
+    (paper,) = content("CITATION.cff")["references"]
+    assert paper["doi"] == "10.1007/s11432-012-4649-9" and paper["year"] == 2013
+    assert paper["doi"] in (ROOT / "README.md").read_text()
+
+
+def test_the_workflow_tests_what_the_package_says() -> None:
+    tested = content(".github/workflows/ci.yml")["jobs"]["tests"]["strategy"]["matrix"]["python"]
+    prefix = "Programming Language :: Python :: 3."
+    named = [f"3.{c.removeprefix(prefix)}" for c in PROJECT["project"]["classifiers"] if c.startswith(prefix)]
+    assert tested == named and PROJECT["project"]["requires-python"] == f">={tested[0]}"
+
+
+def test_only_the_job_that_publishes_gets_a_token() -> None:
+    release = content(".github/workflows/release.yml")
+    assert release["permissions"] == {"contents": "read"}
+    wanting = {name for name, job in release["jobs"].items() if job.get("permissions", {}).get("id-token") == "write"}
+    assert wanting == {"publish"} and release["jobs"]["publish"]["environment"] == "pypi"
+    assert "password" not in (ROOT / ".github/workflows/release.yml").read_text().replace("no password", "")
+
+
+def test_what_containers_start_is_understood() -> None:
+    words = re.search(r"^CMD (\[.*\])$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert words is not None
+    composed = content("compose.yaml")["services"]["ispom"]["command"]
+    host = "--allow-host=${ISPOM_HOST:?set ISPOM_HOST to the name under which the server is reached}"
+    assert host in composed
+    for command in (yaml.safe_load(words[1]), [word.replace(host, "--allow-host=a.example") for word in composed]):
+        options = tyro.cli(App, args=command[1:])
+        assert (
+            command[0] == "app" and options.host == "0.0.0.0" and not options.browser and options.root == Path("/data")
+        )
+
+
+def test_extras_of_the_dockerfile_are_there() -> None:
+    named = re.search(r"/src\[([a-z,]+)\]", (ROOT / "Dockerfile").read_text())
+    assert named is not None and set(named[1].split(",")) <= set(PROJECT["project"]["optional-dependencies"])
+
+
+def test_the_extra_of_all_has_all() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    (everything,) = extras["all"]
+    named = re.fullmatch(r"ispom\[([a-z,]+)\]", everything)
+    assert named is not None and set(named[1].split(",")) == extras.keys() - {"all", "test", "check", "docs"}
+
+
+def test_the_wheel_says_what_it_is() -> None:
+    found = metadata("ispom")
+    assert found["Summary"] and found["License-Expression"] == "MIT"
