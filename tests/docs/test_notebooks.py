@@ -12,6 +12,7 @@ ALIKE = {"compare_two_settings"}
 """What it calls, another one calls as well: it is executed with the slow tests."""
 
 
+@pytest.mark.timeout(900)  # a first run compiles the methods
 @pytest.mark.parametrize(
     "path",
     [pytest.param(path, marks=[pytest.mark.slow] if path.stem in ALIKE else []) for path in NOTEBOOKS],
@@ -24,7 +25,7 @@ def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("MPLBACKEND", "agg")
     notebook = nbformat.read(path, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells), "clear the outputs before you commit"
-    nbclient.NotebookClient(notebook, timeout=250, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    nbclient.NotebookClient(notebook, timeout=800, resources={"metadata": {"path": str(tmp_path)}}).execute()
 
 
 def test_there_are_some() -> None:

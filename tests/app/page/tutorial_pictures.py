@@ -31,10 +31,12 @@ def take(name: str) -> None:
                 browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
                 page = Page(browser, app.url)
                 page.tab.set_viewport_size({"width": 1400, "height": 800})
-                if frame is not None:
+                if frame is None:
+                    page.until("state.computed > 60", "the question", 600_000)
+                else:
                     page.until(f"state.computed > {frame}", "the frame", 600_000)
                     seek(page, frame)
-                page.tab.get_by_text("Starting the Rerun viewer").wait_for(state="hidden", timeout=300_000)
+                page.until("window.ispom.viewer.stage.shown?.index === state.index", "Rerun at that frame", 300_000)
                 page.tab.wait_for_timeout(SETTLED_MS)  # the 3-D view frames the path
                 page.tab.screenshot(path=str(FOLDER / f"{name}.png"))
                 browser.close()
