@@ -40,13 +40,8 @@ APP_LAYERS = (
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
 TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}
-<<<<<<< HEAD
 TOP |= {"docs", ".github", ".pre-commit-config.yaml", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "Dockerfile"}
 TOP |= {".dockerignore", "compose.yaml"}
-=======
-TOP |= {"docs", ".github", ".pre-commit-config.yaml", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md"}
-TOP |= {"Dockerfile", "compose.yaml", ".dockerignore"}
->>>>>>> release
 """What the repository holds at its top, and nothing else."""
 
 PUBLIC = ROOT / "ispom" / "__init__.py"
