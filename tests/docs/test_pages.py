@@ -141,3 +141,34 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert built.returncode == 0, built.stderr
     for page in ("index.html", "methods/monocular.html", "reference/python_api.html", "howto/run.html"):
         assert (tmp_path / "site" / page).is_file()
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    if page.name == "laboratory_notes.md":  # of their time
+        return
+    text = page.read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:ispom|app|tests|examples|docs)/[\w./-]*)`", text):
+        assert "NAME" in name or name.startswith("docs/_build") or (ROOT / name).exists(), f"{page.name}: {name}"
+    for name in re.findall(r"python -m (tests[\w.]*)", text):
+        path = ROOT.joinpath(*name.split("."))
+        assert path.is_dir() or path.with_suffix(".py").is_file(), f"{page.name}: python -m {name}"
+
+
+def test_every_fault_motion_and_place_is_listed() -> None:
+    from ispom.simulation.motions import MOTIONS
+    from ispom.simulation.scenario.scenario import FAULTS
+    from ispom.simulation.source import PLACES
+
+    text = (DOCS / "reference" / "scenarios.md").read_text(encoding="utf-8")
+    for name in (*FAULTS, *MOTIONS, *PLACES):
+        assert name in text, f"docs/reference/scenarios.md does not list {name}"
+
+
+def test_every_file_of_a_run_is_listed() -> None:
+    from ispom_app.engine.run_folder import run_folder as names
+
+    text = (DOCS / "reference" / "run_folder.md").read_text(encoding="utf-8")
+    files = (names.RUN, names.RIG, names.TRUTH, names.METRICS, names.CORRECTED_RIG, names.NOTES, names.LANDMARKS)
+    for name in (*files, names.STEPS, names.DECISIONS, names.RECORDING, names.EVENTS, names.THUMBNAIL, names.MARKER):
+        assert f"`{name}`" in text, f"docs/reference/run_folder.md does not list {name}"

@@ -176,9 +176,7 @@ class Fused:
         state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
-        current = dict(state.seen)
-        nodes = tuple(replace(n, camera=current.get(n.time_ns, n.camera)) for n in state.nodes)
-        nodes = (nodes[0], *(replace(b, visual=_motion(a, b)) for a, b in pairwise(nodes)))
+        nodes = _revised(state.nodes, dict(state.seen))
         frames = self._camera_from_rig, self._graph.rig_from_body
         start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
@@ -205,7 +203,7 @@ class Fused:
             decisions.append(SLIP.of(apart, 0.01 * self._config.slip_percent))
         watch.lap("measure")
         assert state.prior is not None
-        nodes, misfits = self._graph.optimised((*state.nodes, node), state.prior)
+        nodes, misfits = self._graph.optimised(_revised((*state.nodes, node), dict(state.seen)), state.prior)
         watch.lap("optimise")
         state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
         return self._reported(state, tuple(decisions), misfits, watch)
@@ -262,25 +260,16 @@ class Fused:
         nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
         if state.first is not None:
             older = [n for n in nodes if n.number < state.first.at.number]
-            together = [self._finally(n, final) for n in nodes if n.number >= state.first.at.number]
-            together = [together[0], *(self._with_motion(a, b, final) for a, b in pairwise(together))]
-            nodes = [*older, *self._graph.optimised(tuple(together), state.first)[0]]
+            together = _revised(tuple(n for n in nodes if n.number >= state.first.at.number), final)
+            nodes = [*older, *self._graph.optimised(together, state.first)[0]]
         by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
             if (node := by_number.get(number)) is not None:
-                if time_ns in final and node.time_ns in final:
-                    relative = final[node.time_ns].inverse() @ final[time_ns]
-                moved = self._collector.in_rig(relative, node.log_scale)
+                both = time_ns in final and node.time_ns in final
+                seen = final[node.time_ns].inverse() @ final[time_ns] if both else relative
+                moved = self._collector.in_rig(seen, node.log_scale)
                 found.append((time_ns, WORLD_FROM_LOCAL @ node.local_from_rig @ moved))
         return Trajectory.of(found)
-
-    def _finally(self, node: Node, final: Mapping[int, Pose]) -> Node:
-        return replace(node, camera=final.get(node.time_ns, node.camera))
-
-    def _with_motion(self, before: Node, now: Node, final: Mapping[int, Pose]) -> Node:
-        """Returns the node with the final motion of the images."""
-        both = before.time_ns in final and now.time_ns in final and now.visual is not None
-        return replace(now, visual=_motion(before, now)) if both else now
 
     def _with_other_sensors(self, state: FusedState) -> FusedState:
         """Goes on from the last pose after a change of the scheme."""
@@ -294,11 +283,14 @@ class Fused:
         return replace(bare, number=state.number)
 
 
-def _motion(before: Node, now: Node) -> Pose | None:
-    """Returns the motion of the images between two nodes."""
-    if before.camera is None or now.camera is None:
-        return None
-    return before.camera.inverse() @ now.camera
+def _revised(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:
+    """Returns nodes with the motions of the images by revised poses of their camera, by time."""
+    found = [replace(node, camera=cameras.get(node.time_ns, node.camera)) for node in nodes]
+    for i, (before, now) in enumerate(pairwise(found), 1):
+        both = before.time_ns in cameras and now.time_ns in cameras and now.visual is not None
+        if both and before.camera is not None and now.camera is not None:
+            found[i] = replace(now, visual=before.camera.inverse() @ now.camera)
+    return tuple(found)
 
 
 METHOD = Method(
