@@ -62,6 +62,8 @@ FIXED_KEYFRAMES = 2
 """They fix position, rotation and unit of a bundle adjustment."""
 ITERATIONS = 10
 """Of a bundle adjustment, at most."""
+THIN = 4
+"""With fewer inliers than so many times the least number each frame is a keyframe, as the map needs points."""
 LOSS_FACTOR = 3.0
 """Width of the loss over the standard deviation of a feature's position: 0.5 px at 1.5 px."""
 MIN_DISTANCE_PX = 4.0
@@ -101,9 +103,9 @@ PARALLAX = Check(
     fails="The points moved by {value:.2f} degrees since the last keyframe ({threshold} make one).",
 )  # fmt: skip
 FEW = Check(
-    "points_left", "inliers, relative to the points of the last keyframe", "trigger", "New keyframe?", "<",
-    passes="New keyframe: inliers are {value:.0%} of the last one's points (limit {threshold:.0%}).",
-    fails="Inliers are {value:.0%} of the last keyframe's points (limit {threshold:.0%}).",
+    "points_left", "inliers of the resection, for a keyframe", "trigger", "New keyframe?", "<",
+    passes="New keyframe: only {value} points fit the pose (limit {threshold:.0f}).",
+    fails="{value} points fit the pose: the keyframe stays (limit {threshold:.0f}).",
 )  # fmt: skip
 CHECKS = by_key(EPIPOLAR, THREE_VIEWS, INLIERS, PARALLAX, FEW, BUNDLE_COST)
 STAGES = {
@@ -288,7 +290,9 @@ class Points(OneKind[Memory]):
         here = replace(here, world_from_camera=Pose.from_xyzw(pose.xyzw, pose.translation))
         last = memory.keyframes[-1]
         moved = PARALLAX.of(parallax_deg(last, here, self._width), config.min_parallax_deg)
-        few = FEW.of(fit.inliers.sum() / max(memory.points.count(last.ids), 1), config.min_share)
+        few = FEW.of(
+            fit.inliers.sum(), max(config.min_share * memory.points.count(last.ids), THIN * config.min_inliers)
+        )  # fmt: skip
         return Found(
             memory.keyframes, memory.points, (located, moved, few), here.pose, moved.passed or few.passed,
             here.ids[known], fit.distances,
