@@ -10,13 +10,14 @@ from ispom import methods
 from ispom.ensemble import Ensemble, build
 from ispom.methods import Config, method
 from ispom.types import Measurement, Rig, Step, Trajectory
+from tests.line_scene import line_sequence
 from tests.tag_scene import tag_sequence
 
 METHODS = ("monocular", "stereo", "integrated")
 PAPER = tuple(f"{name}.paper" for name in METHODS)
 SURVEY = tuple(m.name for m in methods.SURVEY if not m.asks)
 ALL = (*METHODS, *PAPER, *SURVEY)
-OWN_SEQUENCES = {"tags": tag_sequence}
+OWN_SEQUENCES = {"tags": tag_sequence, "lines.monocular": line_sequence}
 """What methods that need something special in the scene are tested on."""
 OF_CAMERAS = tuple(name for name in SURVEY if method(name).sensors == {"cameras"})
 """Those that step on frames of several cameras with names of their own; a video camera and a pair have none."""

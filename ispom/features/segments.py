@@ -92,14 +92,15 @@ def samples_of(uv: Array) -> Array:
 
 def match_segments(
     before: Image, now: Image, old: Array, new: NDArray[np.float32], predicted: Array | None = None
-) -> NDArray[np.int64]:
-    """Returns for each old segment (N, 2, 2) the index (N,) of its segment among the new ones (M, 2, 2), or -1.
+) -> tuple[NDArray[np.int64], Array]:
+    """Returns for each old segment (N, 2, 2) the index (N,) of its segment among the new ones (M, 2, 2), or -1, and
+    where its points were followed to (N, 2, 2), NaN for less than half of them: enough to look there once more.
 
     `predicted` (N, 2, 2): where both ends are expected; NaN where that is not known.
     """
     match = np.full(len(old), -1)
-    if not len(old) or not len(new):
-        return match
+    if not len(old):
+        return match, np.zeros((0, 2, 2))
     count = len(SAMPLES)
     start = samples_of(old).reshape(-1, 2).astype(np.float32)
     expected = None if predicted is None else samples_of(predicted).reshape(-1, 2)
@@ -116,8 +117,11 @@ def match_segments(
     within = apart[..., 0] * ahead[:, None, 0] + apart[..., 1] * ahead[:, None, 1]
     on = (np.abs(beside) < NEAR_PX) & (within > -MARGIN_PX) & (within < length[:, None] + MARGIN_PX) & alive[:, None]
     middle = np.where(alive[..., None], points, np.nan)
-    with np.errstate(invalid="ignore"):
-        chord = _chord(middle)
+    followed = _fitted(middle)
+    if not len(new):
+        return match, followed
+    chord = followed[:, 1] - followed[:, 0]
+    chord /= np.maximum(np.linalg.norm(chord, axis=1), 1e-9)[:, None]
     straight = np.einsum("ni,mi->nm", chord, ahead) > MIN_COSINE
     votes = on.sum(axis=2) * straight
     off = np.where(on, np.abs(beside), 0).sum(axis=2) / np.maximum(votes, 1)
@@ -125,17 +129,17 @@ def match_segments(
     best = score.argmax(axis=1)
     rows = np.arange(len(old))
     mutual = (score.argmax(axis=0)[best] == rows) & (score[rows, best] > 0)
-    return np.where(mutual, best, -1)
+    return np.where(mutual, best, -1), followed
 
 
-def _chord(points: Array) -> Array:
-    """Returns the unit directions (N, 2) of rows of points (N, S, 2) of which some are NaN: by least squares."""
+def _fitted(points: Array) -> Array:
+    """Returns the ends (N, 2, 2) of rows of points (N, S, 2) of which some are NaN, by least squares; NaN where half of
+    them are."""
     known = np.isfinite(points[..., 0])
-    t = np.where(known, SAMPLES, 0.0)
-    count = np.maximum(known.sum(axis=1), 1)
-    centred = np.where(known, t - (t.sum(axis=1) / count)[:, None], 0.0)
-    slope = (centred[..., None] * np.where(known[..., None], points, 0.0)).sum(axis=1)
-    return slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-9)[:, None]
+    base = np.stack([1 - SAMPLES, SAMPLES], axis=1)
+    normal = np.einsum("ns,si,sj->nij", known.astype(float), base, base) + 1e-9 * np.eye(2)
+    side = np.einsum("si,nsj->nij", base, np.where(known[..., None], points, 0.0))
+    return np.where((2 * known.sum(axis=1) > len(SAMPLES))[:, None, None], np.linalg.solve(normal, side), np.nan)
 
 
 def disparity_along(left: Image, right: Image, uv: NDArray[np.float32]) -> tuple[Array, Array]:

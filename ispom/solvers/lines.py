@@ -19,6 +19,9 @@ PAIRS = 400
 """Samples of two lines for each vanishing direction."""
 MIN_LINES, MIN_SHARE = 8, 0.06
 """Lines of a vanishing direction, and share of the total length of all lines."""
+MAX_TURN = np.tan(np.radians(2.5))
+"""Angle by which a segment may point beside its vanishing point; short ones point anywhere."""
+REFINEMENTS = 6
 DIRECTIONS = 4
 """Vanishing directions of one image at most."""
 SAMPLES, SAMPLE_SIZE, SAMPLE_ITERATIONS = 200, 4, 5
@@ -41,6 +44,12 @@ class Observed:
     def length(self) -> Array:
         """(N,)."""
         return np.linalg.norm(self.x[:, 1] - self.x[:, 0], axis=1)
+
+    @property
+    def middles(self) -> Array:
+        """(N, 3) unit rays of their middles."""
+        rays = _rays(self.x.mean(axis=1))
+        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
     @property
     def normals(self) -> Array:
@@ -80,6 +89,7 @@ def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[A
     """
     group, directions = np.full(len(seen), -1), list[Array]()
     rng, normals, length = np.random.default_rng(seed), seen.normals, seen.length
+    limits = np.minimum(limit, MAX_TURN * length / 2)
     total = length.sum()
     while len(directions) < DIRECTIONS:
         free = np.flatnonzero(group < 0)
@@ -92,13 +102,14 @@ def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[A
         candidates = candidates[size > 1e-3] / size[size > 1e-3, None]
         if not len(candidates):
             break
-        fits = offsets_from_direction(seen[free], candidates) < limit
+        fits = offsets_from_direction(seen[free], candidates) < limits[free, None]
         direction = candidates[int((fits * length[free, None]).sum(axis=0).argmax())]
-        for _ in range(3):
-            inliers = free[offsets_from_direction(seen[free], direction[None])[:, 0] < limit]
-            n = normals[inliers] * length[inliers, None]
+        for _ in range(REFINEMENTS):
+            offset = offsets_from_direction(seen[free], direction[None])[:, 0]
+            weight = 1 / (1 + (offset / (0.5 * limit)) ** 2) ** 2 * (offset < 2 * limits[free])
+            n = normals[free] * (length[free] * np.sqrt(weight))[:, None]
             direction = np.linalg.eigh(n.T @ n)[1][:, 0]
-        inliers = free[offsets_from_direction(seen[free], direction[None])[:, 0] < limit]
+        inliers = free[offsets_from_direction(seen[free], direction[None])[:, 0] < limits[free]]
         if len(inliers) < MIN_LINES or length[inliers].sum() < MIN_SHARE * total:
             break
         group[inliers] = len(directions)
@@ -106,7 +117,7 @@ def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[A
     axes = np.array(directions).reshape(-1, 3)
     if len(axes):
         offsets = offsets_from_direction(seen, axes)
-        group = np.where(offsets.min(axis=1) < limit, offsets.argmin(axis=1), -1)
+        group = np.where(offsets.min(axis=1) < limits, offsets.argmin(axis=1), -1)
     return axes, group
 
 
@@ -224,7 +235,7 @@ def refined_pose(
         residual, by = _steps(pose.rotation[None], pose.translation[None], lines[None], known.xyz[None])
         r, a = (residual[0] / known.sigma).ravel(), (by[0] / known.sigma[..., None]).reshape(-1, 6)
         if directions is not None and len(directions.seen):
-            more, by_turn = _direction_steps(pose.rotation, directions)
+            more, by_turn = direction_steps(pose.rotation, directions)
             r = np.concatenate([r, more / directions.sigma])
             a = np.concatenate([a, np.hstack([np.zeros_like(by_turn), by_turn]) / directions.sigma[:, None]])
         weight = 1 / (1 + (r / width) ** 2)
@@ -236,14 +247,12 @@ def refined_pose(
     return Pose.from_xyzw(pose.xyzw, pose.translation), normal
 
 
-def _direction_steps(rotation: Array, known: KnownDirections) -> tuple[Array, Array]:
+def direction_steps(rotation: Array, known: KnownDirections) -> tuple[Array, Array]:
     """Returns the signed offsets (N,) of segments from their vanishing points, and the derivatives (N, 3) by a left
     rotation vector."""
     v = known.direction @ rotation.T
-    middle = _rays(known.seen.x.mean(axis=1))
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     normals = known.seen.normals
-    along = np.linalg.norm(np.cross(middle, v), axis=1)
+    along = np.linalg.norm(np.cross(known.seen.middles, v), axis=1)
     # Half the length times the angle between the segment and the line to its vanishing point.
     scale = 0.5 * known.seen.length / np.maximum(along, 0.1)
     return scale * np.einsum("ni,ni->n", normals, v), scale[:, None] * np.cross(v, normals)
@@ -251,13 +260,24 @@ def _direction_steps(rotation: Array, known: KnownDirections) -> tuple[Array, Ar
 
 def depths_on_lines(x: Array, xyz: Array) -> Array:
     """Returns the depths (N, 2) where the rays of normalised points (2 N, 2) pass nearest to lines through points
-    (N, 2, 3) of the camera."""
+    (N, 2, 3) of the camera; NaN along the line."""
+    _, rd, dd, rp, dp, below = _products(x, xyz)
+    return (rp * dd - rd * dp) / below
+
+
+def nearest_on_lines(x: Array, xyz: Array) -> Array:
+    """Returns the points (N, 2, 3) of these lines that are nearest to the rays; NaN along the line."""
+    rr, rd, _, rp, dp, below = _products(x, xyz)
+    return xyz[:, :1] + ((rd * rp - rr * dp) / below)[..., None] * (xyz[:, 1:] - xyz[:, :1])
+
+
+def _products(x: Array, xyz: Array) -> tuple[Array, ...]:
+    """Returns what the normal equations of the distance between ray r and line p + s d consist of, each (N, 2)."""
     rays, start = _rays(x.reshape(-1, 2, 2)), xyz[:, :1]
     along = xyz[:, 1:] - start
     rr, rd, dd = (rays * rays).sum(2), (rays * along).sum(2), (along * along).sum(2)
-    rp, dp = (rays * start).sum(2), (along * start).sum(2)
     below = rr * dd - rd**2
-    return np.where(below > 1e-12, (rp * dd - rd * dp) / np.maximum(below, 1e-12), np.nan)
+    return rr, rd, dd, (rays * start).sum(2), (along * start).sum(2), np.where(below > 1e-12, below, np.nan)
 
 
 def squared(directions: Array, limit_rad: float) -> Array:

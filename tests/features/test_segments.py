@@ -64,7 +64,7 @@ def test_an_image_without_texture_has_no_segments(detector: Detector, level: int
 def test_segments_are_matched_over_a_shift() -> None:
     before, now = drawn(), drawn(shift=(7.0, -4.0))
     old, new = detect_segments(before, min_length_px=40), detect_segments(now, min_length_px=40)
-    match = match_segments(before, now, old.astype(float), new)
+    match, followed = match_segments(before, now, old.astype(float), new)
     sides = [
         int(np.argmin([distance(s, a, b).max() for s in old]))
         for a, b in zip(CORNERS, np.roll(CORNERS, -1, 0), strict=True)
@@ -72,8 +72,10 @@ def test_segments_are_matched_over_a_shift() -> None:
     assert (match[sides] >= 0).all()
     for n in sides:
         assert distance(new[match[n]] - (7.0, -4.0), *old[n].astype(float)).max() < 1.0
+        assert distance(followed[n] - (7.0, -4.0), *old[n].astype(float)).max() < 1.5
     assert len(set(match[match >= 0])) == (match >= 0).sum()
-    assert (match_segments(before, np.full_like(now, 90), old.astype(float), new) < 0).all()
+    nothing, lost = match_segments(before, np.full_like(now, 90), old.astype(float), new)
+    assert (nothing < 0).all() and lost.shape == old.shape
 
 
 def test_the_disparity_along_a_segment_is_that_of_both_ends() -> None:

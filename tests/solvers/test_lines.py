@@ -12,6 +12,7 @@ from ispom.solvers.lines import (
     Observed,
     depths_on_lines,
     end_offsets,
+    nearest_on_lines,
     offsets_from_direction,
     refined_pose,
     rotation_from_directions,
@@ -131,6 +132,11 @@ def test_depths_along_a_ray_are_those_of_the_line() -> None:
     depth = depths_on_lines(x.reshape(-1, 2), q)
     sideways = np.arange(len(xyz)) % 3 != 2  # those along the view have rays nearly along them
     np.testing.assert_allclose(depth[sideways], points[sideways][..., 2], rtol=1e-6)
+    beside = points + 0.01 * np.array([0.3, 1.0, 0.2])
+    nearest = nearest_on_lines((beside[..., :2] / beside[..., 2:]).reshape(-1, 2), q)[sideways]
+    along = (q[:, 1] - q[:, 0])[sideways, None]
+    assert np.linalg.norm(np.cross(nearest - q[sideways, :1], along), axis=2).max() < 1e-9
+    assert np.linalg.norm(nearest - points[sideways], axis=2).max() < 0.05
 
 
 def test_nearly_right_angles_become_right_and_others_stay() -> None:

@@ -22,7 +22,7 @@ the prediction is off by half of their distance. Round things have no lines. No 
 given: errors of neighbouring segments have common causes that no simple formula covers.
 
 Measured (`ispom run SOURCE --methods lines`): sim:indoor, 90 pairs of 27.7 m: ATE 3 mm, 0.01 % of the path, t_err
-0.05 %; with `--lines.detector hough` 11 mm and 0.17 %. KITTI 06, the first 51 pairs of 59.9 m: t_err 1.8 %, ATE 0.27 m.
+0.05 %; with `--lines.detector hough` 11 mm and 0.17 %. KITTI 06, the first 51 pairs of 59.9 m: t_err 1.9 %, ATE 0.27 m.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Lines(OneKind["Memory | None"]):
         seconds = (frame.time_ns - memory.time_ns) * 1e-9
         predicted, lines = memory.world_from_left @ Pose.exp(seconds * memory.velocity), memory.lines
         ends = camera.project(predicted.inverse().apply(lines.xyz.reshape(-1, 3))).reshape(-1, 2, 2)
-        match = match_segments(memory.left, left, lines.uv.astype(float), seen.uv, ends)
+        match, _ = match_segments(memory.left, left, lines.uv.astype(float), seen.uv, ends)
         index = np.flatnonzero(match >= 0)
         watch.lap("match")
 
@@ -227,9 +227,9 @@ class Lines(OneKind["Memory | None"]):
         good[of_kept] = False
         count = int(good.sum())
         xyz = self._xyz(pose, seen.uv[good], disparity[good])
-        ids, views = memory.next_id + np.arange(count), np.ones(count, np.int64)
-        lines = kept.and_more(SceneLines(ids, seen.uv[good], xyz, sigma[good], views, group[good]))
-        line_map = line_map.with_lines(lines[lines.views >= self.config.min_views])
+        lines = kept.and_more(SceneLines.new(memory.next_id, seen.uv[good], group[good], xyz, sigma[good]))
+        known = lines[lines.views >= self.config.min_views]
+        line_map = line_map.with_lines(known.ids, known.xyz, known.group)
         memory = replace(memory, lines=lines, next_id=memory.next_id + count, map=line_map)
         return memory, SEGMENTS.of(len(lines), self.config.min_inliers)
 
@@ -247,7 +247,7 @@ class Lines(OneKind["Memory | None"]):
         camera = self.rig.camera("left")
         strength = camera.fx * self.rig.baseline_m
         before = strength / depths_on_lines(camera.normalise(kept.uv.reshape(-1, 2)), pose.inverse().apply(kept.xyz))
-        usable = (before > MIN_DISPARITY_PX).all(axis=1)
+        usable = np.all(before > MIN_DISPARITY_PX, axis=1)
         value, error = np.where(usable[:, None], before, 1.0), AGEING * kept.sigma_px
         new, new_error = np.where(good[:, None], disparity, value), np.where(good[:, None], sigma, np.inf)
         replaced = good & ((np.abs(value - new) > CONTRADICTION * np.hypot(error, new_error)).any(axis=1) | ~usable)

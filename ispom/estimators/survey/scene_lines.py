@@ -22,6 +22,8 @@ NOISE_PX = 0.5
 """Standard deviation of the end of a segment across it [px]."""
 DIRECTION_PX = 1.0
 """Standard deviation of the offset of a segment's end from the line to its vanishing point; bricks are not exact."""
+INDEPENDENT = 64
+"""Segments of one image share errors (bricks that are not exact, wrong members): all together count as this number."""
 VANISHING_PX = 1.5
 """Largest offset of a segment's end from the line to the vanishing point."""
 SAME_DIRECTION_RAD = np.radians(12.0)
@@ -68,11 +70,24 @@ class SceneLines:
     """(N,) number of images that saw it."""
     group: NDArray[np.int64]
     """(N,) number of its direction in the world, or WITHOUT_DIRECTION."""
+    missed: NDArray[np.int64]
+    """(N,) number of images, up to the last one, in which its points were followed without a segment there."""
+
+    @staticmethod
+    def new(
+        first_id: int, uv: NDArray[np.float32], group: NDArray[np.int64], xyz: Array | None = None,
+        sigma_px: Array | None = None,
+    ) -> SceneLines:  # fmt: skip
+        """Returns segments (N, 2, 2) that are seen for the first time."""
+        count = len(uv)
+        xyz = np.full((count, 2, 3), np.nan) if xyz is None else xyz
+        sigma_px = np.full((count, 2), np.nan) if sigma_px is None else sigma_px
+        ones = np.ones(count, np.int64)
+        return SceneLines(first_id + np.arange(count), uv, xyz, sigma_px, ones, group, 0 * ones)
 
     @staticmethod
     def empty() -> SceneLines:
-        whole, ends = np.zeros(0, np.int64), np.zeros((0, 2))
-        return SceneLines(whole, np.zeros((0, 2, 2), np.float32), np.zeros((0, 2, 3)), ends, whole, whole)
+        return SceneLines.new(0, np.zeros((0, 2, 2), np.float32), np.zeros(0, np.int64))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -108,9 +123,9 @@ class LineMap:
         """Returns the segments whose direction in the world is known; `px` is the size of a pixel, normalised."""
         world = np.append(same, -1)[seen.points_to]
         some = world >= 0
-        return KnownDirections(
-            seen.normalised[some], self.directions[world[some]], np.full(int(some.sum()), DIRECTION_PX * px)
-        )
+        count = int(some.sum())
+        sigma = DIRECTION_PX * px * np.sqrt(max(count / INDEPENDENT, 1.0))
+        return KnownDirections(seen.normalised[some], self.directions[world[some]], np.full(count, sigma))
 
     def with_directions(self, seen: Seen, pose: Pose, manhattan: bool) -> tuple[LineMap, NDArray[np.int64]]:
         """Returns the map with the vanishing directions of an image at this pose, and the group (N,) of each segment.
@@ -135,20 +150,34 @@ class LineMap:
         group = np.where(world >= 0, world, WITHOUT_DIRECTION)
         return replace(self, directions=directions, counts=counts), group
 
-    def with_lines(self, lines: SceneLines) -> LineMap:
-        """Returns the map with the latest places of these lines; the oldest lines go where there are too many."""
-        stay = ~np.isin(self.ids, lines.ids)
-        ids = np.concatenate([self.ids[stay], lines.ids])
-        xyz = np.concatenate([self.lines.xyz_in_world[stay], lines.xyz])
-        group = np.concatenate([self.lines.group[stay], lines.group])
+    def with_lines(self, ids: NDArray[np.int64], xyz: Array, group: NDArray[np.int64]) -> LineMap:
+        """Returns the map with the latest places (N, 2, 3) of lines; the oldest go where there are too many."""
+        rest = self.without(ids)
+        ids = np.concatenate([rest.ids, ids])
+        xyz, group = np.concatenate([rest.lines.xyz_in_world, xyz]), np.concatenate([rest.lines.group, group])
         order = np.argsort(ids, kind="stable")[-MAX_MAPPED:]
         return replace(self, ids=ids[order], lines=WorldLines(xyz[order], group[order]))
+
+    def without(self, ids: NDArray[np.int64]) -> LineMap:
+        stay = ~np.isin(self.ids, ids)
+        return replace(
+            self, ids=self.ids[stay], lines=WorldLines(self.lines.xyz_in_world[stay], self.lines.group[stay])
+        )
+
+    def of(self, ids: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """Returns places (N, 2, 3) and groups (N,) of lines; NaN and WITHOUT_DIRECTION of those that are not here."""
+        if not len(self.ids):
+            return np.full((len(ids), 2, 3), np.nan), np.full(len(ids), WITHOUT_DIRECTION)
+        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        here = self.ids[at] == ids
+        xyz = np.where(here[:, None, None], self.lines.xyz_in_world[at], np.nan)
+        return xyz, np.where(here, self.lines.group[at], WITHOUT_DIRECTION)
 
 
 def drawn(uv: NDArray[np.float32], lines: SceneLines) -> ImageLines:
     """Returns segments (N, 2, 2) in the colours of their directions, and those that are none of the lines unused."""
-    used = np.equal(uv[:, None], lines.uv[None]).all(axis=(2, 3))
-    group = np.where(used.any(axis=1), lines.group[used.argmax(axis=1)] if len(lines) else -1, -1)
+    used = np.all(uv.reshape(-1, 1, 4) == lines.uv.reshape(1, -1, 4), axis=2)
+    group = np.where(np.any(used, axis=1), lines.group[used.argmax(axis=1)] if len(lines) else -1, -1)
     return ImageLines.of(uv, group)
 
 
