@@ -16,7 +16,7 @@ from ispom.types import TrackStatus
 Rgb = tuple[int, int, int]
 
 METHOD: dict[str, Rgb] = {
-    "monocular": (213, 94, 0),  # vermillion
+    "monocular": (213, 94, 0),  # vermilion
     "stereo": (0, 114, 178),  # blue
     "integrated": (0, 158, 115),  # bluish green
     "monocular.paper": (166, 118, 29),  # ochre

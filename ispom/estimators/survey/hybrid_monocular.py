@@ -13,6 +13,11 @@ new corners, comes from motion here. The steps, in the order of this file:
 Limits. The unit is the median depth of the first map. Where the camera only rotates no seed becomes a point, and the
 map is lost once it leaves the view: points that are out of sight are not found again. After that a new segment begins,
 with a unit of its own.
+
+Measured (`ispom run SOURCE --methods hybrid.monocular`), aligned with Sim(3): handheld camera over a checkerboard, 250
+images of 1.1 m: ATE 1.25 mm in the 233 images from the first map on (`monocular`: 1.24 mm; SVO itself: 1.3 mm). KITTI
+06, 51 images of the left camera: t_err 1.1 %; KITTI 00, the first 200 (145 m): 4.3 %, as the scale drifts by 11 %. A
+pure rotation (sim:city?motion=rotation) gives no map.
 """
 
 from __future__ import annotations
@@ -88,7 +93,7 @@ class HybridMonocularConfig:
     """With fewer corners that agree with one pose a frame is not located."""
     max_error_px: Annotated[float, Range(0.3, 20)] = 2.0
     """Largest reprojection error of an inlier [px]."""
-    start_moved: Annotated[float, Range(0.2, 30)] = 4.0
+    start_moved: Annotated[float, Range(0.2, 30)] = 1.0
     """Median displacement of the corners, without what a rotation explains, for a first map [% of the width]."""
     min_parallax_deg: Annotated[float, Range(0.1, 20)] = 1.5
     """Angle between two rays from which a corner becomes a point of the map [degrees]."""

@@ -3,7 +3,7 @@
 The steps, in the order of this file:
 
 1. Corners (harris, susan, shi_tomasi) are tracked from frame to frame by Lucas-Kanade; blobs and FAST corners (sift,
-   surf, orb) are described and matched in each frame.
+   surf, orb) are described, and matched with those of the last keyframe.
 2. Two views: five-point relative pose of keyframes 1 and 3 by RANSAC. Three views: the points intersected from them
    must fit keyframe 2 (Hartley and Zisserman 2004; Nister 2004). The unit is the distance of keyframes 1 and 3.
 3. Resection: each later frame is located from the points that it sees.
@@ -28,6 +28,7 @@ from ispom.estimators.adjustment import BUNDLE_COST
 from ispom.estimators.paper.monocular import TrackedFeatures
 from ispom.estimators.survey.common import OneKind, Result
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
+from ispom.features.descriptors import DescriptorTracker
 from ispom.features.front_ends import HARRIS, front_end, front_ends
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
@@ -61,6 +62,8 @@ FIXED_KEYFRAMES = 2
 """They fix position, rotation and unit of a bundle adjustment."""
 ITERATIONS = 10
 """Of a bundle adjustment, at most."""
+LOSS_FACTOR = 3.0
+"""Width of the loss over the standard deviation of a feature's position: 0.5 px at 1.5 px."""
 MIN_DISTANCE_PX = 4.0
 """Of a new feature from the others: FAST corners, of which only a part is found again, come in clusters."""
 MIN_ANGLE_RAD = np.radians(0.5)
@@ -73,6 +76,8 @@ MIN_DEPTH_SHARE = 0.1
 """Least predicted depth, relative to the unit, of a point that is searched for: others may be passed."""
 MIN_EPIPOLAR_SHARE = 0.5
 """With fewer inliers the relative pose explains a minority of the points."""
+NONE = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
+"""Ids and places of no features."""
 
 EPIPOLAR = Check(
     "points_epipolar", "share of inliers of two views", "requirement", "First map possible?",
@@ -96,9 +101,9 @@ PARALLAX = Check(
     fails="The points moved by {value:.2f} degrees since the last keyframe ({threshold} make one).",
 )  # fmt: skip
 FEW = Check(
-    "points_left", "share of the last keyframe's points that are left", "trigger", "New keyframe?", "<",
-    passes="New keyframe: {value:.0%} of the last one's points are left (limit {threshold:.0%}).",
-    fails="{value:.0%} of the last keyframe's points are left (limit {threshold:.0%}).",
+    "points_left", "inliers, relative to the points of the last keyframe", "trigger", "New keyframe?", "<",
+    passes="New keyframe: inliers are {value:.0%} of the last one's points (limit {threshold:.0%}).",
+    fails="Inliers are {value:.0%} of the last keyframe's points (limit {threshold:.0%}).",
 )  # fmt: skip
 CHECKS = by_key(EPIPOLAR, THREE_VIEWS, INLIERS, PARALLAX, FEW, BUNDLE_COST)
 STAGES = {
@@ -119,12 +124,12 @@ class PointsConfig:
     """Features followed at a time."""
     max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
     """Largest distance from an epipolar line, and half of the largest reprojection error, of an inlier [px]."""
-    min_inliers: Annotated[int, Range(8, 500)] = 20
+    min_inliers: Annotated[int, Range(8, 500)] = 15
     """With fewer points that fit its pose a frame is not located."""
     min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.0
     """Median displacement of the points since the last keyframe, without rotation, that makes the next one [deg]."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.6
-    """A smaller share of the last keyframe's points also makes a keyframe."""
+    min_share: Annotated[float, Range(0.1, 1)] = 0.7
+    """Fewer inliers, relative to the points of the map in the last keyframe, also make a keyframe."""
     keyframes: Annotated[int, Range(3, 20)] = 8
     """Keyframes adjusted together."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
@@ -136,13 +141,16 @@ class PointsConfig:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The features of the last frame, the last keyframes, and their points."""
+    """The features that are searched for next, the last keyframes, and their points."""
 
     grey: Image | None = None
-    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """In which the features are: the last frame for trackers, the last keyframe for descriptors."""
+    ids: NDArray[np.int64] = field(default_factory=lambda: NONE[0])
     """(N,) ascending."""
-    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    uv: NDArray[np.float32] = field(default_factory=lambda: NONE[1])
     """(N, 2) [px]."""
+    shown: tuple[NDArray[np.int64], NDArray[np.float32]] = NONE
+    """Ids, ascending, and places [px] of the features seen in the last frame."""
     next_id: int = 0
     keyframes: tuple[TrackedFrame, ...] = ()
     points: ScenePoints = ScenePoints()
@@ -169,7 +177,7 @@ class Found:
     pose: Pose | None = None
     """world_from_camera."""
     is_keyframe: bool = False
-    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    ids: NDArray[np.int64] = field(default_factory=lambda: NONE[0])
     """(K,) of the points that took part in the pose, ascending."""
     distances: Array = field(default_factory=lambda: np.zeros(0))
     """(K,) their reprojection errors, normalised."""
@@ -209,10 +217,12 @@ class Points(OneKind[Memory]):
             new_uv = front.detector.detect(grey, self.config.max_points, tracked.uv[tracked.alive], MIN_DISTANCE_PX)
         watch.lap("detect")
         after = self._after(memory, found, tracked, grey, new_uv, frame.time_ns)
+        if after.grey is not grey:  # what was not matched may be matched in the next frame: it did not end
+            tracked = tracked.only(tracked.status != TrackStatus.LOST)
         landmarks = _landmarks(after, frame) if found.is_keyframe else Landmarks.empty()
         return after, Result(
-            found.pose, found.decisions, {"video": tracked.as_tracks(new_uv, memory.next_id)}, landmarks,
-            residual[tracked.alive & np.isfinite(residual)].astype(float),
+            found.pose, found.decisions, {"video": tracked.seen_after(memory.shown).as_tracks(new_uv, memory.next_id)},
+            landmarks, tracked.residual_px[tracked.alive & np.isfinite(tracked.residual_px)].astype(float),
             key_frame=found.is_keyframe, restarted=found.is_new_map and memory.segments > 0,
         )  # fmt: skip
 
@@ -278,7 +288,7 @@ class Points(OneKind[Memory]):
         here = replace(here, world_from_camera=Pose.from_xyzw(pose.xyzw, pose.translation))
         last = memory.keyframes[-1]
         moved = PARALLAX.of(parallax_deg(last, here, self._width), config.min_parallax_deg)
-        few = FEW.of(last.common(here) / max(len(last.ids), 1), config.min_share)
+        few = FEW.of(fit.inliers.sum() / max(memory.points.count(last.ids), 1), config.min_share)
         return Found(
             memory.keyframes, memory.points, (located, moved, few), here.pose, moved.passed or few.passed,
             here.ids[known], fit.distances,
@@ -300,13 +310,16 @@ class Points(OneKind[Memory]):
     ) -> Memory:  # fmt: skip
         """Returns the memory after the frame."""
         keys, alive, new_ids = found.keyframes, tracked.alive, memory.next_id + np.arange(len(new_uv))
+        ids, uv = np.concatenate([tracked.ids[alive], new_ids]), np.concatenate([tracked.uv[alive], new_uv])
         if found.is_keyframe:
             keys = (*keys[:-1], keys[-1].with_new(new_ids, self.rig.camera("video").normalise(new_uv)))
         after = replace(
-            memory, grey=grey, ids=np.concatenate([tracked.ids[alive], new_ids]),
-            uv=np.concatenate([tracked.uv[alive], new_uv]), next_id=memory.next_id + len(new_uv),
+            memory, grey=grey, ids=ids, uv=uv, shown=(ids, uv), next_id=memory.next_id + len(new_uv),
             keyframes=keys, points=found.points, lost_frames=0,
         )  # fmt: skip
+        if not found.is_keyframe and isinstance(front_end(self.config.features).tracker, DescriptorTracker):
+            left = alive | (tracked.status == TrackStatus.LOST)
+            after = replace(after, grey=memory.grey, ids=memory.ids[left], uv=memory.uv[left])
         if found.pose is None:
             ended = len(memory.points.ids) and not len(found.points.ids)
             unit = _span(memory.keyframes) if ended else memory.unit
@@ -322,12 +335,28 @@ class Points(OneKind[Memory]):
 # Step 1: tracking, or describing and matching
 
 
-def track_features(front: FrontEnd, camera: Camera, memory: Memory, grey: Image, time_ns: int) -> TrackedFeatures:
-    """Returns the features of the last frame in this one; none in the first frame.
+@dataclass(frozen=True, eq=False)
+class Followed(TrackedFeatures):
+    """The features of `Memory` in a new frame."""
+
+    def only(self, some: NDArray[np.bool_]) -> Followed:
+        return Followed(
+            self.ids[some], self.uv_prev[some], self.uv[some], self.status[some], self.residual_px[some]
+        )  # fmt: skip
+
+    def seen_after(self, shown: tuple[NDArray[np.int64], NDArray[np.float32]]) -> Followed:
+        """Returns them with their places in the last frame, NaN where they were not seen in it; not the lost ones."""
+        index = places(shown[0], self.ids)
+        last = np.append(shown[1], np.full((1, 2), np.nan, np.float32), axis=0)[index]
+        return replace(self, uv_prev=np.where(self.alive[:, None], last, self.uv_prev))
+
+
+def track_features(front: FrontEnd, camera: Camera, memory: Memory, grey: Image, time_ns: int) -> Followed:
+    """Returns the features in this frame; none in the first frame.
 
     Those that were not found but have a place in the map are searched for again, near where the predicted pose has it.
     """
-    uv, status = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
+    uv, status = NONE[1], np.zeros(0, np.uint8)
     if memory.grey is not None:
         uv, status = front.tracker.track(memory.grey, grey, memory.uv)
         index = memory.points.places(memory.ids)
@@ -336,7 +365,7 @@ def track_features(front: FrontEnd, camera: Camera, memory: Memory, grey: Image,
         ahead = near[:, 2] > MIN_DEPTH_SHARE * memory.unit
         again, expected = again[ahead], camera.project(near[ahead]).astype(np.float32)
         uv[again], status[again] = front.guided.track(memory.grey, grey, memory.uv[again], expected)
-    return TrackedFeatures(memory.ids, memory.uv, uv, status, np.full(len(status), np.nan, np.float32))
+    return Followed(memory.ids, memory.uv, uv, status, np.full(len(status), np.nan, np.float32))
 
 
 def predicted_pose(memory: Memory, time_ns: int) -> Pose:
@@ -354,7 +383,8 @@ def intersected(keys: tuple[TrackedFrame, ...], points: ScenePoints, width: floa
     poses = [key.pose.inverse() for key in keys]
     found = intersect(
         np.stack([pose.rotation for pose in poses]), np.stack([pose.translation for pose in poses]), cameras[order],
-        number[order], np.concatenate([k.x for k in keys])[order], int(fresh.sum()), Noise(width),
+        number[order], np.concatenate([k.x for k in keys])[order], int(fresh.sum()),
+        Noise(width / LOSS_FACTOR, LOSS_FACTOR),
     )  # fmt: skip
     good = (found.depth > 0) & (found.worst <= limit) & (found.significance >= SIGNIFICANCE)
     return points.merged(ScenePoints(known[fresh][good], found.xyz_in_world[good]))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import Field, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -131,6 +131,16 @@ def scenario_of_words(text: str) -> Scenario:
     return _scenario(f"sim:{text}", {"scene": scene, **world, **{f"{key}s": value for key, value in listed.items()}})
 
 
+def with_sensors(text: str, sensors: Iterable[Any]) -> str:
+    """Returns the words after `sim:` with these simulated sensors instead of theirs."""
+    scene, _, query = text.partition("?")
+    parts = [part for part in query.split("&") if part and not part.startswith("sensor=")]
+    for sensor in sensors:
+        chosen = [f"{f.name}={str(getattr(sensor, f.name)).lower()}" for f in fields(sensor) if _differs(sensor, f)]
+        parts.append(f"sensor={':'.join(filter(None, [sensor.name, ','.join(chosen)]))}")
+    return "?".join(filter(None, [scene, "&".join(parts)]))
+
+
 def scenario_of_file(path: Path) -> Scenario:
     """Reads a YAML file: scene, perhaps seed, the fields of `World`, and the lists `sensors` and `faults` of
     `name: {setting: value}`."""
@@ -186,6 +196,11 @@ def _plain(word: str) -> Any:
     return value if isinstance(value, bool | int | float) else word
 
 
+def _differs(values: Any, field: Field[Any]) -> bool:
+    """Whether a value is not its default."""
+    return getattr(values, field.name) != field.default
+
+
 def _changed(values: Any) -> list[str]:
-    differing = [f.name for f in fields(values) if getattr(values, f.name) != f.default]
+    differing = [f.name for f in fields(values) if _differs(values, f)]
     return [f"{name} {getattr(values, name)}" for name in differing]

@@ -1,0 +1,1 @@
+"""Runs of a simulation with other errors of its IMU, GNSS, wheels and laser scanner."""

@@ -1,0 +1,127 @@
+"""The wheel, made from the source distribution as a release makes it: complete, and at work from an empty folder on a
+machine that has Python and wheels alone. What it depends on is that of the tests."""
+
+from __future__ import annotations
+
+import email
+import fnmatch
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from ispom.child import Child
+
+ROOT = Path(__file__).parents[1]
+BARE = ROOT.parent / "shared" / "tools" / "bare"
+PACKAGES = {"ispom": "ispom", "app": "ispom_app"}
+LEFT_BEHIND = ("__pycache__", "tests")
+MOST_BYTES = 4_000_000
+"""Of the wheel: figures and recordings do not belong into it."""
+
+
+def packaged() -> set[str]:
+    """Files that belong into the wheel."""
+    return {
+        f"{name}/{path.relative_to(ROOT / folder).as_posix()}"
+        for folder, name in PACKAGES.items()
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and not set(LEFT_BEHIND) & set(path.relative_to(ROOT / folder).parts)
+    }
+
+
+def test_every_file_that_is_no_code_has_a_pattern() -> None:
+    """A folder of a new name would be missing in the wheel, and in no clone."""
+    patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["*"]
+    for file in packaged():
+        if not file.endswith(".py"):
+            assert any(fnmatch.fnmatch("/".join(file.split("/")[-2:]), pattern) for pattern in patterns), file
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Both files, of a copy of the sources: what setuptools leaves behind would get into the next one."""
+    pytest.importorskip("build")
+    source, out = tmp_path_factory.mktemp("source") / "ispom", tmp_path_factory.mktemp("dist")
+    ignored = shutil.ignore_patterns(".*", "build", "dist", "tests", "docs", "recordings", "*.egg-info", "__pycache__")
+    shutil.copytree(ROOT, source, ignore=ignored)
+    command = [sys.executable, "-m", "build", "--outdir", str(out), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    if done.returncode and "No matching distribution found for setuptools" in done.stdout + done.stderr:
+        pytest.skip("setuptools cannot be had here")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+@pytest.mark.slow
+def test_it_has_all_files_and_no_tests(dist: Path) -> None:
+    (wheel,), (sdist,) = dist.glob("*.whl"), dist.glob("*.tar.gz")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        (about,) = (name for name in names if name.endswith("METADATA"))
+        described = email.message_from_string(archive.read(about).decode())
+    assert {name for name in names if ".dist-info/" not in name} == packaged()
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"ispom", "ispom_app"}
+    assert wheel.stat().st_size < MOST_BYTES
+    with tarfile.open(sdist) as archive:
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"README.md", "LICENSE", "pyproject.toml", "setup.py"} <= inside
+    assert described["License-Expression"] == "MIT" and described["Requires-Python"] == ">=3.11"
+    assert described.get_all("Classifier") and "visual odometry" in described["Keywords"]
+    assert {"bags", "fusion", "cluster", "plots", "all"} <= set(described.get_all("Provides-Extra") or ())
+
+
+@pytest.fixture(scope="module")
+def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], dict[str, str], Path]:
+    """The command, its environment and an empty folder."""
+    target, home, empty = (tmp_path_factory.mktemp(name) for name in ("installed", "home", "empty"))
+    (wheel,) = dist.glob("*.whl")
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(target), str(wheel)]
+    subprocess.run(command, check=True, timeout=200)
+    environment = {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": f"{home}/cache", "PYTHONPATH": str(target)}
+    bare = [str(BARE)] if BARE.is_file() and subprocess.run([BARE, "true"], check=False).returncode == 0 else []
+    where = [sys.executable, "-c", "import ispom, ispom_app; print(ispom.__file__, ispom_app.__file__)"]
+    found = subprocess.run(where, env=environment, cwd=empty, capture_output=True, text=True, check=True).stdout
+    assert found.count(str(target)) == 2, "the sources were imported instead"
+    return [*bare, sys.executable, str(target / "bin" / "ispom")], environment, empty
+
+
+@pytest.mark.slow
+def test_it_runs_from_an_empty_folder(installed: tuple[list[str], dict[str, str], Path]) -> None:
+    command, environment, empty = installed
+    words = ["run", "sim:city", "--variant", "paper", "--max-exposures", "20", "--out", "run"]
+    done = subprocess.run([*command, *words], env=environment, cwd=empty, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert json.loads((empty / "run" / "metrics.json").read_text()) and (empty / "run" / "run.rrd").stat().st_size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["demo"], []], ids=["demo", "start screen"])
+def test_it_opens_the_page(words: list[str], installed: tuple[list[str], dict[str, str], Path]) -> None:
+    """`ispom` alone opens the start screen, in a browser: here that is none."""
+    command, environment, empty = installed
+    options = [*(words or ["app"]), "--port", "0", "--no-browser"]
+    script = "import os, sys; os.chdir(sys.argv[1]); os.execv(sys.argv[2], sys.argv[2:])"
+    start = [sys.executable, "-c", script, str(empty), *command, *options]
+    child = Child(["sh", "-c", 'exec "$@" 2>&1', "sh", *start], environment)
+    try:
+        text = ""
+        for line in child.answers:
+            text += line.decode()
+            if address := re.search(r"ISPOM is at (\S+)", text):
+                break
+        else:
+            raise AssertionError(f"it {child.ending()}: {text}")
+        with urlopen(address[1], timeout=60) as page:
+            assert page.status == 200 and b"<title>" in page.read()
+    finally:
+        child.stop()
