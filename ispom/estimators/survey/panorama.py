@@ -420,7 +420,7 @@ def rigid_matches(x1: Array, x2: Array, limit: float) -> int:
     if len(x1) < 8:
         return 0
     scaled = inlier_distances(x1, limit), inlier_distances(x2, limit)
-    _, inliers = cv2.findFundamentalMat(*scaled, cv2.USAC_MAGSAC, 1.0, 0.999, RIGID_SAMPLES)
+    _, inliers = cv2.findFundamentalMat(*scaled, cv2.FM_RANSAC, 1.0, 0.999, RIGID_SAMPLES)
     return 0 if inliers is None else int(inliers.sum())
 
 
