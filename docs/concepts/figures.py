@@ -118,7 +118,7 @@ def fork() -> str:
         parts += [dot(x, 60, BLUE, 6), words(x, 42, f"s{i}", anchor="middle")]
         if i >= 4:
             parts += [line(x - 60, 60 if i == 4 else 130, x, 130, ORANGE, 2), dot(x, 130, ORANGE, 6)]
-    parts += [words(50, 90, "run: s(i+1), step = method(s(i), frame)", BLUE)]
+    parts += [words(50, 90, "s(i+1) = step(s(i), frame)", BLUE)]
     parts += [words(50, 135, "fork at frame 3: other setting", ORANGE)]
     return svg(520, 160, parts)
 
@@ -131,7 +131,7 @@ def keyframes() -> str:
         key = i % 5 == 0
         parts.append(dot(x, y, BLUE if key else "#bbbbbb", 7 if key else 3))
     parts += [words(40, 140, "keyframes: optimised, hold the points", BLUE), words(345, 48, "window", BLUE)]
-    parts += [words(40, 30, "older keyframes: fixed, summed up as a prior", GREY)]
+    parts += [words(40, 30, "older keyframes: a prior", GREY)]
     return svg(560, 155, parts)
 
 
@@ -160,6 +160,92 @@ def layers() -> str:
     return svg(670, 340, parts)
 
 
+def camera(x: float, y: float, name: str, colour: str) -> list[str]:
+    """A camera as a triangle that opens upwards, with its name below."""
+    return [path([(x, y), (x - 12, y - 20), (x + 12, y - 20), (x, y)], colour), words(x, y + 18, name, anchor="middle")]
+
+
+def triple() -> str:
+    """Three keyframes on a bend: the printed length of the second step is too short."""
+    places = [(80.0, 150.0), (220.0, 120.0), (340.0, 160.0)]
+    points = [(140, 30), (200, 22), (250, 34)]
+    parts = [line(*place, *point, "#cccccc", 1) for place in places for point in points]
+    parts += [dot(*point, GREY) for point in points]
+    for place, name in zip(places, ("C1", "C2", "C3"), strict=True):
+        parts += camera(*place, name, BLUE)
+    parts += [line(*places[0], *places[1], GREEN, 2.5), line(*places[1], *places[2], GREEN, 2.5)]
+    parts += [line(*places[0], *places[2], RED, 2, "5 4"), words(135, 127, "T12", GREEN), words(285, 133, "T23", GREEN)]
+    parts += [
+        words(205, 175, "T13", RED),
+        words(400, 70, "As vectors: T12 + T23 = T13."),
+        words(400, 95, "As printed:"),
+    ]
+    parts += [words(400, 115, "|T23| = |T13| - |T12|,"), words(400, 140, "which is too short on every bend", RED)]
+    return svg(620, 200, parts)
+
+
+def clouds() -> str:
+    """Two pairs, a cloud of points from each, and the rigid motion between them."""
+    cloud = [(0, 0), (34, -22), (60, 8), (88, -14), (24, 26), (70, 34)]
+    parts = []
+    for x, y in cloud:
+        a, b = (80 + x, 60 + y), (330 + 0.95 * x - 0.3 * y, 55 + 0.3 * x + 0.95 * y)
+        parts += [line(*a, *b, "#dddddd", 1), dot(*a, BLUE), dot(*b, GREEN)]
+    for x, colour, name in ((100, BLUE, "pair i - 1"), (350, GREEN, "pair i")):
+        parts += [*camera(x, 160, "", colour), *camera(x + 36, 160, "", colour)]
+        parts.append(words(x + 18, 180, name, colour, "middle"))
+    parts.append(words(238, 150, "R, T", anchor="middle"))
+    return svg(520, 195, parts)
+
+
+def segment() -> str:
+    """A segment of the video between two stereo poses: scaled and rotated so that both ends fit."""
+    own = [(60 + 9 * i, 150 - 14 * math.sin(0.5 * i)) for i in range(13)]
+    (ax, ay), (bx, by) = (300.0, 150.0), (500.0, 100.0)
+    factor = math.hypot(bx - ax, by - ay) / math.hypot(own[-1][0] - own[0][0], own[-1][1] - own[0][1])
+    turn = math.atan2(by - ay, bx - ax) - math.atan2(own[-1][1] - own[0][1], own[-1][0] - own[0][0])
+    c, s = factor * math.cos(turn), factor * math.sin(turn)
+    shifted = [(x - own[0][0], y - own[0][1]) for x, y in own]
+    fitted = [(ax + c * x - s * y, ay + s * x + c * y) for x, y in shifted]
+    parts = [path(own, BLUE), path(fitted, ORANGE), dot(ax, ay, GREEN, 7), dot(bx, by, GREEN, 7)]
+    parts += [words(60, 185, "video, unit of its own", BLUE), words(300, 185, "scaled and rotated", ORANGE)]
+    parts += [
+        words(512, 104, "C(j+1)", GREEN),
+        words(264, 146, "C(j)", GREEN),
+        words(440, 60, "stereo poses, metres", GREEN),
+    ]
+    return svg(600, 205, parts)
+
+
+def both_images() -> str:
+    """A point is predicted, found in both images of a pair, and its reprojection errors give the pose."""
+    parts = []
+    for x, name in ((40, "left"), (300, "right")):
+        parts.append(f'<rect x="{x}" y="30" width="200" height="120" fill="none" stroke="{GREY}"/>')
+        parts.append(words(x, 22, name))
+    for u, v, disparity in ((60, 40, 30), (120, 80, 14), (150, 35, 8), (90, 100, 40)):
+        for x, shift in ((40, 0), (300, disparity)):
+            at, predicted = (x + u - shift, 30 + v), (x + u - shift + 9, 30 + v - 6)
+            parts += [line(*at, *predicted, RED, 1.5), dot(*at, BLUE), dot(*predicted, ORANGE, 3)]
+    parts += [words(40, 172, "measured", BLUE), words(120, 172, "predicted from the map", ORANGE)]
+    parts.append(words(300, 172, "their differences give the pose", RED))
+    return svg(540, 188, parts)
+
+
+def spline() -> str:
+    """One spline through time, seen by pairs and by video frames."""
+    curve = [(40 + x, 90 - 28 * math.sin(0.016 * x) - 10 * math.sin(0.047 * x)) for x in range(0, 461, 4)]
+    parts = [path(curve, ORANGE, 2.5)]
+    for k, (x, y) in enumerate(curve):
+        if k % 4 == 0:
+            parts.append(line(x, y, x, y + 14, BLUE, 1.5))
+        if k % 38 == 0:
+            parts += [line(x, y - 22, x, y, GREEN, 4), dot(x, y, GREEN, 5)]
+    parts += [words(40, 150, "video frames give the shape", BLUE), words(250, 150, "pairs give the scale", GREEN)]
+    parts.append(words(400, 150, "one cumulative B-spline", ORANGE))
+    return svg(570, 165, parts)
+
+
 FIGURES = {
     "times": times,
     "scale": scale,
@@ -169,6 +255,11 @@ FIGURES = {
     "fork": fork,
     "keyframes": keyframes,
     "../developers/layers": layers,
+    "../methods/triple": triple,
+    "../methods/clouds": clouds,
+    "../methods/segment": segment,
+    "../methods/both_images": both_images,
+    "../methods/spline": spline,
 }
 
 if __name__ == "__main__":

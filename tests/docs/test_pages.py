@@ -46,7 +46,7 @@ def test_the_program_takes_every_command_line() -> None:
 
 @pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path, generated: dict[str, str]) -> None:
-    home = page.parent.parent if page.parent.name == "notes" else page.parent  # notes are parts of the methods' pages
+    home = home_of(page)
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*`", "", text)):
         if re.match(r"[a-z]+:", target):
@@ -60,6 +60,11 @@ def test_links_lead_somewhere(page: Path, generated: dict[str, str]) -> None:
             assert anchor in {slug(head) for head in heads}, f"{page.name} links to {target}, which is no heading"
 
 
+def home_of(page: Path) -> Path:
+    """The folder from which its links count: notes are parts of the methods' pages."""
+    return page.parent.parent if page.parent.name == "notes" else page.parent
+
+
 def slug(heading: str) -> str:
     """As MyST names a heading's anchor."""
     kept = re.sub(r"[^\w\s-]", lambda m: "-" if m[0] == "." else "", heading.lower().replace("`", ""))
@@ -70,7 +75,7 @@ def test_every_picture_is_there() -> None:
     for page in pages():
         text = page.read_text(encoding="utf-8")
         for name in (*re.findall(r"!\[.*?\]\((.*?)\)", text), *re.findall(r"^```\{image\} (\S+)", text, re.MULTILINE)):
-            assert (page.parent / name).is_file(), f"{page} shows {name}, which is missing"
+            assert (home_of(page) / name).is_file(), f"{page} shows {name}, which is missing"
 
 
 def test_the_figures_are_those_of_the_script() -> None:
