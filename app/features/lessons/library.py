@@ -48,6 +48,7 @@ ORDER = (
     "table1",
     "intensities",
     "view",
+    "sensors",
 )
 """As they build on each other."""
 

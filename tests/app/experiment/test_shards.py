@@ -19,9 +19,11 @@ from tests.sequences.kitti_folder import make_drive
 
 
 @pytest.fixture(autouse=True)
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take most of the time, and are not what is tested here."""
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without figures and compiled code, which take most of the time: the methods are stand-ins."""
     monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setattr("ispom_app.features.experiments.command.warmup.start", lambda *_: None)
+    monkeypatch.setattr("ispom_app.features.experiments.command.wait_for_compiler", lambda: None)
 
 
 @pytest.fixture

@@ -6,10 +6,15 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from ispom_app.cli.main import main
+
+from ispom.estimator import Method
+from ispom.methods import REGISTRY
+from ispom.types import Rig, Status, Step, Trajectory
 
 SHORT = ("--runs", "1", "--key", "a", "--max-exposures", "24")
 
@@ -44,25 +49,50 @@ def test_its_own_tests_pass(package: Path) -> None:
     assert found.returncode == 0, found.stdout
 
 
-def test_it_is_graded(package: Path, tmp_path: Path) -> None:
+def test_it_is_graded(
+    package: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It has no map: tracking and two-view geometry have most of their points, triangulation none."""
     report = tmp_path / "grade.json"
-    found = python(package, "-m", "ispom_app", "grade", ".", *SHORT, "--no-contract", "--json", report)
-    assert found.returncode == 0, found.stderr
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    try:
+        assert main(["grade", str(package), *SHORT, "--no-contract", "--json", str(report)]) == 0
+        made = REGISTRY.get("made_here")
+    finally:
+        sys.modules.pop("made_here", None)
+    REGISTRY.remove(made)
     stages = json.loads(report.read_text())["methods"]["made_here"]["stages"]
     assert stages["tracking"] > 15 and stages["two-view"] > 12 and stages["triangulation"] == 0
-    assert "made_here: " in found.stdout and "ispom.resect" not in found.stdout
-    assert "Return 3-D points as Step.landmarks" in found.stdout
+    printed = capsys.readouterr().out
+    assert "made_here: " in printed and "Return 3-D points as Step.landmarks" in printed
 
 
-def test_a_method_that_ends_has_no_points_and_says_where(package: Path, tmp_path: Path) -> None:
-    broken = tmp_path / "broken_here"
-    assert main(["new-method", "broken_here", "--out", str(tmp_path)]) == 0
-    code = broken / "broken_here.py"
-    code.write_text(code.read_text().replace("        alive =", "        self.nothing\n        alive ="))
-    found = python(broken, "-m", "ispom_app", "grade", ".", *SHORT, "--no-contract")
-    assert found.returncode == 0, found.stderr
-    assert "broken_here: 0 of 100 points" in found.stdout and "AttributeError" in found.stdout
+@dataclass(frozen=True)
+class BrokenConfig:
+    def build(self, rig: Rig) -> BrokenConfig:
+        return self
+
+    def start(self) -> int:
+        return 0
+
+    def step(self, state: int, frame: object) -> tuple[int, Step]:
+        if state == 3:
+            raise AttributeError("no attribute 'nothing'")
+        return state + 1, Step(0, Status.INITIALISING, "video")
+
+    def finish(self, state: int) -> Trajectory:
+        return Trajectory.empty("video")
+
+
+def test_a_method_that_ends_has_no_points_and_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+    broken = Method("broken_here", frozenset({"video"}), BrokenConfig, "own", "none")
+    REGISTRY.add(broken)
+    try:
+        assert main(["grade", "broken_here", *SHORT, "--no-contract"]) == 0
+    finally:
+        REGISTRY.remove(broken)
+    printed = capsys.readouterr().out
+    assert "broken_here: 0 of 100 points" in printed and "with AttributeError: no attribute 'nothing'" in printed
 
 
 @pytest.mark.parametrize("name", ["My-VO", "1vo", "class", "numpy", "stereo", "", "a" * 60, "vo.paper"])
