@@ -28,7 +28,7 @@ from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, started
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Kind, Measurement, Rig, Status, Step, Trajectory
+from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Step, Trajectory
 
 OTHERS: dict[Kind, str] = {
     "imu": "an IMU",
@@ -139,8 +139,18 @@ class Fused:
             state, step = self._waiting_for_start(state, frame.time_ns, watch)
         else:
             state, step = self._with_node(state, frame.time_ns, watch)
-        shown = {"tracks": visual.tracks, "landmarks": visual.landmarks} if self._metric else {"tracks": visual.tracks}
-        return state, replace(step, seconds=watch.seconds, residuals_px=visual.residuals_px, **shown)
+        shown = self._landmarks(state, visual, step.world_from_frame)
+        step = replace(step, tracks=visual.tracks, landmarks=shown, residuals_px=visual.residuals_px)
+        return state, replace(step, seconds=watch.seconds)
+
+    def _landmarks(self, state: FusedState, visual: Step, world_from_rig: Pose | None) -> Landmarks:
+        """Returns the points of the images, carried by the pose and the scale of now."""
+        camera = dict(state.seen).get(visual.time_ns)
+        if world_from_rig is None or camera is None or not state.nodes:
+            return Landmarks.empty()
+        xyz = np.exp(state.nodes[-1].log_scale) * camera.inverse().apply(visual.landmarks.xyz_in_world)
+        onto = world_from_rig @ self._camera_from_rig.inverse()
+        return replace(visual.landmarks, xyz_in_world=onto.apply(xyz))
 
     def _due(self, state: FusedState, time_ns: int, sighted: bool) -> bool:
         """Checks that the frame becomes a node."""
@@ -178,7 +188,8 @@ class Fused:
         watch.lap("measure")
         nodes = _revised(state.nodes, dict(state.seen))
         frames = self._camera_from_rig, self._graph.rig_from_body
-        start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
+        known = self._metric or not self._sensors  # images alone keep their unit
+        start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
         waiting = replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
         if start is None:
@@ -191,7 +202,7 @@ class Fused:
         watch.lap("optimise")
         if self._sensors and deviation > WORST_SCALE:
             return waiting
-        state = replace(state, nodes=nodes, prior=prior, first=prior)
+        state = replace(state, nodes=nodes, prior=prior, first=prior, walls=None)
         return self._reported(state, decisions, misfits, watch)
 
     def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:

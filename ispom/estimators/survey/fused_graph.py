@@ -195,6 +195,8 @@ class Graph:
 
     def _linear(self, nodes: tuple[Node, ...], prior: Prior) -> list[dict[str, tuple[Array, Array]]]:
         """Returns for each pair of consecutive nodes, by sensor, the information (2 D, 2 D) and the vector (2 D,)."""
+        if len(nodes) < 2:
+            return []
         values, size = self._values(nodes), self.size
         number = {node.number: i for i, node in enumerate(nodes)}
         steps: list[dict[str, tuple[Array, Array]]] = [{} for _ in nodes[1:]]

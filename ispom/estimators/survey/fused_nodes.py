@@ -37,6 +37,8 @@ from ispom.types import (
 WAITING_FIXES = 50
 RECENT = 150
 """Poses of the images that are kept."""
+SKEWED = 25.0
+"""Factor of the covariance of scans before the start, which the motion within a scan has skewed."""
 KEPT_NS = 500_000_000
 """Measurements are kept until they are older than the last node by this."""
 
@@ -234,6 +236,7 @@ class Collector:
         if walls is None:
             return now, None
         predicted = moved if moved is not None else Pose()
-        if log_scale is None:
-            predicted = Pose(predicted.rotation)
-        return now, laser_link(walls, now, predicted, scanner)
+        if log_scale is not None:
+            return now, laser_link(walls, now, predicted, scanner)
+        link = laser_link(walls, now, Pose(predicted.rotation), scanner)
+        return now, link and Link(link.relative, SKEWED * link.covariance)
