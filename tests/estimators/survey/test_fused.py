@@ -18,8 +18,9 @@ from numpy.testing import assert_allclose
 from ispom.errors import InputError
 from ispom.estimators.survey import fused
 from ispom.estimators.survey.fused import SCHEMES, FusedConfig
-from ispom.estimators.survey.fused_graph import Graph, Noise
+from ispom.estimators.survey.fused_graph import Graph, Node, Noise
 from ispom.estimators.survey.fused_links import Link, deskewed, wheel_link
+from ispom.estimators.survey.fused_stereo import FusedStereoConfig
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
 from ispom.simulation.motions import motion_of
@@ -71,14 +72,16 @@ class Run:
     """A run of the method over 6 s of the drive in the city, with images at 10 Hz."""
 
     def __init__(self, config: FusedConfig, sensors: dict[str, Any], turn: float = 0.0, place: float = 0.0) -> None:
+        self.stereo = isinstance(config, FusedStereoConfig)
         times_ns = np.arange(0, 6_000_000_000, 100_000_000)
         around = Scenery(motion_of("drive", 0).pose_at, times_ns, lambda: city(0), 0)
         rig = Rig.of(video=Camera(64, 48, 50.0, 50.0, 31.5, 23.5), rig_from_video=RIG_FROM_VIDEO)
         self.rig = rig.changed(**{name: each.sensor() for name, each in sensors.items()})
         self.truth = Trajectory.of([(int(t), around.pose_at(int(t))) for t in times_ns])
-        others = [m for each in sensors.values() for m in each.measured(around)]
-        frames = [Frame.video(int(t), np.zeros((48, 64), np.uint8)) for t in times_ns]
-        self.measurements = sorted((*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame)))
+        others: list[Measurement] = [m for each in sensors.values() for m in each.measured(around)]
+        grey = np.zeros((48, 64), np.uint8)
+        frames = [Frame.stereo(int(t), grey, grey) if self.stereo else Frame.video(int(t), grey) for t in times_ns]
+        self.measurements: list[Measurement] = sorted((*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame)))
         self.images = self._images(turn, place)
         self.estimator: Any = config.build(self.rig)
         self.steps, self.state = self.played(self.estimator.start(), self.measurements)
@@ -86,7 +89,7 @@ class Run:
 
     def _images(self, turn: float, place: float) -> dict[int, Pose]:
         """Returns world_from_camera by time, whose relative poses err by these [rad], [shares]."""
-        rng, true = np.random.default_rng(5), self.truth.moved(right=RIG_FROM_VIDEO)
+        rng, true = np.random.default_rng(5), self.truth.moved(right=None if self.stereo else RIG_FROM_VIDEO)
         now, found = Pose(), dict[int, Pose]()
         for i, (time_ns, pose) in enumerate(true.items()):
             if i:
@@ -97,7 +100,7 @@ class Run:
                     @ moved
                     @ Pose.exp(np.concatenate([place * length * rng.normal(size=3), turn * rng.normal(size=3)]))
                 )
-            found[time_ns] = now.scaled(UNIT)
+            found[time_ns] = now if self.stereo else now.scaled(UNIT)
         return found
 
     def played(self, state: Any, measurements: list[Measurement]) -> tuple[list[Step], Any]:
@@ -137,6 +140,12 @@ def test_exact_measurements_give_the_exact_path(scheme: str) -> None:
     for sensor in SCHEMES[scheme]:
         assert all(d.passed for d in run.values(f"{sensor}_misfit"))
         assert run.values(f"{sensor}_gain")[-1].value > 1
+
+
+def test_a_pair_needs_no_start() -> None:
+    run = Run(FusedStereoConfig(scheme="8", node_s=0.4, window=6), chosen("8"), turn=2e-4, place=2e-3)
+    assert run.steps[0].status is Status.TRACKING and run.error_m < 0.05
+    assert run.steps[0].scale is None and run.values("wheel_gain")[-1].value > 1
 
 
 def test_fixes_turn_the_world_to_the_north() -> None:
@@ -234,8 +243,6 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
     links = [Link(Pose.exp(rng.normal(size=6) * 0.2), np.eye(6) * 0.01) for _ in range(5)]
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
     graph = Graph(rig, frozenset({"wheel"}), Pose(), Noise(1e-3, 1e-2, 1e-3))
-    from ispom.estimators.survey.fused_graph import Node
-
     for window in (2, 9):
         first = Node(0, 0)
         prior, nodes = graph.first_prior(first, np.eye(6) * 1e-4, 0.1), (first,)
