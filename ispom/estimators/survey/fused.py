@@ -78,11 +78,11 @@ class FusedConfig:
     """Way of the fixes from which on they give scale and heading [m]."""
     tilt_deg: Annotated[float, Range(0.1, 30)] = 3.0
     """How far from level the rig may stand at the start, where no IMU takes part (1 sigma) [deg]."""
-    turn_deg: Annotated[float, Range(0.001, 10)] = 0.05
+    turn_deg: Annotated[float, Range(0.001, 10)] = 0.03
     """Error of a rotation by the images within a second (1 sigma), growing with the root of the time [deg]."""
-    translation_percent: Annotated[float, Range(0.01, 50)] = 0.8
+    translation_percent: Annotated[float, Range(0.01, 50)] = 0.5
     """Error of a translation by the images (1 sigma), in percent of its length."""
-    scale_percent: Annotated[float, Range(0.001, 20)] = 0.5
+    scale_percent: Annotated[float, Range(0.001, 20)] = 0.3
     """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time."""
     slip_percent: Annotated[float, Range(0.5, 100)] = 5.0
     """Wheels slip where their way differs by more from that of the images, in percent."""
