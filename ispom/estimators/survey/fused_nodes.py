@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.estimators.survey.fused_graph import GRAVITY_M_S2, Node, Prior
+from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
 from ispom.estimators.survey.fused_links import (
     SLIP_SIGMAS,
     Fix,
@@ -18,6 +18,7 @@ from ispom.estimators.survey.fused_links import (
     wheel_link,
 )
 from ispom.estimators.survey.fused_start import summed
+from ispom.estimators.survey.fused_values import Node, Prior
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import (

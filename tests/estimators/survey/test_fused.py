@@ -18,9 +18,10 @@ from numpy.testing import assert_allclose
 from ispom.errors import InputError
 from ispom.estimators.survey import fused
 from ispom.estimators.survey.fused import SCHEMES, FusedConfig
-from ispom.estimators.survey.fused_graph import Graph, Node, Noise
+from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_links import Link, deskewed, wheel_link
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
+from ispom.estimators.survey.fused_values import Node, Noise
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
 from ispom.simulation.motions import motion_of
@@ -81,7 +82,9 @@ class Run:
         others: list[Measurement] = [m for each in sensors.values() for m in each.measured(around)]
         grey = np.zeros((48, 64), np.uint8)
         frames = [Frame.stereo(int(t), grey, grey) if self.stereo else Frame.video(int(t), grey) for t in times_ns]
-        self.measurements: list[Measurement] = sorted((*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame)))
+        self.measurements: list[Measurement] = sorted(
+            (*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame))
+        )
         self.images = self._images(turn, place)
         self.estimator: Any = config.build(self.rig)
         self.steps, self.state = self.played(self.estimator.start(), self.measurements)
