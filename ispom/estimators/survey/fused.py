@@ -6,7 +6,23 @@
    positions of the antenna, wheels, matched scans (`fused_graph`); Forster et al. 2017, Dellaert and Kaess 2017.
 4. What leaves the window stays as a prior; the same without each sensor shows how much it contributes.
 
-Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same.
+Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
+recording goes on, the window is estimated; at the end all nodes are, with the final poses of the images.
+
+Measured (ATE after SE(3)): KITTI 00, its first 200 images with their IMU and GNSS (145 m; fixes alone 0.245 m;
+`monocular` 0.150 m after Sim(3), without a unit). Schemes 1 and 2: 0.13 m, scale 0.3 % off; 4: 0.12 m, 0.2 %; 6: 0.44
+m, 0.8 %. Needed for that are the pose of the unit in the camera (KITTI's calibration; without its lever arm of 1.4 m
+scheme 4 has 0.31 m, and `gnss_misfit` fails) and the clock of the fixes, 55 ms later than that of the samples: there
+`gnss_misfit` is smallest. GNSS outages of 10 s (57 m) are bridged within 0.1 to 0.4 % of the way at the end (one of
+six: 1.9 %), and within 1.5 to 3.2 % while they last, as the scale of `monocular` drifts in the bend. Simulated drives
+of 33 m (320 px, wheels slip by half for 3 s, each of 12 nodes recognised; wheels alone: 1.02 m): scheme 3 0.015 m, 5
+and 8 0.023 m, 7 0.010 m; `monocular` 0.015 m after Sim(3), so that images alone lack the scale only.
+
+Its limits: the covariance of the images is a setting, not that of the visual method. NEES lies inside its 95 % band
+at 73 to 100 % of the times for schemes 2 and 4, at 54 to 87 % for 6 and at 2 to 88 % for 8, where it is too large,
+never too small. The clock of a sensor and its place in the rig are not estimated; what contradicts is named by its
+misfit. A slip from the first metre on is not recognised. Tight coupling (features of the images in the graph) is
+missing. Scans are taken to see vertical walls.
 """
 
 from __future__ import annotations
@@ -14,19 +30,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from itertools import pairwise
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method, require_frame
 from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, SLIP, STARTED
-from ispom.estimators.survey.fused_graph import Graph
+from ispom.estimators.survey.fused_graph import GAUGE, Graph
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import OTHERS, SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, started
-from ispom.estimators.survey.fused_values import Node, Noise
-from ispom.geometry import Array, Pose
+from ispom.estimators.survey.fused_values import Noise, revised_nodes
+from ispom.geometry import Pose
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Step, Trajectory
 
@@ -34,10 +49,6 @@ WAITING_NODES = 80
 """Nodes that are kept until the start."""
 SOONEST_S = 0.08
 """Between a node and one for a fix."""
-GAUGE = 1e-3
-"""Standard deviation [m], [rad] of what the first pose defines."""
-UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
-"""Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
 WORST_SCALE = 0.1
 """Standard deviation of the log scale with which the start is accepted."""
 WORLD_FROM_LOCAL = Pose(OPTICAL_FROM_LEVEL)
@@ -147,7 +158,7 @@ class Fused:
         state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
-        nodes = _revised(state.nodes, dict(state.seen))
+        nodes = revised_nodes(state.nodes, dict(state.seen))
         frames = self._camera_from_rig, self._graph.rig_from_body
         known = self._metric or not self._sensors  # images alone keep their unit
         start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
@@ -156,7 +167,9 @@ class Fused:
         if start is None:
             return waiting
         prior = self._graph.first_prior(
-            start.nodes[0], self._first_covariance(start.nodes[0].local_from_rig), start.scale_sigma
+            start.nodes[0],
+            self._graph.first_covariance(start.nodes[0].local_from_rig, self._config.tilt_deg),
+            start.scale_sigma,
         )
         nodes, misfits = self._graph.optimised(start.nodes, prior)
         deviation = self._graph.uncertainty(nodes, prior)[1]
@@ -175,7 +188,7 @@ class Fused:
             decisions.append(SLIP.of(apart, 0.01 * self._config.slip_percent))
         watch.lap("measure")
         assert state.prior is not None
-        nodes, misfits = self._graph.optimised(_revised((*state.nodes, node), dict(state.seen)), state.prior)
+        nodes, misfits = self._graph.optimised(revised_nodes((*state.nodes, node), dict(state.seen)), state.prior)
         watch.lap("optimise")
         state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
         return self._reported(state, tuple(decisions), misfits, watch)
@@ -212,19 +225,6 @@ class Fused:
             decisions=(*decisions, *fits, *gain),
         )
 
-    def _first_covariance(self, first: Pose) -> Array:
-        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well."""
-        place = UNPLACED_M if "gnss" in self._sensors else GAUGE
-        heading = UNTURNED if "gnss" in self._sensors else GAUGE
-        tilt = GAUGE
-        if "imu" in self._sensors:
-            tilt = TILTED
-        elif "gnss" in self._sensors:
-            tilt = np.radians(self._config.tilt_deg)
-        up = first.rotation.T @ np.array([0.0, 0.0, 1.0])
-        turn = tilt**2 * np.eye(3) + (heading**2 - tilt**2) * np.outer(up, up)
-        return np.block([[place**2 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
-
     def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
         """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
         the final poses of the images."""
@@ -232,7 +232,7 @@ class Fused:
         nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
         if state.first is not None:
             older = [n for n in nodes if n.number < state.first.at.number]
-            together = _revised(tuple(n for n in nodes if n.number >= state.first.at.number), final)
+            together = revised_nodes(tuple(n for n in nodes if n.number >= state.first.at.number), final)
             nodes = [*older, *self._graph.optimised(together, state.first)[0]]
         by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
@@ -253,16 +253,6 @@ class Fused:
         prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), 0.1)
         bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
         return replace(bare, number=state.number)
-
-
-def _revised(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:
-    """Returns nodes with the motions of the images by revised poses of their camera, by time."""
-    found = [replace(node, camera=cameras.get(node.time_ns, node.camera)) for node in nodes]
-    for i, (before, now) in enumerate(pairwise(found), 1):
-        both = before.time_ns in cameras and now.time_ns in cameras and now.visual is not None
-        if both and before.camera is not None and now.camera is not None:
-            found[i] = replace(now, visual=before.camera.inverse() @ now.camera)
-    return tuple(found)
 
 
 METHOD = Method(

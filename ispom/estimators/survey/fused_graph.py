@@ -15,19 +15,31 @@ from scipy.linalg import block_diag
 
 from ispom.estimators.survey.fused_factors import DIMENSIONS, ORDER, SIZES, Factors
 from ispom.estimators.survey.fused_values import Node, Prior
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 
 ITERATIONS = 12
 BIAS_PRIOR = np.array([0.3] * 3 + [0.02] * 3)
 """Standard deviations at the start: accelerometer [m/s^2], gyroscope [rad/s], of a calibrated MEMS unit."""
 SPEED_PRIOR = 3.0
 """Standard deviation of the velocity at the start [m/s]."""
+GAUGE = 1e-3
+"""Standard deviation [m], [rad] of what the first pose defines."""
+UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
+"""Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
 RELAXED = 1e-9
 """Information added where nothing holds a parameter."""
 
 
 class Graph(Factors):
     """Estimates the nodes of a window."""
+
+    def first_covariance(self, first: Pose, tilt_deg: float) -> Array:
+        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well."""
+        place, heading = (UNPLACED_M, UNTURNED) if "gnss" in self.sensors else (GAUGE, GAUGE)
+        tilt = TILTED if "imu" in self.sensors else np.radians(tilt_deg) if "gnss" in self.sensors else GAUGE
+        up = first.rotation.T @ np.array([0.0, 0.0, 1.0])
+        turn = tilt**2 * np.eye(3) + (heading**2 - tilt**2) * np.outer(up, up)
+        return np.asarray(block_diag(place**2 * np.eye(3), turn))
 
     def first_prior(self, node: Node, covariance: Array, scale_sigma: float) -> Prior:
         """Returns the prior of a first node, with the covariance (6, 6) of its twist."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -73,3 +74,13 @@ class Noise:
         """Returns (6, 6) of the twist (rho [m], phi) of a motion."""
         place, turn = self.share * length_m + FLOOR_M, self.turn * np.sqrt(seconds) + 0.1 * FLOOR_RAD
         return np.diag([place] * 3 + [turn] * 3) ** 2
+
+
+def revised_nodes(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:
+    """Returns nodes with the motions of the images by revised poses of their camera, by time."""
+    found = [replace(node, camera=cameras.get(node.time_ns, node.camera)) for node in nodes]
+    for i, (before, now) in enumerate(pairwise(found), 1):
+        both = before.time_ns in cameras and now.time_ns in cameras and now.visual is not None
+        if both and before.camera is not None and now.camera is not None:
+            found[i] = replace(now, visual=before.camera.inverse() @ now.camera)
+    return tuple(found)
