@@ -6,7 +6,23 @@
    positions of the antenna, wheels, matched scans (`fused_graph`); Forster et al. 2017, Dellaert and Kaess 2017.
 4. What leaves the window stays as a prior; the same without each sensor shows how much it contributes.
 
-Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same.
+Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
+recording goes on, the window is estimated; at the end all nodes are, with the final poses of the images.
+
+Measured (ATE after SE(3)): KITTI 00, its first 200 images with their IMU and GNSS (145 m; fixes alone 0.245 m;
+`monocular` 0.150 m after Sim(3), without a unit). Schemes 1 and 2: 0.13 m, scale 0.3 % off; 4: 0.12 m, 0.2 %; 6: 0.44
+m, 0.8 %. Needed for that are the pose of the unit in the camera (KITTI's calibration; without its lever arm of 1.4 m
+scheme 4 has 0.31 m, and `gnss_misfit` fails) and the clock of the fixes, 55 ms later than that of the samples: there
+`gnss_misfit` is smallest. GNSS outages of 10 s (57 m) are bridged within 0.1 to 0.4 % of the way at the end (one of
+six: 1.9 %), and within 1.5 to 3.2 % while they last, as the scale of `monocular` drifts in the bend. Simulated drives
+of 33 m (320 px, wheels slip by half for 3 s, each of 12 nodes recognised; wheels alone: 1.02 m): scheme 3 0.015 m, 5
+and 8 0.023 m, 7 0.010 m; `monocular` 0.015 m after Sim(3), so that images alone lack the scale only.
+
+Its limits: the covariance of the images is a setting, not that of the visual method. NEES lies inside its 95 % band
+at 73 to 100 % of the times for schemes 2 and 4, at 54 to 87 % for 6 and at 2 to 88 % for 8, where it is too large,
+never too small. The clock of a sensor and its place in the rig are not estimated; what contradicts is named by its
+misfit. A slip from the first metre on is not recognised. Tight coupling (features of the images in the graph) is
+missing. Scans are taken to see vertical walls.
 """
 
 from __future__ import annotations
@@ -14,49 +30,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from itertools import pairwise
-from typing import Annotated, Literal
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method, require_frame
 from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, SLIP, STARTED
-from ispom.estimators.survey.fused_graph import Graph, Node, Noise
+from ispom.estimators.survey.fused_graph import GAUGE, Graph
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
+from ispom.estimators.survey.fused_settings import OTHERS, SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, started
-from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.estimators.survey.fused_values import Noise, revised_nodes
+from ispom.geometry import Pose
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Kind, Measurement, Rig, Status, Step, Trajectory
+from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Step, Trajectory
 
-OTHERS: dict[Kind, str] = {
-    "imu": "an IMU",
-    "gnss": "a GNSS antenna",
-    "wheel": "a wheel odometer",
-    "laser": "a laser scanner",
-}
-SCHEMES: dict[str, frozenset[Kind]] = {
-    "1": frozenset({"gnss", "imu"}),
-    "2": frozenset({"gnss", "imu"}),
-    "3": frozenset({"gnss", "imu", "wheel"}),
-    "4": frozenset({"gnss"}),
-    "5": frozenset({"imu", "wheel"}),
-    "6": frozenset({"imu"}),
-    "7": frozenset({"wheel", "laser"}),
-    "8": frozenset({"wheel"}),
-    "9": frozenset(),
-}
-"""The sensors of the paper's Table 2 besides the images."""
-Scheme = Literal["auto", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 WAITING_NODES = 80
 """Nodes that are kept until the start."""
 SOONEST_S = 0.08
 """Between a node and one for a fix."""
-GAUGE = 1e-3
-"""Standard deviation [m], [rad] of what the first pose defines."""
-UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
-"""Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
 WORST_SCALE = 0.1
 """Standard deviation of the log scale with which the start is accepted."""
 WORLD_FROM_LOCAL = Pose(OPTICAL_FROM_LEVEL)
@@ -64,28 +56,8 @@ WORLD_FROM_LOCAL = Pose(OPTICAL_FROM_LEVEL)
 
 
 @dataclass(frozen=True)
-class FusedConfig:
+class FusedConfig(FusedSettings):
     """Settings of `fused`."""
-
-    scheme: Scheme = "auto"
-    """Which sensors take part, by the scheme of Table 2: 1, 2 GNSS and IMU; 3 these and wheels; 4 GNSS; 5 IMU and
-    wheels; 6 IMU; 7 wheels and laser; 8 wheels; 9 images alone; auto: all that the recording has."""
-    node_s: Annotated[float, Range(0.05, 2)] = 0.25
-    """Time from one node of the graph to the next [s]."""
-    window: Annotated[int, Range(3, 60)] = 16
-    """Nodes that are estimated together."""
-    start_m: Annotated[float, Range(1, 200)] = 8.0
-    """Way of the fixes from which on they give scale and heading [m]."""
-    tilt_deg: Annotated[float, Range(0.1, 30)] = 3.0
-    """How far from level the rig may stand at the start, where no IMU takes part (1 sigma) [deg]."""
-    turn_deg: Annotated[float, Range(0.001, 10)] = 0.05
-    """Error of a rotation by the images within a second (1 sigma), growing with the root of the time [deg]."""
-    translation_percent: Annotated[float, Range(0.01, 50)] = 0.8
-    """Error of a translation by the images (1 sigma), in percent of its length."""
-    scale_percent: Annotated[float, Range(0.001, 20)] = 0.5
-    """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time."""
-    slip_percent: Annotated[float, Range(0.5, 100)] = 5.0
-    """Wheels slip where their way differs by more from that of the images, in percent."""
 
     def build(self, rig: Rig) -> Fused:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
@@ -139,8 +111,18 @@ class Fused:
             state, step = self._waiting_for_start(state, frame.time_ns, watch)
         else:
             state, step = self._with_node(state, frame.time_ns, watch)
-        shown = {"tracks": visual.tracks, "landmarks": visual.landmarks} if self._metric else {"tracks": visual.tracks}
-        return state, replace(step, seconds=watch.seconds, residuals_px=visual.residuals_px, **shown)
+        shown = self._landmarks(state, visual, step.world_from_frame)
+        step = replace(step, tracks=visual.tracks, landmarks=shown, residuals_px=visual.residuals_px)
+        return state, replace(step, seconds=watch.seconds)
+
+    def _landmarks(self, state: FusedState, visual: Step, world_from_rig: Pose | None) -> Landmarks:
+        """Returns the points of the images, carried by the pose and the scale of now."""
+        camera = dict(state.seen).get(visual.time_ns)
+        if world_from_rig is None or camera is None or not state.nodes:
+            return Landmarks.empty()
+        xyz = np.exp(state.nodes[-1].log_scale) * camera.inverse().apply(visual.landmarks.xyz_in_world)
+        onto = world_from_rig @ self._camera_from_rig.inverse()
+        return replace(visual.landmarks, xyz_in_world=onto.apply(xyz))
 
     def _due(self, state: FusedState, time_ns: int, sighted: bool) -> bool:
         """Checks that the frame becomes a node."""
@@ -176,22 +158,25 @@ class Fused:
         state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
-        nodes = _revised(state.nodes, dict(state.seen))
+        nodes = revised_nodes(state.nodes, dict(state.seen))
         frames = self._camera_from_rig, self._graph.rig_from_body
-        start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
+        known = self._metric or not self._sensors  # images alone keep their unit
+        start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
         waiting = replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
         if start is None:
             return waiting
         prior = self._graph.first_prior(
-            start.nodes[0], self._first_covariance(start.nodes[0].local_from_rig), start.scale_sigma
+            start.nodes[0],
+            self._graph.first_covariance(start.nodes[0].local_from_rig, self._config.tilt_deg),
+            start.scale_sigma,
         )
         nodes, misfits = self._graph.optimised(start.nodes, prior)
         deviation = self._graph.uncertainty(nodes, prior)[1]
         watch.lap("optimise")
         if self._sensors and deviation > WORST_SCALE:
             return waiting
-        state = replace(state, nodes=nodes, prior=prior, first=prior)
+        state = replace(state, nodes=nodes, prior=prior, first=prior, walls=None)
         return self._reported(state, decisions, misfits, watch)
 
     def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
@@ -203,7 +188,7 @@ class Fused:
             decisions.append(SLIP.of(apart, 0.01 * self._config.slip_percent))
         watch.lap("measure")
         assert state.prior is not None
-        nodes, misfits = self._graph.optimised(_revised((*state.nodes, node), dict(state.seen)), state.prior)
+        nodes, misfits = self._graph.optimised(revised_nodes((*state.nodes, node), dict(state.seen)), state.prior)
         watch.lap("optimise")
         state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
         return self._reported(state, tuple(decisions), misfits, watch)
@@ -240,19 +225,6 @@ class Fused:
             decisions=(*decisions, *fits, *gain),
         )
 
-    def _first_covariance(self, first: Pose) -> Array:
-        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well."""
-        place = UNPLACED_M if "gnss" in self._sensors else GAUGE
-        heading = UNTURNED if "gnss" in self._sensors else GAUGE
-        tilt = GAUGE
-        if "imu" in self._sensors:
-            tilt = TILTED
-        elif "gnss" in self._sensors:
-            tilt = np.radians(self._config.tilt_deg)
-        up = first.rotation.T @ np.array([0.0, 0.0, 1.0])
-        turn = tilt**2 * np.eye(3) + (heading**2 - tilt**2) * np.outer(up, up)
-        return np.block([[place**2 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
-
     def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
         """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
         the final poses of the images."""
@@ -260,7 +232,7 @@ class Fused:
         nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
         if state.first is not None:
             older = [n for n in nodes if n.number < state.first.at.number]
-            together = _revised(tuple(n for n in nodes if n.number >= state.first.at.number), final)
+            together = revised_nodes(tuple(n for n in nodes if n.number >= state.first.at.number), final)
             nodes = [*older, *self._graph.optimised(together, state.first)[0]]
         by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
@@ -281,16 +253,6 @@ class Fused:
         prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), 0.1)
         bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
         return replace(bare, number=state.number)
-
-
-def _revised(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:
-    """Returns nodes with the motions of the images by revised poses of their camera, by time."""
-    found = [replace(node, camera=cameras.get(node.time_ns, node.camera)) for node in nodes]
-    for i, (before, now) in enumerate(pairwise(found), 1):
-        both = before.time_ns in cameras and now.time_ns in cameras and now.visual is not None
-        if both and before.camera is not None and now.camera is not None:
-            found[i] = replace(now, visual=before.camera.inverse() @ now.camera)
-    return tuple(found)
 
 
 METHOD = Method(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.estimators.survey.fused_graph import GRAVITY_M_S2, Node, Prior
+from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
 from ispom.estimators.survey.fused_links import (
     SLIP_SIGMAS,
     Fix,
@@ -18,6 +18,7 @@ from ispom.estimators.survey.fused_links import (
     wheel_link,
 )
 from ispom.estimators.survey.fused_start import summed
+from ispom.estimators.survey.fused_values import Node, Prior
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import (
@@ -37,6 +38,8 @@ from ispom.types import (
 WAITING_FIXES = 50
 RECENT = 150
 """Poses of the images that are kept."""
+SKEWED = 25.0
+"""Factor of the covariance of scans before the start, which the motion within a scan has skewed."""
 KEPT_NS = 500_000_000
 """Measurements are kept until they are older than the last node by this."""
 
@@ -234,6 +237,7 @@ class Collector:
         if walls is None:
             return now, None
         predicted = moved if moved is not None else Pose()
-        if log_scale is None:
-            predicted = Pose(predicted.rotation)
-        return now, laser_link(walls, now, predicted, scanner)
+        if log_scale is not None:
+            return now, laser_link(walls, now, predicted, scanner)
+        link = laser_link(walls, now, Pose(predicted.rotation), scanner)
+        return now, link and Link(link.relative, SKEWED * link.covariance)

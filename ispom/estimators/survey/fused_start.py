@@ -13,8 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ispom.estimators.survey.fused_graph import GRAVITY_M_S2, Node
+from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
 from ispom.estimators.survey.fused_links import Inertial
+from ispom.estimators.survey.fused_values import Node
 from ispom.geometry import Array, Pose, so3_exp, so3_log
 
 OPTICAL_FROM_LEVEL = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

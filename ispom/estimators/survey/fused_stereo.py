@@ -1,0 +1,37 @@
+"""`fused` over the relative poses of a stereo pair: their unit is the metre from the first pair on, so that no start is
+waited for but that of the fixes' heading; wheels and fixes correct drift, and the IMU gives up and bridges what the
+images lose. See `fused` for the graph and its references.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ispom.estimator import STEREO, Method
+from ispom.estimators.survey.fused import METHOD as FUSED
+from ispom.estimators.survey.fused import OTHERS, Fused, FusedConfig
+from ispom.types import Rig
+
+
+@dataclass(frozen=True)
+class FusedStereoConfig(FusedConfig):
+    """Settings of `fused.stereo`."""
+
+    def build(self, rig: Rig) -> Fused:
+        """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
+        return Fused(rig, self, "fused.stereo", "stereo")
+
+
+METHOD = Method(
+    "fused.stereo",
+    STEREO | frozenset(OTHERS),
+    FusedStereoConfig,
+    "metric",
+    FUSED.source,
+    FUSED.scale,
+    {"visual": "stereo"},
+    FUSED.checks,
+    FUSED.stages,
+    frozenset(OTHERS),
+    "Table 2: stereo images and other sensors",
+)
