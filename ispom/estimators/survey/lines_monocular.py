@@ -393,7 +393,7 @@ class LinesMonocular(OneKind["Memory | None"]):
             rho[mine] = np.where((moved > MIN_PARALLAX_PX * px)[:, None], new, np.nan)
             # What is known already is a better start, where it is before the camera.
             again = 1 / depths_on_lines(x[mine].reshape(-1, 2), views[i].pose.apply(known[mine]))
-            rho[mine] = np.where((again > 0).all(axis=1)[:, None], again, rho[mine])
+            rho[mine] = np.where(np.all(again > 0, axis=1, keepdims=True), again, rho[mine])
         some = np.flatnonzero((rho > 0).all(axis=1))
         if len(some) < self.config.min_inliers:
             return memory
