@@ -20,7 +20,7 @@ rendered room of 320 x 240 pixels the error is 4 % of the path. The unit drifts,
 
 Measured: sim:indoor, the first 80 video frames: directions of three views within a degree at the start, then the unit
 stays within 4 % and the direction of displacement within 1 degree (median). A real office (head-high camera, blur,
-turns, nominal calibration): 146 of 194 frames have a pose, in four segments. Their units differ by far, so that they
+turns, nominal calibration): 115 of 194 frames have a pose, in seven segments. Their units differ by far, so that they
 are no common path, and where fewer than two vanishing directions are seen, no segment begins.
 """
 
@@ -393,7 +393,7 @@ class LinesMonocular(OneKind["Memory | None"]):
             rho[mine] = np.where((moved > MIN_PARALLAX_PX * px)[:, None], new, np.nan)
             # What is known already is a better start, where it is before the camera.
             again = 1 / depths_on_lines(x[mine].reshape(-1, 2), views[i].pose.apply(known[mine]))
-            rho[mine] = np.where((again > 0).all(axis=1)[:, None], again, rho[mine])
+            rho[mine] = np.where(np.all(again > 0, axis=1, keepdims=True), again, rho[mine])
         some = np.flatnonzero((rho > 0).all(axis=1))
         if len(some) < self.config.min_inliers:
             return memory
@@ -412,7 +412,7 @@ class LinesMonocular(OneKind["Memory | None"]):
         worst = np.zeros(len(found.rho))
         np.maximum.at(worst, found.line, np.abs(line_residuals(found)).max(axis=1))
         limit = INLIER * NOISE_PX / self.rig.camera("video").fx
-        return (found.rho > 0).all(axis=1) & (worst < limit)
+        return np.all(found.rho > 0.0, axis=1) & (worst < limit)
 
     def _placed(self, memory: Memory, ids: NDArray[np.int64], xyz: Array, bad: NDArray[np.int64]) -> Memory:
         """Returns the memory with the places (N, 2, 3) of lines, and without those of `bad` ones."""
@@ -429,8 +429,8 @@ class LinesMonocular(OneKind["Memory | None"]):
         """Returns the lines with those of their points as ends that are nearest to the ends of their segments."""
         x = self.rig.camera("video").normalise(lines.uv.reshape(-1, 2).astype(float))
         ends = nearest_on_lines(x, pose.apply(lines.xyz))
-        valid = np.all(ends[..., 2] > 0, axis=1)
-        return replace(lines, xyz=np.where(valid[:, None, None], pose.inverse().apply(ends), lines.xyz))
+        valid = np.all(ends[..., 2] > 0, axis=1, keepdims=True)[..., None]
+        return replace(lines, xyz=np.where(valid, pose.inverse().apply(ends), lines.xyz))
 
     # What is drawn
 
