@@ -59,7 +59,10 @@ class Storage:
         self.key = key
 
 
-class Writer(pickle._Pickler):  # type: ignore[name-defined,misc]
+Pickler: Any = vars(pickle)["_Pickler"]  # the one in Python, whose `save` can be changed
+
+
+class Writer(Pickler):
     """Writes files as torch.save does."""
 
     def persistent_id(self, obj: Any) -> Any:
