@@ -86,6 +86,9 @@ MIN_DISTANCE_PX = 4.0
 """Of a new feature from the others: FAST corners, of which only a part is found again, come in clusters."""
 MIN_ANGLE_RAD = np.radians(0.5)
 """Least parallax of a point of the first map."""
+EARLY_SHARE = 0.5
+"""Share of the parallax that is enough before the first map where many points are gone: near ones, which move most,
+leave first, and the parallax of those that are left may never get larger."""
 MIN_BUNDLE_POINTS = 10
 """With fewer points a bundle adjustment hardly improves the poses."""
 MIN_INLIER_SHARE = 0.3
@@ -264,7 +267,9 @@ class Points(OneKind[Memory]):
         shared = THREE_VIEWS.of(keys[0].common(here), config.min_inliers)
         if not shared.passed:
             return Found((here,), memory.points, (shared,), is_keyframe=True)
-        moved = PARALLAX.of(parallax_deg(keys[-1], here, self._width), config.min_parallax_deg)
+        few = keys[-1].common(here) < config.min_share * len(keys[-1].ids)
+        needed_deg = config.min_parallax_deg * (EARLY_SHARE if few else 1)
+        moved = PARALLAX.of(parallax_deg(keys[-1], here, self._width), needed_deg)
         if not moved.passed:
             return Found(keys, memory.points, (moved,))
         if len(keys) < 2:

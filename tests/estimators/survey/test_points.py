@@ -119,3 +119,10 @@ def test_kitti_06(features: str) -> None:
             state, _ = ensemble.step(state, sequence[i])
     assert sequence.truth is not None
     assert errors(ensemble.finish(state)["points"], sequence.truth, sequence.rig, False)["t_err_percent"] < 3.0
+
+
+def test_a_map_begins_although_the_near_points_with_the_parallax_leave() -> None:
+    sequence = open_sequence("sim:tiny")
+    frames = (frame for frame in map(sequence.load, range(len(sequence))) if frame.kind == "video")
+    steps = list(run(alone("points", sequence.rig, PointsConfig(features="susan")), frames))
+    assert sum(step.status is Status.TRACKING for step in steps) > len(steps) / 3
