@@ -20,7 +20,7 @@ of 33 m (320 px, seed 0; wheels slip by half for 3 s, each of 12 nodes recognise
 unit.
 
 Its limits: the covariance of the images is a setting, not that of the visual method. NEES over four simulated drives
-lies inside its 95 % band at 92 % of the times for scheme 2, 85 % for 4, about 80 % for 6 and 56 % for 8; elsewhere
+lies inside its 95 % band at 92 % of the times for scheme 2, 85 % for 4, 75 % for 6 and 56 % for 8; elsewhere
 the covariance is too large, and too small at 2 % of the times of scheme 4 only. The clock of a sensor and its place
 in the rig are not estimated; what contradicts is named by its misfit. A slip from the first metre on is not
 recognised. Tight coupling (features of the images in the graph) is missing. Scans are taken to see vertical walls.
