@@ -230,6 +230,8 @@ class Collector:
         scanner = next((s for s in self._rig.sensors.values() if isinstance(s, LaserScanner)), None)
         if "laser" not in self._sensors or scanner is None or scan is None or not len(scan.points):
             return None, None
+        if log_scale is None and "wheel" in self._sensors:
+            return None, None  # wheels give the scale; scans that the motion has skewed would only disturb
         path = list[tuple[int, Pose]]()
         if log_scale is not None:
             path = [(t, self.in_rig(pose, log_scale)) for t, pose in state.seen if t > time_ns - 3 * KEPT_NS]

@@ -100,4 +100,4 @@ def _prints() -> tuple[Array, Array]:
         covered[place], light[place] = 1.0, PAPER
         bits = cv2.aruco.generateImageMarker(dictionary, tag, 8)
         light[row + 1 : row + 9, column + 1 : column + 9] = np.where(bits > 0, PAPER, INK)
-    return np.asarray(cv2.integral(covered)), np.asarray(cv2.integral(light))
+    return np.asarray(cv2.integral(covered), float), np.asarray(cv2.integral(light), float)
