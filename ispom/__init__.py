@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ispom.ensemble import Ensemble, build
     from ispom.errors import InputError, UnreadableImage
     from ispom.estimator import Estimator, Integrator, Method, MethodConfig, require_frame
-    from ispom.evaluation.metrics import errors
+    from ispom.evaluation.metrics import path_errors
     from ispom.evaluation.trajectory_error import aligned, ate_m
     from ispom.features.descriptors import (
         DescriptorTracker,
@@ -91,7 +91,7 @@ _HOMES = {
     "ispom.errors": "InputError UnreadableImage",
     "ispom.estimator": "Estimator Integrator Method MethodConfig require_frame",
     "ispom.evaluation.trajectory_error": "aligned ate_m",
-    "ispom.evaluation.metrics": "errors",
+    "ispom.evaluation.metrics": "path_errors",
     "ispom.features.descriptors": "DescriptorTracker OpenCvFeatures SimilarityMatcher descriptor_front_end dot_product "
     "hamming_similarity match_near",
     "ispom.features.front_ends": "front_end front_ends",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -63,3 +64,8 @@ def test_examples_import_nothing_below_it(path: Path) -> None:
             assert not (node.module or "").startswith("ispom."), ast.unparse(node)
         if isinstance(node, ast.Import):
             assert not any(alias.name.startswith("ispom.") for alias in node.names)
+
+
+def test_no_public_name_is_that_of_a_module() -> None:
+    """Importing `ispom.errors` would put the module where the public name `errors` was."""
+    assert [name for name in ispom.__all__ if find_spec(f"ispom.{name}") is not None] == []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from importlib import import_module
 
 GROUPS = {
     "Sequences and data": ("ispom.sequences", "ispom.types"),
@@ -44,12 +43,9 @@ def pages() -> dict[str, str]:
             continue
         directives = []
         for name in mine:
-            # the home, as ispom.errors is also the name of a module
-            home = import_module(left[name])
-            kind = "class" if inspect.isclass(getattr(home, name)) else "function"
+            kind = "class" if inspect.isclass(getattr(ispom, name)) else "function"
             members = "\n   :members:\n   :undoc-members:" if kind == "class" else ""
-            where = "ispom" if getattr(ispom, name) is getattr(home, name) else left[name]
-            directives.append(f".. auto{kind}:: {where}.{name}{members}")
+            directives.append(f".. auto{kind}:: ispom.{name}{members}")
             del left[name]
         text += [f"## {title}", "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
     return {"reference/python_api.md": "\n\n".join(text)}

@@ -51,7 +51,7 @@ def _positions_from(origin: Trajectory, opening_ns: np.ndarray, trajectory: Traj
     return np.einsum("kji,kj->ki", origin.rotations[i], trajectory.translations[j] - origin.translations[i])
 
 
-def errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) -> dict[str, Any]:
+def path_errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) -> dict[str, Any]:
     """Returns errors of world_from_FRAME against world_from_rig, in any worlds; all None with too few poses.
 
     `metric`: the unit is the metre, and the alignment SE(3). Otherwise it is Sim(3), and the scale drift is added.

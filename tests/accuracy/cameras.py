@@ -22,7 +22,7 @@ from rich.table import Table
 
 from ispom.child import end_with_parent
 from ispom.ensemble import build
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.io.rig import rig_text
 from ispom.io.trajectories import tum_text
 from ispom.methods import Config
@@ -83,7 +83,7 @@ def filmed(seed: int, cameras: str, methods: tuple[str, ...]) -> Iterator[Filmed
             for step in steps:
                 lost[step.method] += step.status is Status.LOST
         for name, trajectory in ensemble.finish(state).items():
-            found = errors(trajectory, sequence.truth, sequence.rig, registered(name).unit == "metric")["ate_m"]
+            found = path_errors(trajectory, sequence.truth, sequence.rig, registered(name).unit == "metric")["ate_m"]
             yield Filmed(seed, cameras, name, float("nan") if found is None else found, lost[name])
 
 

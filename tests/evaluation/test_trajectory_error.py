@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.evaluation.comparison import compare, measures
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.evaluation.trajectory_error import alignment_of, error_against_truth, trajectory_error
 from ispom.geometry import Pose
 from ispom.types import Camera, Rig, Trajectory
@@ -25,7 +25,7 @@ def test_every_file_and_table_states_the_same_error(metric: bool) -> None:
     kind = alignment_of(metric)
     error = error_against_truth(estimate, truth, Rig(), kind)
     assert error is not None and kind == ("se3" if metric else "sim3")
-    assert errors(estimate, truth, Rig(), metric)["ate_m"] == error.ate_m
+    assert path_errors(estimate, truth, Rig(), metric)["ate_m"] == error.ate_m
     compared = compare(estimate, truth, (error.estimate, error.reference), kind)
     assert measures(compared)["ate_rmse_m"] == error.ate_m
     assert np.sqrt(np.mean(error.position_errors_m**2)) == pytest.approx(error.ate_m, abs=1e-15)

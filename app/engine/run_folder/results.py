@@ -56,7 +56,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         trajectory = results.trajectories[method]
         entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
-            entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
+            entry |= metrics.path_errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
         segments = list(_segments(trajectory, statistics.segments(method)))
         if len(segments) > 1:
             entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
@@ -93,7 +93,7 @@ def _segment(part: Trajectory, results: Results, metric: bool) -> dict[str, Any]
     """A stretch that no observation joins to the others, measured by itself."""
     found: dict[str, Any] = {"from_ns": int(part.times_ns[0]), "until_ns": int(part.times_ns[-1]), "poses": len(part)}
     if results.truth is not None:
-        found |= metrics.errors(part, results.truth, results.rig, metric)
+        found |= metrics.path_errors(part, results.truth, results.rig, metric)
     return found
 
 

@@ -106,7 +106,7 @@ def _accuracy(trajectory: Trajectory, sequence: Sequence, method: str) -> dict[s
     if sequence.truth is None:
         return {}
     metric = registered(method).unit == "metric"
-    found = metrics.errors(trajectory, sequence.truth, sequence.rig, metric)
+    found = metrics.path_errors(trajectory, sequence.truth, sequence.rig, metric)
     truth = sequence.truth.moved(right=sequence.rig.rig_from(trajectory.frame), frame=trajectory.frame)
     own, other = associate(trajectory, truth)
     if metric and len(own) >= MIN_POSES:

@@ -14,7 +14,7 @@ class Experiment:
     same command continues where an earlier one was stopped."""
 
     plan: tyro.conf.Positional[str]
-    """fig8, fig9, table1, table2, table3, table4 (of the paper), or a YAML file; docs/howto/experiment.md has an example."""
+    """fig8, fig9, table1, table2, table3, table4 (of the paper), or a YAML file as in docs/howto/experiment.md."""
     out: Path
     """Folder to write to: new, empty, or that of an experiment to go on with."""
     sources: tuple[str, ...] = ()

@@ -21,7 +21,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -108,7 +108,7 @@ def test_without_ground_truth_there_is_no_error(run: CurrentRun) -> None:
 def test_the_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
     finished, truth = run.playback.finish(), run.opened.truth
     assert truth is not None
-    wanted = errors(finished.trajectories["monocular"], truth, run.opened.sequence.rig, metric=False)["ate_m"]
+    wanted = path_errors(finished.trajectories["monocular"], truth, run.opened.sequence.rig, metric=False)["ate_m"]
     assert measured(run).errors["monocular"].ate_m == wanted
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from ispom.ensemble import build
 from ispom.estimators.modern.rolling import Flow, Speeds, late_px
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.methods import Config
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.simulation.scenario.calibrations import WrongShutter
@@ -71,7 +71,7 @@ def test_known_line_delays_make_good_a_rolling_shutter(tmp_path: Path) -> None:
         state = ensemble.start()
         for exposure in exposures:
             state, _ = ensemble.step(state, exposure)
-        return [errors(t, truth, rig, t.frame == "rig")["ate_m"] for t in ensemble.finish(state).values()]
+        return [path_errors(t, truth, rig, t.frame == "rig")["ate_m"] for t in ensemble.finish(state).values()]
 
     blind = errors_m(WrongShutter().on(told, 0).rig)
     assert (np.array(blind) > np.array([2, 8, 8]) * errors_m(told.rig)).all()

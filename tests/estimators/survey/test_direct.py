@@ -9,7 +9,7 @@ import pytest
 
 from ispom.estimators.survey.direct import DirectConfig
 from ispom.estimators.survey.photometric import align, correlations, pyramid, sample, square_patch, textured
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Rig, Status
@@ -118,4 +118,4 @@ def test_drift_on_kitti() -> None:
             state, step = estimator.step(state, sequence[i])
             assert step.world_from_frame is not None
     assert sequence.truth is not None
-    assert errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 2.0
+    assert path_errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 2.0

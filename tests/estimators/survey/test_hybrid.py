@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.survey.hybrid import HybridConfig, Memory, feature_alignment, refined, sparse_alignment
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Rig, Status, TrackStatus
@@ -108,4 +108,4 @@ def test_drift_on_kitti() -> None:
             state, step = estimator.step(state, sequence[i])
             assert step.world_from_frame is not None
     assert sequence.truth is not None
-    assert errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 2.0
+    assert path_errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 2.0

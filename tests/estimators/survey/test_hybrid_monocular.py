@@ -9,7 +9,7 @@ import pytest
 
 from ispom.estimators.survey.hybrid import Keyframe
 from ispom.estimators.survey.hybrid_monocular import HybridMonocularConfig, adjusted
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.sequences import open_sequence
@@ -98,4 +98,4 @@ def test_a_handheld_camera_over_a_board() -> None:
     assert sequence.truth is not None
     found = estimator.finish(state)
     assert len(found) > 200
-    assert errors(found, sequence.truth, sequence.rig, False)["ate_m"] < 0.002
+    assert path_errors(found, sequence.truth, sequence.rig, False)["ate_m"] < 0.002

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.survey.lines import Lines, LinesConfig
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Sequence, Status, Step
 
@@ -39,13 +39,13 @@ def test_the_path_is_metric(run: tuple, flight: Sequence) -> None:
     estimator, steps, state = run
     assert all(step.status is Status.TRACKING for step in steps)
     assert flight.truth is not None
-    assert errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.01
+    assert path_errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.01
 
 
 def test_hough_gives_it_too(flight: Sequence) -> None:
     estimator, _, state = steps_of(flight, LinesConfig(detector="hough", manhattan=True), 4)
     assert flight.truth is not None
-    assert errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.02
+    assert path_errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.02
 
 
 def test_lines_of_the_image_have_the_groups_of_their_directions(run: tuple) -> None:
@@ -90,4 +90,4 @@ def test_drift_on_kitti() -> None:
     sequence = open_sequence(str(DATA / "kitti" / "sequences" / "06"))
     estimator, _, state = steps_of(sequence, LinesConfig())
     assert sequence.truth is not None
-    assert errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 3.0
+    assert path_errors(estimator.finish(state), sequence.truth, sequence.rig, True)["t_err_percent"] < 3.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.survey.lines_monocular import LinesMonocular, LinesMonocularConfig
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.types import Frame, Sequence, Status, Step
 from tests.line_scene import line_sequence
 
@@ -46,7 +46,7 @@ def test_the_path_has_the_shape_of_the_true_one(run: Run, room: Sequence) -> Non
     estimator, _, state = run
     assert room.truth is not None
     length = np.linalg.norm(np.diff(room.truth.translations, axis=0), axis=1).sum()
-    assert errors(estimator.finish(state), room.truth, room.rig, False)["ate_m"] < 0.06 * length
+    assert path_errors(estimator.finish(state), room.truth, room.rig, False)["ate_m"] < 0.06 * length
 
 
 def test_lines_that_are_not_used_are_drawn_as_such(run: Run) -> None:

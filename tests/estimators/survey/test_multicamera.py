@@ -13,7 +13,7 @@ import pytest
 
 from ispom.ensemble import build
 from ispom.estimators.survey.multicamera import CHECKS, MulticameraConfig
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.sequences import open_sequence
@@ -45,7 +45,7 @@ def decisions(steps: list[Step], key: str) -> list[Any]:
 def figures(sequence: Sequence, metric: bool = True, **settings: Any) -> dict[str, Any]:
     _, trajectory = walked(sequence, **settings)
     assert sequence.truth is not None
-    return errors(trajectory, sequence.truth, sequence.rig, metric)
+    return path_errors(trajectory, sequence.truth, sequence.rig, metric)
 
 
 @cache

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from ispom.ensemble import build
 from ispom.estimators.survey.points import FIXED_KEYFRAMES, PointsConfig, intersected, refined
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Array, Pose
 from ispom.methods import Config
 from ispom.sequences import open_sequence
@@ -89,7 +89,7 @@ def test_a_bend_through_a_cloud_of_balls_is_found(features: str) -> None:
     assert all(located[located.index(True) :]) and np.mean(located) > 0.8
     truth = Trajectory.of([(sequence[i].time_ns, world_from_rig(i)) for i in range(80)], "rig")
     path_m = 79 * np.linalg.norm(world_from_rig(1).translation)
-    assert errors(estimator.finish(state), truth, rig(), False)["ate_m"] < 0.02 * path_m
+    assert path_errors(estimator.finish(state), truth, rig(), False)["ate_m"] < 0.02 * path_m
     assert any(len(step.landmarks.ids) > 20 for step in steps) and all(step.frame == "video" for step in steps)
 
 
@@ -118,7 +118,7 @@ def test_kitti_06(features: str) -> None:
         if kind == "video":
             state, _ = ensemble.step(state, sequence[i])
     assert sequence.truth is not None
-    assert errors(ensemble.finish(state)["points"], sequence.truth, sequence.rig, False)["t_err_percent"] < 3.0
+    assert path_errors(ensemble.finish(state)["points"], sequence.truth, sequence.rig, False)["t_err_percent"] < 3.0
 
 
 def test_a_map_begins_although_the_near_points_with_the_parallax_leave() -> None:

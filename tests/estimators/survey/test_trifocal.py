@@ -19,7 +19,7 @@ from ispom.estimators.survey.trifocal import (
     transferred,
     trifocal_tensor,
 )
-from ispom.evaluation.metrics import errors
+from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Array
 from ispom.methods import Config
 from ispom.sequences import open_sequence
@@ -140,7 +140,7 @@ def figures(sequence: Sequence) -> dict:
     for i in range(len(sequence)):
         state, _ = ensemble.step(state, sequence[i])
     assert sequence.truth is not None
-    return errors(ensemble.finish(state)["trifocal"], sequence.truth, sequence.rig, True)
+    return path_errors(ensemble.finish(state)["trifocal"], sequence.truth, sequence.rig, True)
 
 
 @pytest.mark.skipif(not KITTI.is_dir(), reason="KITTI 06 is not in ../shared/data")
