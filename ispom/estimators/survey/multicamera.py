@@ -13,7 +13,7 @@ The steps, in the order of this file:
 5. A window of frames is adjusted together with the inverse depths of all points (`ispom.solvers.generalised`).
 6. Is the scale observable? Its relative standard deviation is that of the best known length in the window, from the
    normal equations. Overlap makes it small, and so do rotations of a rig whose cameras do not overlap; on the straight
-   it is not. There it is held, and the check says so: the unit is then that of before, or of the guess.
+   it is not. There it is fixed, and the check says so: the unit is then that of before, or of the guess.
 
 Limits: observations lie on the plane z = 1, so directions at 90 degrees from an axis or more are not used; all cameras
 expose at the same time; nothing is relocalised; a point that leaves a camera is a new one in the next camera. Until the
@@ -78,7 +78,7 @@ KNOWN_PX = 2.0
 """A point takes part in the resection where the uncertainty of its depth moves it less than this in the image."""
 OUTLIER_PX = 3.0
 """Points that are farther from where they should be end."""
-HELD = 0.001
+SCALE_DRIFT = 0.001
 """Relative standard deviation with which the scale may change from frame to frame by itself."""
 SHOWN_SIGMA = 0.2
 """Of a depth, relative: points of the scene that are shown."""
@@ -106,7 +106,7 @@ INLIERS = Check(
 SCALE = Check(
     "relative_scale_sigma", "relative standard deviation of the scale", "finding", "Is the scale observable?", "<=",
     passes="Scale observable: its standard deviation is {value:.1%} (limit {threshold:.1%}).", topic="scale",
-    fails="Scale not observable: its standard deviation would be {value:.0%} (limit {threshold:.0%}); it is held.",
+    fails="Scale not observable: its standard deviation would be {value:.0%} (limit {threshold:.0%}); it is fixed.",
 )  # fmt: skip
 OVERLAP = Check(
     "overlap_points", "points seen by two cameras at once", "finding",
@@ -367,7 +367,7 @@ class Multicamera(OneKind["Memory | None"]):
             motion = self.rig.rig_from(name).inverse() @ now_from_first @ self.rig.rig_from(name)
             z = triangulate(motion, window.own[0, some], window.own[1, some])[:, 2]
             rho[some] = 1 / np.where(z > 0, np.clip(z, 1e-2, 1e4), 10 * self.config.assumed_depth_m)
-        found = adjust(replace(window, rho=rho), self.cameras, self.config.noise_px, HELD)
+        found = adjust(replace(window, rho=rho), self.cameras, self.config.noise_px, SCALE_DRIFT)
         inliers = INLIERS.of((found.errors_px <= OUTLIER_PX).sum(), self.config.min_inliers)
         if not inliers.passed:
             return None, (parallax, inliers)
@@ -397,17 +397,17 @@ class Multicamera(OneKind["Memory | None"]):
         deviation of the scale from this window and those before: a Kalman filter of one number, whose update is part
         of the adjustment."""
         noise, window = self.config.noise_px, memory.window
-        held = float(np.hypot(memory.unit_sigma, HELD)) if memory.scale_known else HELD
+        prior_sigma = float(np.hypot(memory.unit_sigma, SCALE_DRIFT)) if memory.scale_known else SCALE_DRIFT
         if not memory.scale_known:
             window = self._scaled_by_overlap(window)
-        found = adjust(window, self.cameras, noise, held)
+        found = adjust(window, self.cameras, noise, prior_sigma)
         scale = SCALE.of(min(found.scale_sigma, MOST_SIGMA), self.config.max_scale_sigma)
         first_time = scale.passed and not memory.scale_known
         if first_time:
-            held = 1.0
-            found = adjust(found.window, self.cameras, noise, held)
+            prior_sigma = 1.0
+            found = adjust(found.window, self.cameras, noise, prior_sigma)
         known = memory.scale_known or first_time
-        unit_sigma = (held**-2 + found.scale_sigma**-2) ** -0.5 if known else 1.0
+        unit_sigma = (prior_sigma**-2 + found.scale_sigma**-2) ** -0.5 if known else 1.0
         return found, first_time, scale, min(unit_sigma, 1.0)
 
     def _scaled_by_overlap(self, window: Window) -> Window:
@@ -416,7 +416,9 @@ class Multicamera(OneKind["Memory | None"]):
         Far from that, the robust adjustment would take their observations as outliers. Their depths in the present
         scale are those of an adjustment without the second cameras.
         """
-        alone = adjust(replace(window, other=np.full_like(window.other, -1)), self.cameras, self.config.noise_px, HELD)
+        alone = adjust(
+            replace(window, other=np.full_like(window.other, -1)), self.cameras, self.config.noise_px, SCALE_DRIFT
+        )
         sure, seen = alone.rho_sigma < SHOWN_SIGMA * alone.window.rho, Seen.of(window)
         seen = seen.select(seen.by_other & sure[seen.point] & np.isfinite(window.own[seen.frame, seen.point, 0]))
         ratios = [np.zeros(0)]
