@@ -9,23 +9,9 @@
 Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
 recording goes on, the window is estimated; at the end all nodes are, with the final poses of the images.
 
-Measured (ATE after SE(3)): KITTI 00, its first 200 images with their IMU and GNSS (145 m; fixes alone 0.245 m;
-`monocular` 0.150 m after Sim(3), without a unit). Schemes 1 and 2: 0.13 m, scale 0.3 % off; 4: 0.12 m, 0.2 %; 6: 0.44
-m, 0.8 %. Needed for that are the pose of the unit in the camera (KITTI's calibration; without its lever arm of 1.4 m
-scheme 4 has 0.31 m, and `gnss_misfit` fails) and the clock of the fixes, 55 ms later than that of the samples (found
-against the ground truth; of 0, 20, 55 and 90 ms, `gnss_misfit` of scheme 4 is smallest there). Without it schemes 1,
-2 and 4 have 0.27 m. Three GNSS outages of 10 s (57 m) are bridged at the end within 0.4, 0.1 and 0.1 % of the way by
-scheme 4, within 0.4, 1.4 and 2.2 % by scheme 2 (the IMU as calibrated contradicts the images in the bend:
-`visual_misfit` fails there), and within 1.4 to 3.2 % while they last, as the scale of `monocular` drifts. Simulated
-drive of 33 m (320 px, seed 0; wheels slip by half for 3 s, each of 12 nodes recognised; wheels alone: 1.02 m): scheme
-3 0.010 m, 5 0.023 m, 7 0.009 m, 8 0.017 m. `monocular` has 0.015 m after Sim(3): what a second sensor buys there is
-the unit.
-
-Its limits: the covariance of the images is a setting, not that of the visual method. NEES over four simulated drives
-lies inside its 95 % band at 92 % of the times for scheme 2, 85 % for 4, 75 % for 6 and 56 % for 8; elsewhere
-the covariance is too large, and too small at 2 % of the times of scheme 4 only. The clock of a sensor and its place
-in the rig are not estimated; what contradicts is named by its misfit. A slip from the first metre on is not
-recognised. Tight coupling (features of the images in the graph) is missing. Scans are taken to see vertical walls.
+Limits: coupling is loose, the noise of the images is a setting, and neither clocks nor places of sensors in the rig are
+estimated: what contradicts is named by its misfit. Scans are taken to see vertical walls. Figures of each scheme are in
+docs/methods/notes/fused.md.
 """
 
 from __future__ import annotations
