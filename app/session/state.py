@@ -89,6 +89,8 @@ class State:
     notes: tuple[str, ...] = ()
     guess: Guess | None = None
     """Of a video camera without a calibration."""
+    cameras: tuple[str, ...] = ()
+    """Names of the cameras besides the video camera and the pair."""
     possible: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
     config: Config = field(default_factory=Config)
@@ -287,6 +289,7 @@ def _core(state: State, event: Event) -> State:
                 name=sequence.name,
                 notes=sequence.notes,
                 guess=sequence.guess,
+                cameras=tuple(sequence.rig.cameras),
                 possible=possible_methods(sequence.rig),
                 methods=methods,
                 config=config,

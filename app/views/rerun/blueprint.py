@@ -52,10 +52,13 @@ GRID_COLOUR = (128, 128, 128, 50)
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
     """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
     page's curves and verdicts, so that a row of these stands below."""
-    rig, hidden_in = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
+    rig = opened.sequence.rig
+    hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras)
     cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
     cameras |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
-    images = [_image(name, each, hidden_in.get(f"/{name}", [])) for name, each in cameras.items() if each is not None]
+    images = [
+        _image(name, each, hidden_in[f"/{image_root(name)}"]) for name, each in cameras.items() if each is not None
+    ]
     world = _world(opened, hidden_in["/world"])
     stage = rrb.Horizontal(
         world,
@@ -82,12 +85,14 @@ def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
     return row
 
 
-def hidden_paths(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state") -> list[str]:
+def hidden_paths(
+    methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state", cameras: Iterable[str] = ()
+) -> list[str]:
     """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden, and tracks
-    are coloured so."""
+    are coloured so. `cameras` are those besides the video camera and the pair."""
     return [
         f"/view/{_view_id(origin)}/ViewContents/overrides/{path}/visualizers"
-        for origin, paths in _hidden_entities(methods, hidden, colour_by).items()
+        for origin, paths in _hidden_entities(methods, hidden, colour_by, cameras).items()
         for path in paths
     ]
 
@@ -119,7 +124,9 @@ def released(layout: rrb.Blueprint) -> Iterator[rrb.Blueprint]:
             stream.disconnect()
 
 
-def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring) -> dict[str, list[str]]:
+def _hidden_entities(
+    methods: Iterable[str], hidden: Collection[str], colour_by: Colouring, cameras: Iterable[str]
+) -> dict[str, list[str]]:
     """By the origin of each view: which of its entities are hidden."""
     methods = tuple(methods)
     gone = [m for m in methods if m in hidden]
@@ -138,6 +145,8 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
     images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in IMAGES}
+    roots = sorted({image_root(name) for name in cameras} - images.keys())
+    images |= {root: [f"{root}/{layer}" for layer in IMAGE_LAYERS if layer in hidden] for root in roots}
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
     texts = ["decisions", "log"] if MEASURES in hidden else []
     return (

@@ -108,7 +108,7 @@ def message_of(state: State) -> dict[str, Any]:
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
-        "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by),
+        "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by, state.cameras),
         "words": words_to_hide(layers.colour_by),
         "question": None
         if state.question is None

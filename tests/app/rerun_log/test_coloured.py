@@ -71,3 +71,9 @@ def test_a_page_shows_the_words_of_one_legend_in_the_ink_of_its_theme(by, theme)
 def test_hidden_tracks_are_hidden_however_they_are_coloured():
     hidden = " ".join(hidden_paths(("stereo",), {"tracks"}, "age"))
     assert "left/tracks/" in hidden and "left/coloured/age" in hidden
+
+
+def test_layers_are_hidden_in_the_images_of_all_cameras():
+    hidden = {path.split("/overrides/")[1] for path in hidden_paths(("multicamera",), {"tracks"}, cameras=("front",))}
+    assert {"camera/front/tracks/visualizers", "video/tracks/visualizers"} <= hidden
+    assert "camera/front/lines/visualizers" not in hidden
