@@ -93,4 +93,4 @@ class Learn(Serve):
 
     lesson: tyro.conf.Positional[str] = ""
     """Which to begin: scale, rotation, collapse, bundle, stereo, integration, clock, calibration, outliers, errors,
-    table1; or a Markdown file of your own. Without it, choose in the page."""
+    table1, intensities, view, sensors; or a Markdown file of your own. Without it, choose in the page."""
