@@ -30,9 +30,9 @@ class Calibrate:
     """What was filmed, in metres: chessboard:9x6:0.0242 (inner corners), aprilgrid:6x6:0.088:0.3,
     charuco:8x5:0.03:0.022, apriltag:4x3:0.05:0.01, aruco:5x7:0.04:0.01, circles:7x5:0.03, acircles:4x11:0.02."""
     from_motion: bool = False
-    """Without a target. Of a video: focal length, principal point, k1 and k2 from the tracks of corners. Of a rig: place
-    and clock of the video camera from how the cameras move in one recording of all three (a folder with sequence.yaml);
-    interiors and pair must be calibrated."""
+    """Without a target. Of a video: focal length, principal point, k1 and k2 from the tracks of corners. Of a rig:
+    place and clock of the video camera from how the cameras move in one recording of all three (a folder with
+    sequence.yaml); interiors and pair must be calibrated."""
     out: Path | None = None
     """Write the calibration here, such as rig.yaml; where it must be filmed again, nothing is written."""
     format: Format = "rig"
