@@ -11,7 +11,7 @@ const STEPS = [
   [
     "left",
     "Explain",
-    "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features.",
+    "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Tracks shows single features.",
   ],
   [
     "left",
