@@ -59,7 +59,8 @@ def test_a_drive_is_joined_under_way() -> None:
     assert np.array_equal(Later(motion, by_ns).pose_at(5).matrix, motion.pose_at(by_ns + 5).matrix)
 
 
-@pytest.mark.parametrize("returns", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("returns", [True, False])
 def test_both_methods_drive(returns: bool) -> None:
     one, pair = driven(0, returns, ("monocular", "stereo"), lap=0.03)
     for found in (one, pair):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from ispom_app.features.benchmark import child
 
+from ispom.methods import method as registered
 from ispom.methods import names
 from ispom.types import is_stereo, is_video
 from tests.accuracy import soak
 from tests.accuracy.__main__ import main
-from tests.alone import OF_CAMERAS
 from tests.app import helpers
 from tests.rounds import LAP, SCENARIOS, STOP, Scenario
 
@@ -48,7 +48,8 @@ def test_images_come_again_after_a_round_and_end_where_they_should() -> None:
 
 
 def test_every_method_has_its_scenarios() -> None:
-    assert all(soak.scenarios(name) for name in names() if name not in OF_CAMERAS)
+    of_images = [name for name in names() if registered(name).sensors <= {"video", "stereo"}]
+    assert all(map(soak.scenarios, of_images))
 
 
 def test_time_and_memory_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,11 @@ from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
 from ispom.warm_up import flight_rig
 from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
+LONG = {"lines.monocular", "multicamera", "flow", "trifocal"}
+"""Methods whose contract takes more than 20 s."""
 
-@pytest.mark.parametrize("method", ALL)
+
+@pytest.mark.parametrize("method", [pytest.param(m, marks=[pytest.mark.slow] * (m in LONG)) for m in ALL])
 def test_every_method_keeps_the_contract(method: str) -> None:
     check_estimator(method, sequence=OWN_SEQUENCES[method]() if method in OWN_SEQUENCES else None)
 

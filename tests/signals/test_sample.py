@@ -13,7 +13,7 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_signal_at_any_moment_ends_a_command_in_good_order(count: int, tmp_path: Path) -> None:
     from tests.signals.inputs import made_inputs
     from tests.signals.run import cases, duration_s, fault

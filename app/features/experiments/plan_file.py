@@ -90,10 +90,12 @@ def _plan(name: str, where: str, content: Any) -> Plan:
     for statement in entry.statements:
         for line in filter(None, (statement.line, statement.over_line)):
             if line not in known:
-                raise InputError(f"{where}: a statement is about line {line!r}, none of the plan's: correct it")
+                raise InputError(
+                    f"{where}: a statement is about line {line!r}, which is none of the plan's: correct it"
+                )
     for field in entry.fields:
         if field.line not in known:
-            raise InputError(f"{where}: a field is of line {field.line!r}, none of the plan's: correct it")
+            raise InputError(f"{where}: a field is of line {field.line!r}, which is none of the plan's")
     for line in lines:
         if unknown := [source for source in line.sources if source not in entry.sources]:
             raise InputError(f"{where}: line {line.name!r} has the source {unknown[0]!r}, which is none of the plan's")

@@ -84,7 +84,10 @@ def open_vslam_lab(folder: Path) -> Recording:
 
 def _listed(path: Path) -> dict[str, tuple[NDArray[np.int64], list[str]]]:
     """Returns times (N,) [ns] and files of each camera, in the order of the columns."""
-    header, *rows = [row for row in csv.reader(read_text(path).splitlines()) if row] or [[]]
+    try:
+        header, *rows = [row for row in csv.reader(read_text(path).splitlines()) if row] or [[]]
+    except csv.Error as error:
+        raise InputError(f"{path} is no list of images: {error}: give the one that VSLAM-LAB writes") from None
     header = [word.strip() for word in header]
     cameras = [match[1] for word in header if (match := PATHS.fullmatch(word))]
     if not cameras:

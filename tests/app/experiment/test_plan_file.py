@@ -82,7 +82,7 @@ def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> Non
         ({"settings": {"monocular.paper.scale_transfer": ["norms"]}}, "not one of norm, vector"),
         ({"statements": [{"text": "t", "quantity": "ate_m", "line": "Z"}]}, "about line 'Z', which is none"),
         ({"lines": {"a": {"method": "stereo", "sources": ["sim:c"]}}}, "'sim:c', which is none of the plan's"),
-        ({"fields": [{"name": "f", "line": "Z", "ellipse": [0, 0, 1, 1, 0], "label": [0, 0]}]}, "of line 'Z', none of"),
+        ({"fields": [{"name": "f", "line": "Z", "ellipse": [0] * 5, "label": [0, 0]}]}, "of line 'Z', which is none"),
         ({"sources": ["sim:a", "sim:a "]}, "almost the same name"),
         ({"seeds": "0-99999", "sources": ["sim:a", "sim:b"]}, "more than 100000"),
     ],

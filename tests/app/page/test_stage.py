@@ -134,6 +134,7 @@ def test_any_exposure_is_drawn_when_it_is_sought_however_little_memory_the_viewe
     assert_drawn(stage, views, index)
 
 
+@pytest.mark.slow
 def test_after_a_loop_the_images_are_still_those_of_their_exposures(stage: Stage, views):
     seek(stage, 10)
     stage.send("action('loop_start')")
@@ -182,6 +183,7 @@ def test_a_fork_leaves_its_parent_visible_until_it_has_something_to_show(stage: 
     assert_drawn(stage, views, 12)
 
 
+@pytest.mark.slow
 def test_any_exposure_of_a_finished_recording_is_drawn(browser, tmp_path: Path):  # noqa: F811
     run = Playback(SEQUENCE, METHODS, builder=helpers.build)
     with FileRecording(tmp_path / "run.rrd", run.opened) as file:

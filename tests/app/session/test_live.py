@@ -67,7 +67,7 @@ def test_an_interrupt_ends_the_recording_and_what_came_is_run(
                 signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(play, "StepLog", Interrupted)
-    monkeypatch.setattr(live, "PATIENCE_S", 60.0)  # a slow machine must not end it before the interrupt
+    monkeypatch.setattr(live, "PATIENCE_S", 600.0)  # what is compiled first may take minutes
     before = signal.getsignal(signal.SIGINT)
     with streaming(images(N, 0), holds=True) as stream:
         assert run(stream.url, calibration, tmp_path / "out") == 0

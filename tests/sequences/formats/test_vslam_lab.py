@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,13 @@ def test_without_a_calibration_the_focal_length_is_a_guess(change: str, tmp_path
     sequence = open_sequence(str(folder))
     assert sequence.guess is not None and not sequence.rig.has_stereo
     assert any("a guess" in note for note in sequence.notes)
+
+
+def test_a_listing_with_an_endless_line_is_refused(tmp_path: Path) -> None:
+    folder = make_vslam_lab(tmp_path)
+    (folder / "rgb.csv").write_text((folder / "rgb.csv").read_text() + "0," + "x" * 200_000 + "\n")
+    with pytest.raises(InputError, match=re.escape("rgb.csv is no list of images")):
+        open_sequence(str(folder))
 
 
 def test_other_columns_are_skipped_and_paths_may_be_absolute(tmp_path: Path) -> None:
