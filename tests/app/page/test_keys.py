@@ -186,6 +186,7 @@ def test_a_text_field_keeps_all_keys(page: Page):
     assert page.state["index"] == FROM and page.state["loop"] is None and not page.state["playing"]
 
 
+@pytest.mark.slow
 def test_the_palette_has_every_action(page: Page):
     clicked_panel(page)
     search = page.controls.get_by_placeholder("Search")

@@ -171,6 +171,7 @@ def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(
     assert stage.state["index"] == TOTAL - 1
 
 
+@pytest.mark.slow
 def test_a_fork_leaves_its_parent_visible_until_it_has_something_to_show(stage: Stage, views):
     seek(stage, 20)
     parent = stage.state["recording_id"]

@@ -60,6 +60,7 @@ def test_a_camera_of_another_size_rolls_as_long() -> None:
     assert half.line_delay_s * half.height == pytest.approx(CAMERA.line_delay_s * CAMERA.height)
 
 
+@pytest.mark.slow
 def test_known_line_delays_make_good_a_rolling_shutter(tmp_path: Path) -> None:
     world, methods = World(rolling_shutter_ms=1e3 * READOUT_S), ("monocular", "stereo", "integrated")
     told = open_simulated("tiny", seed=0, cache_dir=tmp_path, duration_s=2.4, world=world)

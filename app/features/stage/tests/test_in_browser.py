@@ -61,6 +61,7 @@ def single(tmp_path: Path) -> Iterator[App]:
     found.process.wait()
 
 
+@pytest.mark.slow
 def test_the_viewer_draws_all_of_a_single_camera_also_where_it_is_lost(browser, single: App) -> None:  # noqa: F811
     page = Page(browser, single.url)
     page.tab.locator("#cover").wait_for(state="hidden")
