@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.sequences.formats.simulated import open_simulated
@@ -14,6 +15,7 @@ from tests.accuracy.miscalibrated import drawn, miscalibrated
 from tests.alone import run
 
 
+@pytest.mark.slow
 def test_a_pair_is_off_as_drawn(tmp_path: Path) -> None:
     plain = open_simulated("tiny", 0, tmp_path, duration_s=2.0)
     wrong, (pair, lens) = miscalibrated(plain, 0), drawn(plain, 0)

@@ -21,6 +21,7 @@ def test_wrong_is_a_map_of_another_shape(outcome: str, error: float, turn_deg: f
     assert Started("sim:tiny", 0, "map" if outcome == "map" else "none", 9, error, turn_deg).wrong is wrong
 
 
+@pytest.mark.slow
 def test_a_flight_is_started_in_the_middle() -> None:
     first, second = starts("sim:tiny", 80, 50)
     assert (first.frame, second.frame) == (0, 50)

@@ -13,7 +13,7 @@ from ispom_app.features.lessons.library import built_in
 from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
 
 NAMES = [lesson.name for lesson in built_in()]
-ALWAYS = ("collapse", "stereo")
+ALWAYS = ("stereo",)
 """They have every kind of question."""
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
