@@ -14,7 +14,7 @@ from ispom.ensemble import build
 from ispom.methods import method as registered
 from ispom.persistent_list import PersistentList
 from tests.accuracy.soak import small_images
-from tests.alone import ALL, SURVEY
+from tests.alone import ALL, METHODS, SURVEY
 from tests.rounds import SCENARIOS, Scenario, rig
 
 MEASURED = 120
@@ -25,7 +25,7 @@ GROWN = 1.1
 STANDING = ("still", "stops", "pairs end", "goes blank", "video goes blank")
 """Of the scenarios those in which most could pile up."""
 RUNS = [
-    pytest.param(name, s, marks=pytest.mark.slow if name in SURVEY else ())
+    pytest.param(name, s, marks=pytest.mark.slow if name not in METHODS else ())
     for name in ALL
     for s in SCENARIOS
     if s.name in (STANDING[:1] if name in SURVEY else STANDING) and s.kinds == registered(name).sensors
