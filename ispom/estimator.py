@@ -77,6 +77,9 @@ class Method:
     survey: str = ""
     """The row of the paper's survey that it stands for, as in "Table 3, one camera: direct"; such a method runs only
     where it is chosen by name. Empty: no method of the survey."""
+    world: Literal["start", "own"] = "start"
+    """Where its world is. start: at the first pose of the rig, or of the only camera; own: elsewhere, such as at a tag
+    or where a GNSS has its origin."""
 
     def uses(self, measurement: Measurement) -> bool:
         """Checks that the method steps on the measurement."""

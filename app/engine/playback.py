@@ -24,6 +24,8 @@ from .events import Finished, Opened, Stepped, blank
 from .external_trajectories.placed import ExternalTrajectory
 from .model.placing import Placing
 
+SPACING_NS = 1_000_000_000
+"""Time between the poses of a reference that has one for each video frame: neighbours are too near to tell a unit."""
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of some methods. Raises InputError as `ispom.ensemble.build`."""
 
@@ -76,12 +78,17 @@ class Playback:
         """What was wrong with each skipped frame."""
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
-        own = [name for name in self.methods if registered(name).unit == "own"]
-        metric = (n for n in self.methods if registered(n).unit == "metric" and registered(n).sensors == STEREO)
-        self._placements: dict[str, Similarity] = {name: Similarity(1.0, start) for name in own}
-        self._metric_method = next(metric, None)
-        self._placing: dict[str, Placing] = {name: Placing(self.sequence.rig) for name in own}
-        """Of the methods with a unit of their own that are not placed yet."""
+        known = [registered(name) for name in self.methods]
+        metric = [m for m in known if m.unit == "metric"]
+        self._reference = min(metric, key=lambda m: (m.world != "start", m.sensors != STEREO), default=None)
+        """The metric method whose world is the shared one: if possible one that begins at the start, and uses pairs."""
+        spacing_ns = 0 if self._reference is None or self._reference.sensors == STEREO else SPACING_NS
+        free = [m for m in known if m.unit == "own" or (m.world == "own" and m is not self._reference)]
+        self._placements: dict[str, Similarity] = {m.name: Similarity(1.0, start) for m in free}
+        self._placing: dict[str, Placing] = {
+            m.name: Placing(self.sequence.rig, None if m.unit == "own" else 1.0, spacing_ns) for m in free
+        }
+        """Of the methods with a unit or a world of their own that are not placed yet."""
 
     @property
     def snapshot(self) -> Snapshot:
@@ -153,7 +160,7 @@ class Playback:
 
     def unit_m(self, method: str) -> float | None:
         """The unit of a method's own world [m]; None where it is not known."""
-        if method in self._placing:
+        if method in self._placing and registered(method).unit == "own":
             return None
         return self._placements[method].scale if method in self._placements else 1.0
 
@@ -197,7 +204,7 @@ class Playback:
     def _errors(self, steps: tuple[Step, ...]) -> dict[str, float]:
         """The live errors, by method: see `Stepped.errors_m`."""
         errors = {}
-        for step in steps:
+        for step in steps if self._reference is None or self._reference.world == "start" else ():
             pose = self.placed(step)
             truth = self.truth.at(step.time_ns) if self.truth is not None else None
             metric = step.method not in self._placing
@@ -206,12 +213,17 @@ class Playback:
         return errors
 
     def _place(self, steps: tuple[Step, ...]) -> None:
-        """Once a method: the first stereo segment fixes where, and in what unit, its trajectory is drawn."""
-        for name, placing in tuple(self._placing.items()) if self._metric_method else ():
+        """Once a method: the first segment of the reference fixes where, and in what unit, its trajectory is drawn."""
+        if (reference := self._reference) is None:
+            return
+        for name, placing in tuple(self._placing.items()):
             for step in steps:
-                if step.method == self._metric_method and step.world_from_frame is not None:
-                    placing.add_metric(step.time_ns, step.world_from_frame)
+                if step.method == reference.name and step.world_from_frame is not None and not step.provisional:
+                    rig_from_frame = self.sequence.rig.rig_from(step.frame)
+                    placing.add_metric(step.time_ns, step.world_from_frame @ rig_from_frame.inverse())
                 if step.method == name:
+                    if step.world_from_frame is not None and not step.provisional:
+                        placing.add_video(Trajectory.of([(step.time_ns, step.world_from_frame)], step.frame))
                     placing.add_video(step.revised)
             placement = placing.found()
             if placement is not None:

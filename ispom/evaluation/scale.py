@@ -53,12 +53,14 @@ def step_scale(estimate: Trajectory, truth: Trajectory) -> StepScale | None:
     return StepScale(tuple((medians / medians[0]).tolist()), float(medians[0]), middles_ns)
 
 
-def first_segment_placement(video: Trajectory, stereo: Trajectory, rig: Rig) -> Similarity | None:
+def first_segment_placement(
+    video: Trajectory, stereo: Trajectory, rig: Rig, scale: float | None = None
+) -> Similarity | None:
     """Returns stereo_world_from_video_world from the first stereo segment that the video poses span.
 
-    `video` is world_from_video in its own unit, `stereo` world_from_rig in metres. The pose at the segment's start
-    coincides, the distance to its end gives the scale; nothing later is used, so that drift shows. None while no
-    segment is spanned, or where it has no length.
+    `video` is world_from_FRAME in its own unit, `stereo` world_from_rig in metres. The pose at the segment's start
+    coincides, the distance to its end gives the scale unless it is known; nothing later is used, so that drift shows.
+    None while no segment is spanned, or where it has no length.
     """
     if len(video) < 2:
         return None
@@ -66,12 +68,12 @@ def first_segment_placement(video: Trajectory, stereo: Trajectory, rig: Rig) -> 
     ends = np.flatnonzero(inside)[:2]
     if len(ends) < 2:
         return None
-    metric = stereo.select(ends).moved(right=rig.rig_from_video)
+    metric = stereo.select(ends).moved(right=rig.rig_from(video.frame))
     own = interpolate(video, metric.times_ns, "bspline")
     metric_length, own_length = metric.length, own.length
     if own_length < 1e-9 or metric_length < 1e-9:
         return None
-    scale = metric_length / own_length
+    scale = metric_length / own_length if scale is None else scale
     own_start = own.pose(0)
     moved = metric.pose(0) @ Pose(own_start.rotation, scale * own_start.translation).inverse()
     return Similarity(scale, moved)

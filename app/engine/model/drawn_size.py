@@ -35,9 +35,9 @@ class DrawnSize:
 
 
 def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
-    """The true path where it can be drawn with the estimates, if any: a single camera's own unit is no metre."""
-    units = {registered(method).unit for method in methods}
-    return truth if not units or "metric" in units else None
+    """The true path where it can be drawn as it is: with metric estimates whose world is at the start, or with none."""
+    known = [registered(method) for method in methods]
+    return truth if not known or any(m.unit == "metric" and m.world == "start" for m in known) else None
 
 
 def unit_in_metres(method: str, placed_scale: float) -> float | None:

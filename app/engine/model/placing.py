@@ -1,4 +1,4 @@
-"""Where a trajectory in its own unit is drawn among metric ones, found while a run goes on."""
+"""Where a trajectory in a unit or a world of its own is drawn among metric ones, found while a run goes on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.evaluation.scale import first_segment_placement
 from ispom.geometry import Pose, Similarity
-from ispom.types import Rig, Trajectory
+from ispom.types import FrameName, Rig, Trajectory
 
 
 class Placing:
@@ -19,8 +19,11 @@ class Placing:
     Until then poses are kept; nothing is computed before such a segment is there.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
+    def __init__(self, rig: Rig, scale: float | None = None, spacing_ns: int = 0) -> None:
+        """`scale` is the trajectory's unit [m], where it is known. Of the metric poses those are taken that follow the
+        last one after `spacing_ns`."""
+        self._rig, self._scale, self._spacing_ns = rig, scale, spacing_ns
+        self._frame: FrameName = "video"
         self._metric: dict[int, Pose] = {}
         self._video: dict[int, Pose] = {}
         self._times_ns: list[int] = []
@@ -34,12 +37,15 @@ class Placing:
         return other
 
     def add_metric(self, time_ns: int, world_from_rig: Pose) -> None:
+        if self._times_ns and time_ns < self._times_ns[-1] + self._spacing_ns:
+            return
         self._metric[time_ns] = world_from_rig
         self._times_ns.append(time_ns)
 
     def add_video(self, world_from_video: Trajectory) -> None:
         """Takes poses in, those known before replaced."""
         if len(world_from_video):
+            self._frame = world_from_video.frame
             self._video |= dict(world_from_video.items())
             self._first_ns = min(self._first_ns, int(world_from_video.times_ns[0]))
             self._last_ns = max(self._last_ns, int(world_from_video.times_ns[-1]))
@@ -49,8 +55,8 @@ class Placing:
         inside = bisect_left(self._times_ns, self._first_ns)
         if len(self._video) < 2 or bisect_right(self._times_ns, self._last_ns) - inside < 2:
             return None
-        video = Trajectory.of(list(self._video.items()), "video")
-        found = first_segment_placement(video, Trajectory.of(list(self._metric.items())), self._rig)
+        video = Trajectory.of(list(self._video.items()), self._frame)
+        found = first_segment_placement(video, Trajectory.of(list(self._metric.items())), self._rig, self._scale)
         if found is None:  # the platform stood still: the next segment may have a length
             start = self._first_ns = self._times_ns[inside] + 1
             self._video = {t: pose for t, pose in self._video.items() if t >= start}

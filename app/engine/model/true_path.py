@@ -1,4 +1,4 @@
-"""Where the true path of a run is drawn: as it is where a method is metric, else aligned to a single camera's poses."""
+"""Where the true path of a run is drawn: as it is, or aligned to the estimates where their worlds are elsewhere."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ispom.evaluation.trajectory_error import error_against_truth
+from ispom.evaluation.trajectory_error import Alignment, alignment_of, error_against_truth
 from ispom.geometry import Similarity
+from ispom.methods import method as registered
 
 from ..events import Opened
 from .drawn_size import drawn_truth
@@ -19,14 +20,17 @@ that together costs a few times one alignment over all poses."""
 
 
 class TruePath:
-    """A single camera's unit is free. Sim(3) brings its path to the truth, and the inverse the truth to its path."""
+    """A single camera's unit is free, and the world of some metric methods is elsewhere. Sim(3) or SE(3) brings their
+    path to the truth, and the inverse the truth to their path."""
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
         self.fixed = drawn_truth(opened.truth, opened.methods) is not None
         """Whether it is drawn as it is."""
-        self._method = next(iter(opened.methods), "")
-        """Whose unit the shared world has otherwise."""
+        metric = [name for name in opened.methods if registered(name).unit == "metric"]
+        self._method = next(iter([*metric, *opened.methods]), "")
+        """Whose world is the shared one otherwise."""
+        self._alignment: Alignment = alignment_of(bool(metric))
         self._found: Similarity | None = Similarity() if self.fixed else None
         self._count = 0
         """Poses that it was aligned to."""
@@ -45,7 +49,7 @@ class TruePath:
             self._count = count
             trajectory = poses.trajectory(model.times)
             own = trajectory.select(np.arange(min(count, len(trajectory))))
-            error = error_against_truth(own, self._opened.truth, self._opened.sequence.rig, "sim3")
+            error = error_against_truth(own, self._opened.truth, self._opened.sequence.rig, self._alignment)
             placement = placements.get(self._method, Similarity())
             self._found = placement @ error.reference_from_estimate.inverse() if error is not None else None
         return self._found

@@ -196,8 +196,9 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     )
     unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
     if opened.truth is not None and truth is None:
-        unit += "; true path aligned by Sim(3)"
-    spacing = grid_spacing(path)
+        unit += f"; true path aligned by {'SE(3)' if unit == 'm' else 'Sim(3)'}"
+    in_metres = opened.truth if unit.startswith("m") else None
+    spacing = grid_spacing(path if in_metres is None else in_metres.translations)
     grid = rrb.LineGrid3D(
         visible=True, spacing=spacing, plane=_ground(path, least_size(opened)), stroke_width=0.5, color=GRID_COLOUR
     )

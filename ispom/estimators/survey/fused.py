@@ -66,7 +66,7 @@ class Fused:
             )
         for module, needed in (("gtsam", True), ("small_gicp", "laser" in self._sensors)):
             if needed and find_spec(module) is None:
-                raise InputError(f"{name} needs {module}, which is not installed: pip install 'ispom[fusion]'")
+                raise InputError(f"{name} needs {module}, which is not installed: run 'pip install gtsam small_gicp'")
         self._config, self._kind, self._metric = config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
         noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
@@ -261,4 +261,5 @@ METHOD = Method(
     },
     frozenset(OTHERS),
     "Table 2: images and other sensors",
+    "own",
 )

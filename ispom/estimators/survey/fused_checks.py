@@ -16,7 +16,7 @@ LOCATED = Check(
     "sensors that measured the motion since the last node",
     "requirement",
     "Located?",
-    passes="Tracking: {value} sensors measured the motion since the last node (minimum {threshold}).",
+    passes="Tracking: motion since the last node measured by {value} of the sensors (minimum {threshold}).",
     fails="Lost: no sensor measured the motion since the last node ({value}, {threshold} needed).",
     topic="pose",
 )

@@ -34,4 +34,5 @@ METHOD = Method(
     FUSED.stages,
     frozenset(OTHERS),
     "Table 2: stereo images and other sensors",
+    "own",
 )

@@ -542,4 +542,5 @@ METHOD = Method(
     checks=CHECKS,
     stages=STAGES,
     survey="Table 3, one camera: auxiliary features",
+    world="own",
 )

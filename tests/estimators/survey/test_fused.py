@@ -217,7 +217,7 @@ def test_a_missing_sensor_or_library_is_one_sentence(monkeypatch: pytest.MonkeyP
     with pytest.raises(InputError, match="scheme 3 needs an IMU and a GNSS antenna and a wheel odometer, which this"):
         FusedConfig(scheme="3").build(rig)
     monkeypatch.setattr(fused, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"fused needs gtsam, which is not installed: pip install 'ispom\[fusion\]'"):
+    with pytest.raises(InputError, match="fused needs gtsam, which is not installed"):
         FusedConfig().build(rig)
     assert importlib.util.find_spec("gtsam") is not None
 

@@ -51,7 +51,7 @@ def test_without_a_second_pair_no_exposure_costs_more_than_another(monkeypatch: 
 def test_at_rest_what_is_tried_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[int] = []
 
-    def measured(moving: Trajectory, metric: Trajectory, rig) -> None:
+    def measured(moving: Trajectory, metric: Trajectory, rig, scale) -> None:
         tried.append(len(moving))
 
     monkeypatch.setattr(placing, "first_segment_placement", measured)
