@@ -98,6 +98,9 @@ def _method(method: Method) -> str:
     text.append(
         f"## Run it\n\n```sh\nispom run {source} --methods {method.name} --out recordings/{page_name(method.name)}\n```"
     )
+    if (DOCS / "methods" / "pictures" / f"{page_name(method.name)}.webp").is_file():
+        picture = f"pictures/{page_name(method.name)}.webp"
+        text.append(f"```{{image}} {picture}\n:alt: {method.name} in the page\n```")
     if method.stages:
         stages = [(f"`{name}`", as_cell(sentence)) for name, sentence in method.stages.items()]
         text += [

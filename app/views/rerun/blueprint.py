@@ -16,7 +16,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ispom.geometry import Array
-from ispom.methods import method
+from ispom.methods import STEREO, method
 from ispom.types import Camera
 
 from ...engine.events import Opened
@@ -56,13 +56,12 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
     hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras)
     cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
     cameras |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
-    images = [
-        _image(name, each, hidden_in[f"/{image_root(name)}"]) for name, each in cameras.items() if each is not None
-    ]
+    cameras = {name: camera for name, camera in cameras.items() if camera is not None}
+    images = [_image(name, each, hidden_in[f"/{image_root(name)}"]) for name, each in cameras.items()]
     world = _world(opened, hidden_in["/world"])
     stage = rrb.Horizontal(
         world,
-        *([rrb.Tabs(*images)] if images else []),
+        *([rrb.Tabs(*images, active_tab=_first_tab(opened, tuple(cameras)))] if images else []),
         column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)],
     )
     return rrb.Blueprint(
@@ -73,6 +72,13 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _first_tab(opened: Opened, cameras: tuple[str, ...]) -> int:
+    """The image that is shown first: the left one where all methods use nothing but the pair, else the first."""
+    used = [method(name).sensors for name in opened.methods]
+    only_pairs = bool(used) and all(sensors == STEREO for sensors in used)
+    return cameras.index("left") if only_pairs and "left" in cameras else 0
 
 
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 from ispom_app.engine.events import Finished, Stepped
 from ispom_app.engine.history.encoding import decode, encode
 from ispom_app.engine.history.record import ExposureRecord
@@ -279,6 +280,13 @@ def test_a_single_camera_has_the_true_path_and_its_error_after_an_alignment(tmp_
     assert np.allclose(curve, found.position_errors_m) and len(curve) == len(found.estimate)
     newest = column(rows["plots/error/monocular/sim3"], "scalars")
     assert len(newest) == len(curve) - FIRST + 1
+
+
+@pytest.mark.parametrize(("methods", "first"), [(("stereo",), 1), (("monocular",), 0), (("monocular", "stereo"), 0)])
+def test_the_first_image_is_one_that_a_method_uses(methods: tuple[str, ...], first: int):
+    layout = blueprint(Playback(doubles.sequence(), methods, builder=helpers.build).opened)
+    (tabs,) = [part for part in layout.root_container.contents if isinstance(part, rrb.Tabs)]
+    assert int(tabs.active_tab or 0) == first
 
 
 def test_without_ground_truth_it_says_why_there_is_no_error(tmp_path):
