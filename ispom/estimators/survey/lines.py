@@ -37,8 +37,17 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, Method
 from ispom.estimators.survey.common import OneKind, Result
-from ispom.estimators.survey.scene_lines import NOISE_PX, LineMap, SceneLines, Seen, drawn, middles
-from ispom.features.segments import Detector, disparity_along, match_segments
+from ispom.estimators.survey.scene_lines import (
+    DIRECTIONS,
+    NOISE_PX,
+    LineMap,
+    SceneLines,
+    Seen,
+    SegmentSettings,
+    drawn,
+    middles,
+)
+from ispom.features.segments import disparity_along, match_segments
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.lines import KnownLines, depths_on_lines, end_offsets, refined_pose, sampled_pose
@@ -62,11 +71,6 @@ SEGMENTS = Check(
     passes="{value} segments have a depth ({threshold} needed).",
     fails="No lines: {value} segments of the pair have a depth ({threshold} needed).",
 )  # fmt: skip
-DIRECTIONS = Check(
-    "directions", "known vanishing directions in the image", "finding", "Rotation from directions?",
-    passes="{value} known vanishing directions are in the image: they give the rotation ({threshold} suffice).",
-    fails="{value} known vanishing directions are in the image ({threshold} give the whole rotation).",
-)  # fmt: skip
 INLIERS = Check(
     "line_inliers", "lines that fit the pose", "requirement", "Pair located?", topic="pose",
     passes="Located: {value} lines fit one pose ({threshold} needed).",
@@ -87,17 +91,11 @@ STAGES = {
 
 
 @dataclass(frozen=True)
-class LinesConfig:
+class LinesConfig(SegmentSettings):
     """Settings of the lines method."""
 
-    detector: Detector = "lsd"
-    """lsd: line segment detector; hough: Canny's edges and Hough's transform."""
-    max_segments: Annotated[int, Range(20, 2000)] = 400
-    """The longest ones are used."""
     min_length: Annotated[float, Range(0.5, 20)] = 2.0
     """Least length of a segment [% of the image's width]."""
-    manhattan: bool = False
-    """Vanishing directions near right angles are taken as right angles."""
     min_inliers: Annotated[int, Range(4, 200)] = 10
     """With fewer lines that fit one pose the pair is lost."""
     min_share: Annotated[float, Range(0.05, 1)] = 0.35

@@ -34,8 +34,17 @@ from numpy.typing import NDArray
 
 from ispom.estimator import VIDEO, Method
 from ispom.estimators.survey.common import OneKind, Result
-from ispom.estimators.survey.scene_lines import NOISE_PX, LineMap, SceneLines, Seen, drawn, middles
-from ispom.features.segments import Detector, match_segments
+from ispom.estimators.survey.scene_lines import (
+    DIRECTIONS,
+    NOISE_PX,
+    LineMap,
+    SceneLines,
+    Seen,
+    SegmentSettings,
+    drawn,
+    middles,
+)
+from ispom.features.segments import match_segments
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.line_adjustment import LineViews, adjusted, displacements, line_residuals
@@ -76,11 +85,6 @@ LINES = Check(
     passes="{value} segments are in the image ({threshold} needed).",
     fails="No lines: {value} segments are in the image ({threshold} needed).",
 )  # fmt: skip
-DIRECTIONS = Check(
-    "directions", "known vanishing directions in the image", "finding", "Rotation from directions?",
-    passes="{value} known vanishing directions are in the image: they give the rotation ({threshold} suffice).",
-    fails="{value} known vanishing directions are in the image ({threshold} give the whole rotation).",
-)  # fmt: skip
 START = Check(
     "start_lines", "lines of three views that fit one motion", "requirement", "First lines placed?", topic="map",
     passes="Started: {value} lines of three views fit one motion ({threshold} needed).",
@@ -111,17 +115,11 @@ STAGES = {
 
 
 @dataclass(frozen=True)
-class LinesMonocularConfig:
+class LinesMonocularConfig(SegmentSettings):
     """Settings of lines.monocular."""
 
-    detector: Detector = "lsd"
-    """lsd: line segment detector; hough: Canny's edges and Hough's transform."""
-    max_segments: Annotated[int, Range(20, 2000)] = 400
-    """The longest ones are used."""
     min_length: Annotated[float, Range(0.5, 20)] = 3.0
     """Least length of a segment [% of the image's width]."""
-    manhattan: bool = False
-    """Vanishing directions near right angles are taken as right angles."""
     min_inliers: Annotated[int, Range(6, 200)] = 12
     """With fewer lines that fit one pose the frame is lost; a start needs as many."""
     key_moved: Annotated[float, Range(0.1, 10)] = 1.0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.features.segments import Detector, detect_segments
 from ispom.geometry import Array, Pose
+from ispom.settings import Range
 from ispom.solvers.lines import (
     KnownDirections,
     Observed,
@@ -16,7 +18,7 @@ from ispom.solvers.lines import (
     squared,
     vanishing_directions,
 )
-from ispom.types import Camera, Image, ImageLines, Tracks, TrackStatus, WorldLines
+from ispom.types import Camera, Check, Image, ImageLines, Tracks, TrackStatus, WorldLines
 
 NOISE_PX = 0.5
 """Standard deviation of the end of a segment across it [px]."""
@@ -34,6 +36,24 @@ MAX_DIRECTIONS, MAX_COUNT, MAX_MAPPED = 5, 10, 3000
 """Directions in the world, images that each is the mean of, and lines of the map."""
 WITHOUT_DIRECTION = MAX_DIRECTIONS
 """Group of lines that point to no vanishing point."""
+
+DIRECTIONS = Check(
+    "directions", "known vanishing directions in the image", "finding", "Rotation from directions?",
+    passes="{value} known vanishing directions are in the image: they give the rotation ({threshold} suffice).",
+    fails="{value} known vanishing directions are in the image ({threshold} give the whole rotation).",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SegmentSettings:
+    """Settings of both methods: which segments are found."""
+
+    detector: Detector = "lsd"
+    """lsd: line segment detector; hough: Canny's edges and Hough's transform."""
+    max_segments: Annotated[int, Range(20, 2000)] = 400
+    """The longest ones are used."""
+    manhattan: bool = False
+    """Vanishing directions near right angles are taken as right angles."""
 
 
 @dataclass(frozen=True, eq=False)
