@@ -23,7 +23,7 @@ def pages() -> dict[str, str]:
     """Returns the text of each generated page, by its path below docs."""
     sys.path.insert(0, str(Path(__file__).parent))
     found: dict[str, str] = {}
-    for name in ("method_pages", "command_pages", "table_pages", "api_page"):
+    for name in ("method_pages", "command_pages", "table_pages", "api_page", "gallery_plots"):
         found |= import_module(name).pages()
     return {path: MARK + text.rstrip() + "\n" for path, text in found.items()}
 
@@ -72,4 +72,5 @@ def setup(app: Any) -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", lambda _: write())
     app.connect("autodoc-process-docstring", restructured)
+    app.connect("build-finished", import_module("gallery_plots").copy_script)
     return {"parallel_read_safe": True, "version": "1"}

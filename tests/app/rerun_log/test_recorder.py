@@ -29,6 +29,7 @@ from rerun.chunk import RrdReader
 
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, Similarity
+from ispom.methods import BUILT_IN, SURVEY
 from ispom.types import Camera, ImageLines, Rig, Tracks, TrackStatus, WorldLines, is_stereo, is_video
 from tests import doubles
 from tests.alone import METHODS, PAPER
@@ -237,6 +238,11 @@ def test_every_status_has_a_colour_and_methods_read_in_both_themes():
     assert min(np.abs(np.subtract(a, b)).sum() for i, a in enumerate(every) for b in every[:i]) >= 50
     for colour in every:
         assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
+
+
+def test_no_two_methods_of_this_package_share_a_colour():
+    methods = [method.name for method in (*BUILT_IN, *SURVEY)]
+    assert len({colours.of(name) for name in methods}) == len(methods)
 
 
 def _contrast(a, b) -> float:
