@@ -43,8 +43,8 @@ OTHERS: tuple[Rgb, ...] = (
     (162, 138, 186),
     (78, 102, 66),
 )
-"""Of methods of other packages, then of those of the survey, in turn; with more of them than these, some share one. Each
-is at least 18 from all others in Lab (CIE 1976)."""
+"""Of methods of other packages, then of those of the survey, in turn; with more of them than these, some share one.
+Each is at least 18 from all others in Lab (CIE 1976)."""
 EXTERNAL_COLOURS: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
 """Of trajectories of other programs, in turn."""
 PROVISIONAL: Rgb = (150, 150, 150)

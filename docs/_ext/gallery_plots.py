@@ -34,14 +34,14 @@ def copy_script(app: Any, _: Exception | None) -> None:
 def _snippet(path: Path) -> str:
     run = json.loads(path.read_text(encoding="utf-8"))
     name = f"plot-{path.stem}"
-    figure = json.dumps(
-        {"data": _lines(run), "layout": _layout(), "config": {"displaylogo": False, "responsive": True}}
+    config = {"displaylogo": False, "responsive": True}
+    figure = json.dumps({"data": _lines(run), "layout": _layout(), "config": config})
+    html = (
+        f"<script src='_static/{SCRIPT}'></script>",
+        f"<div id='{name}' style='height:{HEIGHT_PX}px'></div>",
+        f"<script>{{const f = {figure}; Plotly.newPlot('{name}', f.data, f.layout, f.config);}}</script>",
     )
-    return (
-        f"```{{raw}} html\n<script src='_static/{SCRIPT}'></script>\n<div id='{name}' style='height:{HEIGHT_PX}px'></div>\n"
-        f"<script>{{const f = {figure}; Plotly.newPlot('{name}', f.data, f.layout, f.config);}}</script>\n```\n\n"
-        f"```sh\n{run['command']}\n```"
-    )
+    return "\n".join(("```{raw} html", *html, "```", "", "```sh", run["command"], "```"))
 
 
 def _lines(run: dict[str, Any]) -> list[dict[str, Any]]:
