@@ -33,6 +33,10 @@ FOLDERS = {"checks.html": "All checks", "steps.html": "Steps and times", "number
 render = renderer(__package__)
 
 
+Latest = dict[tuple[CurrentRun, int, str], ExposureRecord]
+"""By run, frame and method."""
+
+
 class ExplainPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
@@ -47,7 +51,7 @@ class ExplainPanel:
         self._events = gui.add_html("")
         self._shown: tuple[object, ...] = ()
         """What the texts were made from."""
-        self._latest: dict[tuple[CurrentRun, int], ExposureRecord] = {}
+        self._latest: Latest = {}
         """Records that were read for methods that do not step on the frame shown."""
 
     def show(self, state: State) -> None:
@@ -75,14 +79,19 @@ class ExplainPanel:
         _put(self._events, "events.html", event_values(state, None if open_question else run))
 
     def _latest_records(self, run: CurrentRun, state: State) -> Mapping[str, ExposureRecord]:
-        """Of methods that did not step at the frame shown, the record of their last step before it."""
-        if state.displayed is None:
-            return {}
-        stepped = {step.method for step in state.displayed.steps}
-        places = {m: run.series.last_step(m, state.index) for m in state.methods if m not in stepped}
-        keys = {(run, at) for at in places.values() if at is not None}
-        self._latest = {key: self._latest.get(key) or run.history[key[1]] for key in keys}
-        return {method: self._latest[run, at] for method, at in places.items() if at is not None}
+        self._latest = latest_records(run, state, self._latest)
+        return {method: record for (_, _, method), record in self._latest.items()}
+
+
+def latest_records(run: CurrentRun, state: State, known: Latest) -> Latest:
+    """Of methods that did not step at the frame shown, the record of their last step before it; `known` ones are not
+    read again."""
+    if state.displayed is None:
+        return {}
+    stepped = {step.method for step in state.displayed.steps}
+    places = {m: run.series.last_step(m, state.index) for m in state.methods if m not in stepped}
+    keys = [(run, at, method) for method, at in places.items() if at is not None]
+    return {key: known.get(key) or run.history[key[1]] for key in keys}
 
 
 def report(state: State) -> str:
@@ -116,11 +125,11 @@ def ongoing(run: CurrentRun | None, index: int) -> dict[str, list[Any]]:
     return found
 
 
-def event_values(state: State, run: CurrentRun | None) -> dict[str, Any]:
-    """What the template of the events takes."""
+def event_values(state: State, run: CurrentRun | None, around: int = AROUND) -> dict[str, Any]:
+    """What the template of the events takes: those nearest to the frame shown, so many before it and after it."""
     events = [] if run is None else with_bookmarks(run.events.events, state[Bookmarks].marks)
     first = next((i for i, event in enumerate(events) if event.frame >= state.index), len(events))
-    start, stop = max(0, first - AROUND), first + AROUND
+    start, stop = max(0, first - around), first + around
     return {
         "rows": [
             {

@@ -125,9 +125,25 @@ def chunk_at(file: BinaryIO, start: int) -> pa.RecordBatch:
     return pa.ipc.open_stream(content).read_next_batch()
 
 
+def uncompressed(content: bytes) -> bytes:
+    """The messages of a stream (as `messages` gives them) with their Arrow data as it is, for a file that is compressed
+    as a whole."""
+    found, at = list[bytes](), 0
+    while at < len(content):
+        kind, size = _HEAD.unpack_from(content, at)
+        message = content[at + _HEAD.size : at + _HEAD.size + size]
+        at += _HEAD.size + size
+        if kind == _DATA and (fields := _fields(message)).get(_COMPRESSION) == _LZ4:
+            payload = pa.decompress(fields[_PAYLOAD], decompressed_size=fields[_WHOLE_BYTES], codec="lz4_raw").to_pybytes()
+            fields |= {_COMPRESSION: _NONE, _WHOLE_BYTES: len(payload), _PAYLOAD: payload}
+            message = b"".join(_field(number, value) for number, value in fields.items())
+        found.append(_HEAD.pack(kind, len(message)) + message)
+    return b"".join(found)
+
+
 _COMPRESSION, _WHOLE_BYTES, _PAYLOAD = 2, 3, 5
 """Fields of `ArrowMsg`, as in log_msg.proto of Rerun 0.41."""
-_LZ4 = 2
+_NONE, _LZ4 = 1, 2
 
 
 def _fields(message: bytes) -> dict[int, Any]:
@@ -166,3 +182,18 @@ def is_empty(path: Path) -> bool:
     with path.open("rb") as file:
         begins = file.read(len(HEADER))
     return HEADER.startswith(begins) and not count_messages(path)
+
+
+def _field(number: int, value: int | bytes) -> bytes:
+    """A field of a protobuf message: a number, or bytes."""
+    if isinstance(value, int):
+        return _varint(number << 3) + _varint(value)
+    return _varint(number << 3 | 2) + _varint(len(value)) + value
+
+
+def _varint(value: int) -> bytes:
+    found = bytearray()
+    while value > 127:
+        found.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*found, value])

@@ -1,4 +1,4 @@
-// The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same frame.
+// The page: talks to the session, shows its state, and keeps the two viewers on the same frame.
 import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
@@ -9,11 +9,15 @@ import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makeModes } from "./modes.js";
 import { makePeople } from "./people.js";
+import { openPublishedPanels } from "./published_panels.js";
+import { openPublished } from "./published_session.js";
+import { published } from "./published.js";
 import { makeQuestion } from "./question.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
 import { makeStart } from "./start.js";
+import { openSocket } from "./session_link.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 import { makeTour } from "./tour.js";
 import { makeTransport } from "./transport.js";
@@ -25,11 +29,11 @@ const leaving = new AbortController();
 dark.addEventListener("change", () => location.reload(), leaving);
 addEventListener("beforeunload", () => leaving.abort()); // a reload would undo where the page is on its way to
 
-let socket;
 let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
-const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
+const link = (published ? openPublished : openSocket)({ opened: () => send({ do: "pane", ...pane }), heard, lost: showOffline });
+const send = (message) => link.send(message);
 const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
 const viewer = openViewer(dark.matches, (message) => people.command(message), showViewer);
 
@@ -39,21 +43,13 @@ function paneBecame(change) {
 }
 makeSplitter();
 
-function connect() {
-  socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));
-  socket.onopen = () => send({ do: "pane", ...pane });
-  socket.onmessage = ({ data }) => {
-    state = JSON.parse(data);
-    if (state.keys) setKeys(state.keys);
-    if (state.lesson !== undefined) lesson.news((taught = state.lesson));
-    window.ispom = { state, viewer, send, action, axis: axis.data, lesson: taught };
-    show(state);
-    showNotices(start.heard(state));
-  };
-  socket.onclose = () => {
-    showOffline();
-    setTimeout(reconnect, 1000);
-  };
+function heard(next) {
+  state = next;
+  if (state.keys) setKeys(state.keys);
+  if (state.lesson !== undefined) lesson.news((taught = state.lesson));
+  window.ispom = { state, viewer, send, action, axis: axis.data, lesson: taught };
+  show(state);
+  showNotices(start.heard(state));
 }
 
 // The session's state, at the frame that this page looks at.
@@ -66,13 +62,14 @@ function show(state) {
   viewer.follow(shown);
   address.follow(shown);
   controls.follow(!people.drives());
+  controls.show?.(shown);
   ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
   start.follow(shown);
   modes.follow(shown, taught);
   compare.follow(shown);
   cover();
-  tour(shown);
+  if (!published) tour(shown);
 }
 
 // What lies over the run, which has its keys back when that is closed.
@@ -87,12 +84,6 @@ function fileName() {
   return `${address.run.replace(/[^A-Za-z0-9._-]+/g, "-")}-${index}`;
 }
 
-// A failed WebSocket is an error in the console, a failed fetch as well: so few tries, and only while someone looks.
-function reconnect() {
-  if (document.visibilityState === "visible") connect();
-  else document.addEventListener("visibilitychange", connect, { once: true });
-}
-
 function command(message) {
   address.release();
   people.command(message);
@@ -104,7 +95,7 @@ function press(message) {
   else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
 }
 listen(window, press);
-const controls = openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
+const controls = published ? openPublishedPanels(command) : openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
 
 const again = () => state && show(state);
 const modes = makeModes(command, () => {
@@ -121,4 +112,4 @@ const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 const axis = makeAxis((index) => command({ do: "seek", index }), command);
 
-connect();
+link.open();

@@ -1,6 +1,8 @@
 // The Rerun viewer in its canvas: it is started when a source is open, kept to the run that is on the page, with the
 // layers and the frame that the page shows, and watched: which frame its views show, and whether it still lives.
 import { feedLive } from "./live.js";
+import { feedPublished } from "./published_stage.js";
+import { published, unpacked } from "./published.js";
 import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
 import { makeEye } from "./stage_view.js";
 import { closeRecordings, redraw, stateOf, updateBlueprint } from "./viewer_control.js";
@@ -31,11 +33,7 @@ export function openViewer(dark, pick, drawn) {
     start(canvas, viewer.theme, heard).then(
       (handle) => {
         viewer.handle = handle;
-        viewer.stage = feedLive(
-          handle,
-          () => watch(viewer),
-          () => keepStill(viewer, canvas),
-        );
+        viewer.stage = feed(viewer, canvas);
         afterData(() => watch(viewer));
         setInterval(() => watch(viewer), WATCH_MS);
       },
@@ -54,9 +52,16 @@ export function openViewer(dark, pick, drawn) {
   return viewer;
 }
 
+// What the viewer shows comes from the server, or from the file of a published page.
+function feed(viewer, canvas) {
+  const news = () => watch(viewer);
+  if (published) return feedPublished(viewer.handle, news, (message) => control(viewer, message), viewer.state.recorded);
+  return feedLive(viewer.handle, news, () => keepStill(viewer, canvas));
+}
+
 async function start(canvas, theme, onEvent) {
   at("loaded").hidden = false;
-  await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
+  await wasm_bindgen({ module_or_path: published ? compressed("rerun/re_viewer_bg.wasm.bin") : counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
   const handle = new wasm_bindgen.WebHandle({
     hide_welcome_screen: true,
@@ -79,13 +84,19 @@ async function counted(url) {
   let loaded = 0;
   const count = new TransformStream({
     transform(chunk, out) {
-      loaded += chunk.byteLength;
-      at("loaded").value = total ? loaded / total : 0;
-      say(`Loading the Rerun viewer: ${(loaded / 1e6).toFixed(0)} of ${(total / 1e6).toFixed(0)} MB`);
+      showLoaded((loaded += chunk.byteLength), total);
       out.enqueue(chunk);
     },
   });
-  return new Response(response.body.pipeThrough(count), { headers: { "Content-Type": "application/wasm" } });
+  return asWasm(response.body.pipeThrough(count));
+}
+
+const compressed = async (url) => asWasm(await unpacked(url, showLoaded));
+const asWasm = (stream) => new Response(stream, { headers: { "Content-Type": "application/wasm" } });
+
+function showLoaded(loaded, total) {
+  at("loaded").value = total ? loaded / total : 0;
+  say(`Loading the Rerun viewer: ${(loaded / 1e6).toFixed(0)} of ${(total / 1e6).toFixed(0)} MB`);
 }
 
 function say(text, ended = false) {
@@ -122,6 +133,7 @@ function watch(viewer) {
   const found = stateOf(handle.viewer_state());
   if (state.index >= 0) stage.want(state.index);
   stage.heard(found.recordings);
+  if (stage.fault) return say(stage.fault, true);
   const recording = found.recordings.find((each) => each.id === id);
   const isShown = stage.shown?.recording === id;
   hurry(!state.playing || !viewer.source);

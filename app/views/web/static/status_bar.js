@@ -41,8 +41,8 @@ function lateness({ shown, wanted, coming, other }) {
   return shown.complete ? "" : `loading the images of frame ${wanted}`;
 }
 
-export function showOffline() {
-  activity = { text: "connection to ISPOM lost: is it still running?", since: -SLOW_MS };
+export function showOffline(text = "connection to ISPOM lost: is it still running?") {
+  activity = { text, since: -SLOW_MS };
   showActivity();
 }
 

@@ -4,12 +4,17 @@ const CLOSE = 1,
   SET_TIME_CURSOR = 6,
   SET_BLUEPRINT = 14; // of ViewerControlRequest
 const STAGE = "stage"; // timeline of the recordings: the serial number of the message that was taken in last
+const FRAMES = "exposure"; // timeline of the frames, in recordings that hold them all
 const PAUSED = 1;
 const PARTIAL = 2;
 
 // Has a recording drawn again. All that is drawn is static: the time cursor, which is put to its beginning, changes nothing.
 export const redraw = (store) =>
   request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, STAGE)), bytes(3, number(1, 0)), number(5, PAUSED)]);
+
+// Shows a frame of a recording that has all of them.
+export const showFrame = (store, index) =>
+  request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, FRAMES)), bytes(3, number(1, index)), number(5, PAUSED)]);
 
 export const closeRecordings = (stores) =>
   request(CLOSE, [

@@ -1,0 +1,24 @@
+"""What the session is asked for while runs are published; no page may send it."""
+
+from __future__ import annotations
+
+from ispom.errors import InputError
+
+from ...session.commands import Command
+from ...session.controller import Controller
+from ..branches.service import BranchService
+
+
+class AddRun(Command, frozen=True):
+    """Add a finished run on the same source as a branch of the one that is shown, and compare the two."""
+
+    path: str
+    """Of its folder."""
+    name: str
+
+    def execute(self, session: Controller) -> None:
+        found = session.opener.stored(self.path, session.history_bytes)
+        if found is None:
+            raise InputError(f"{self.path} holds no run: give a folder that `ispom run` wrote")
+        branches = session.service(BranchService)
+        branches.compare(branches.add(found, self.name, 0, (), reproducible=True, show=False))

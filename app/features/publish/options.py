@@ -1,0 +1,22 @@
+"""Options of `ispom publish`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from ...engine.options import Programs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Publish(Programs):
+    """Writes a finished run as a folder that any web server shows without Python: stage, verdicts, time dock, events."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders that `ispom run` wrote. The first is shown; further ones on the same source are compared with it."""
+    out: Path
+    """A new or empty folder, or one that this command wrote before."""
+    max_mb: float = 20.0
+    """Limit on the size of the folder [MB]. Images are stored in a lower quality, or left out, where it takes that."""

@@ -1,0 +1,125 @@
+"""The runs that are published, opened in a session as the page has them for review, without their images."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.io.files import exists
+from ispom.sequences.address import without_secrets
+from ispom.types import Sequence
+
+from ...engine.run_folder.run_file import read_run_file
+from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN
+from ...session.session import Session
+from ..branches.branches import NOTHING
+from ..branches.comparison import Comparison
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from ..runs.compare import comparison_message
+from ..runs.live import live_rows
+from .commands import AddRun
+
+NO_SOURCE = "a published run has no source"
+POLL_S = 0.01
+"""Between two looks at what the session's worker has done."""
+CLOSE_S = 5.0
+
+
+@dataclass(frozen=True)
+class Review:
+    """The first run on the screen, and what its comparisons with the others found."""
+
+    session: Session
+    names: tuple[str, ...]
+    """Of the runs, by the number of their branch."""
+    comparisons: tuple[dict[str, Any], ...]
+    """Of the first run with each of the others."""
+
+
+@contextmanager
+def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
+    """Opens the runs. Raises InputError where a folder holds no complete run with a recording, or runs differ in their
+    frames."""
+    for folder in folders:
+        require_run(folder)
+    with TemporaryDirectory() as empty:
+        session = Session(_no_images, str(folders[0]), Path(empty), autoplay=False)
+        session.start()
+        try:
+            _wait(lambda: session.state.phase != "opening")
+            if session.state.phase != "ready":
+                raise InputError(session.state.failure)
+            comparisons = [_compared(session, folder, name) for folder, name in zip(folders[1:], names[1:], strict=True)]
+            _wait(lambda: _measured(session))
+            yield Review(session, tuple(names), tuple(_message(session, each, Path(empty)) for each in comparisons))
+        finally:
+            session.close(CLOSE_S)
+
+
+def require_run(folder: Path) -> None:
+    """Raises InputError where the folder holds no complete run with a recording."""
+    if not exists(folder / RUN):
+        raise InputError(f"{folder} holds no run: give a folder that `ispom run` wrote")
+    read_run_file(folder)
+    if exists(folder / MARKER):
+        raise InputError(f"{folder} holds a run that is not complete: run it again, then publish it")
+    if not exists(folder / RECORDING):
+        raise InputError(f"{folder} has no {RECORDING}, which the stage is made of: run again without --no-recording")
+
+
+def _no_images(source: str, _: object = None) -> Sequence:
+    raise InputError(NO_SOURCE)
+
+
+def _compared(session: Session, folder: Path, name: str) -> Comparison:
+    """Adds a run, and waits until its comparison with the first one is complete."""
+    before = session.state.notice_count, session.state[Branches].comparison
+    session.post(AddRun(str(folder), name))
+    _wait(lambda: session.state.notice_count > before[0] or _finished(session, before[1]))
+    found = session.state[Branches].comparison
+    if found is None or not _finished(session, before[1]):
+        raise InputError(f"{folder} cannot be compared with the first run: {session.state.notices[-1].text}")
+    _require_same_frames(session, found, folder)
+    return found
+
+
+def _finished(session: Session, before: Comparison | None) -> bool:
+    now = session.state[Branches].comparison
+    return now is not None and now.finished and (before is None or now.other != before.other)
+
+
+def _require_same_frames(session: Session, comparison: Comparison, folder: Path) -> None:
+    runs = [session.service(BranchService).run_of(n) for n in (comparison.shown, comparison.other)]
+    times_ns = [run.playback.sequence.times_ns for run in runs if run is not None]
+    count = min(map(len, times_ns))
+    if not np.array_equal(*(each[:count] for each in times_ns)):
+        raise InputError(f"{folder} has other frames than the first run: publish runs on one source together")
+
+
+def _measured(session: Session) -> bool:
+    """Whether all runs were measured: errors are known where there is a ground truth."""
+    return all(branch.measured is not NOTHING for branch in session.state[Branches].all)
+
+
+def _message(session: Session, comparison: Comparison, recordings: Path) -> dict[str, Any]:
+    state, run_of = session.state, session.service(BranchService).run_of
+    return comparison_message(state, comparison, live_rows(state, run_of, recordings), run_of)
+
+
+def _wait(condition: Callable[[], object]) -> None:
+    while not condition():
+        time.sleep(POLL_S)
+
+
+def plain_name(folder: Path) -> str:
+    """What a published page calls a run: the last part of its path, as people see it."""
+    return without_secrets(folder.resolve().name) or "run"

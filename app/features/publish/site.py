@@ -1,0 +1,83 @@
+"""The files of a published folder: the page of `ispom app` with its scripts, the Rerun viewer, and the run's data.
+
+    index.html   web/      the page, which knows by `data-published` that it has no server
+    rerun/                 the viewer; its WebAssembly is compressed, and the page unpacks it
+    data/run.bin           messages of the session (messages.py), JSON
+    data/panels-N.bin      HTML of the left pane (panels.py), JSON
+    data/stage.bin         what Rerun draws (stage.py)
+    comparison  runs       what these addresses of the server answer
+
+What is compressed is called .bin and not .gz: some servers would unpack that, and a browser would not be told.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ispom.errors import InputError
+from ispom.io.files import read_bytes
+from ispom.io.whole import require_no_links, write_whole
+
+from ...views.web.files import SECURITY, STATIC
+from ...views.web.rerun_assets import NAMES
+
+LEFT_OUT = frozenset({"calibration.html", "calibration.js", "calibration.css"})
+"""Files of the page that need a server."""
+WASM_BYTES = 256 << 20
+"""More than any viewer's."""
+DATA = "data"
+
+
+def page_files(runs: int) -> dict[str, bytes]:
+    """The page and its scripts, for so many runs."""
+    found = {}
+    for path in sorted(STATIC.iterdir()):
+        if path.name == "index.html":
+            found["index.html"] = published_page(path.read_text(encoding="utf-8"), runs).encode()
+        elif path.name not in LEFT_OUT:
+            found[f"web/{path.name}"] = path.read_bytes()
+    return found
+
+
+def published_page(html: str, runs: int) -> str:
+    """The page without a server: it says so, and the browser lets it speak to its own folder only."""
+    policy = "; ".join(
+        part for part in SECURITY["Content-Security-Policy"].split("; ") if not part.startswith("frame-ancestors")
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}" />\n    <meta name="referrer" content="no-referrer" />'
+    marks = ('<html lang="en">', '<meta charset="utf-8" />')
+    if not all(html.count(mark) == 1 for mark in marks):
+        raise ValueError("the page has another head than this expects")
+    html = html.replace(marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}">')
+    return html.replace(marks[1], f"{marks[1]}\n    {head}")
+
+
+def viewer_files(folder: Path) -> dict[str, bytes]:
+    """The Rerun viewer: its script, and its WebAssembly compressed."""
+    script, wasm = (read_bytes(folder / name, WASM_BYTES) for name in NAMES)
+    return {f"rerun/{NAMES[0]}": script, f"rerun/{NAMES[1]}.bin": gzip.compress(wasm, 9, mtime=0)}
+
+
+def packed(value: Any) -> bytes:
+    """JSON, compressed. Numbers that are not finite are null."""
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return gzip.compress(text.encode("utf-8", errors="replace"), 9, mtime=0)
+
+
+def write_site(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Writes the files, and removes those of an earlier run of the command that are not among them. InputError where a
+    link is in the way, or the disk does not take them."""
+    for name, content in files.items():
+        require_no_links(folder, folder / name)
+        write_whole(folder / name, content)
+    data = folder / DATA
+    try:
+        for path in data.iterdir():
+            if f"{DATA}/{path.name}" not in files and path.suffix == ".bin":
+                path.unlink()
+    except OSError as error:
+        raise InputError(f"{data} cannot be read ({error.strerror}): give a new folder") from None

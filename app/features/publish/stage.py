@@ -1,0 +1,147 @@
+"""The stage of a published page: what the recording of the run shows, in pieces that the page gives to the Rerun viewer.
+
+    file = gzip(piece*)          piece = size (4 bytes, big-endian)  `.rrd` stream
+
+The first piece has the layout and what holds for the whole run. The others have what the page draws over time, in the
+order of the frames, on the timeline `exposure` alone: the page puts Rerun's time cursor there. Each ends with a row on
+the timeline `stage`, by which the page knows which pieces the viewer has taken in. Curves, texts and times of day stay
+out. Messages are not compressed one by one, so that gzip finds what they have in common.
+"""
+
+from __future__ import annotations
+
+import gzip
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import rerun as rr
+from rerun.chunk import Chunk, RrdReader
+
+from ispom.errors import InputError
+
+from ...views.rerun.batch import Entry
+from ...views.rerun.parts import FLUSH_S, STAGE, columns_of, is_part
+from ...views.rerun.rrd import HEADER, messages, uncompressed
+from ...views.rerun.stored_tape import TIMELINE, StoredTape
+from ...views.rerun.streams import APPLICATION
+from .images import CHOICES, Images, estimated_bytes, kept
+
+PIECE_BYTES = 4 << 20
+"""Of a piece before it is compressed: the viewer takes one in within seconds, with software graphics."""
+LEVEL = 9
+"""Of gzip."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The file, and what a page must know of it."""
+
+    content: bytes
+    recording: str
+    """The id of the recording, by which the viewer knows it."""
+    frames: tuple[int, ...]
+    """By piece from the second on, the last frame that it has."""
+    images: Images
+    image_bytes: int
+    """Of all images in the file, about."""
+
+
+class StageWriter:
+    """Reads a recording once, and makes stages of it with different images."""
+
+    def __init__(self, recording: Path, overlay: Iterable[Entry] = ()) -> None:
+        """`overlay` is drawn over all frames. InputError where the file is no finished recording of this version."""
+        tape = StoredTape(recording)
+        self._recording_id, self._opening = tape.recording_id, uncompressed(tape.opening())
+        tape.close()
+        self._overlay = [columns_of(entry.path, entry.value) for entry in overlay]
+        try:
+            rows = [row for chunk in RrdReader(recording).stream().to_chunks() for row in _rows(chunk)]
+        except (OSError, RuntimeError, ValueError) as error:
+            raise InputError(f"{recording} is damaged ({error}): run again") from None
+        self._rows = sorted(rows, key=lambda row: row[0])
+
+    def fitting(self, most_bytes: int) -> Stage:
+        """The stage with the best images among CHOICES whose file has at most so many bytes. InputError where it is
+        larger without any image."""
+        found = self.stage(CHOICES[-1])
+        bare = len(found.content)
+        for images in CHOICES[:-1]:
+            if bare + estimated_bytes(self._entities(), images) <= most_bytes:
+                found = self.stage(images)
+                if len(found.content) <= most_bytes:
+                    return found
+        if bare > most_bytes:
+            raise InputError(f"the stage takes {bare / 1e6:.1f} MB without any image: give a higher --max-mb")
+        return found if len(found.content) <= most_bytes else self.stage(CHOICES[-1])
+
+    def stage(self, images: Images) -> Stage:
+        """The file with these images."""
+        pieces, frames = [HEADER + self._opening], list[int]()
+        for serial, (last, rows) in enumerate(_cut(self._frames(), kept(self._entities(), images)), 1):
+            static = self._overlay if serial == 1 else []
+            pieces.append(_piece(self._recording_id, serial, rows, static))
+            frames.append(last)
+        packed = b"".join(struct.pack(">I", len(piece)) + piece for piece in pieces)
+        content = gzip.compress(packed, LEVEL, mtime=0)
+        return Stage(content, self._recording_id, tuple(frames), images, estimated_bytes(self._entities(), images))
+
+    def _frames(self) -> Iterator[int]:
+        return (frame for frame, _, _ in self._rows)
+
+    def _entities(self) -> Iterator[tuple[str, pa.RecordBatch]]:
+        return ((path, columns) for _, path, columns in self._rows)
+
+
+def _rows(chunk: Chunk) -> Iterator[tuple[int, str, pa.RecordBatch]]:
+    """Frame, path and columns of each row that the page draws."""
+    batch = chunk.to_record_batch()
+    path = str(chunk.entity_path)
+    if TIMELINE not in batch.schema.names or not is_part(path):
+        return
+    fields = [
+        (i, field)
+        for i, field in enumerate(batch.schema)
+        if (field.metadata or {}).get(b"rerun:kind") != b"index" or field.name == TIMELINE
+    ]
+    schema = pa.schema([field for _, field in fields], {b"rerun:entity_path": path.encode()})
+    columns = pa.record_batch([batch.column(i) for i, _ in fields], schema)
+    for row, frame in enumerate(batch.column(TIMELINE).to_pylist()):
+        if frame is not None:
+            yield int(frame), path, columns.slice(row, 1)
+
+
+def _cut(frames: Iterable[int], rows: Iterable[pa.RecordBatch]) -> Iterator[tuple[int, list[pa.RecordBatch]]]:
+    """Rows in pieces of whole frames, each with its last frame."""
+    found, size, last = list[pa.RecordBatch](), 0, 0
+    for frame, columns in zip(frames, rows, strict=True):
+        if size > PIECE_BYTES and frame > last:
+            yield last, found
+            found, size = [], 0
+        last = frame
+        found.append(columns)
+        size += columns.nbytes
+    yield last, found
+
+
+def _piece(recording_id: str, serial: int, rows: list[pa.RecordBatch], static: list[pa.RecordBatch]) -> bytes:
+    """An `.rrd` stream of these rows: those of one entity with the same columns are one chunk."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
+    unread = rr.binary_stream(stream)
+    alike: dict[tuple[object, ...], list[pa.RecordBatch]] = {}
+    for columns in rows:
+        key = (columns.schema.metadata[b"rerun:entity_path"], *columns.schema.names)
+        alike.setdefault(key, []).append(columns)
+    for batches in alike.values():
+        same = [pa.record_batch(each.columns, batches[0].schema) for each in batches]
+        rr.send_chunks(Chunk.from_record_batch(pa.concat_batches(same)), recording=stream)
+    for columns in static:
+        rr.send_chunks(Chunk.from_record_batch(columns, index=None), recording=stream)
+    row = rr.Scalars.columns(scalars=[float(serial)])
+    rr.send_chunks(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], row), recording=stream)
+    content = messages(unread.read(flush_timeout_sec=FLUSH_S))
+    stream.disconnect()
+    return HEADER + uncompressed(content)

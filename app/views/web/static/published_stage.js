@@ -1,0 +1,76 @@
+// What Rerun draws on a published page: the whole recording, given to the viewer piece by piece. Then the viewer's time
+// cursor follows the page. Of the form of the file see app/features/publish/stage.py.
+import { published, unpacked } from "./published.js";
+import { expectData } from "./render_throttle.js";
+import { showFrame } from "./viewer_control.js";
+
+const RUN = "published"; // name of the channel
+
+// As feedLive of live.js; `data` says which recording it is, and the last frame of each piece. `control` sends a message to
+// the viewer, and returns whether the viewer took it.
+export function feedPublished(handle, news, control, { recording, frames }) {
+  const stage = {
+    recording: `Recording:ispom:${recording}`,
+    shown: null, // { recording, index, complete } that the views show
+    wanted: null, // the frame that they are to show
+    unread: [], // the frame that the viewer was asked to show, until it does
+    given: -1, // pieces that the viewer was given after the first, which has the layout
+    taken: 0, // pieces that it has taken in
+  };
+  // A frame is whole when the piece that has its end, and those before, were taken in.
+  const isThere = (index) => stage.taken >= frames.length || index <= (frames[stage.taken - 1] ?? -1);
+  stage.want = (index) => {
+    stage.wanted = index;
+    ask();
+  };
+  stage.heard = (recordings) => {
+    stage.taken = recordings.find(({ id }) => id === stage.recording)?.serial ?? 0;
+    expectData(Math.max(stage.given - stage.taken, 0));
+    ask();
+  };
+  async function ask() {
+    const { wanted, shown, unread, recording } = stage;
+    if (wanted === null || unread.length || !isThere(wanted) || shown?.index === wanted) return;
+    unread.push({ index: wanted });
+    const done = await control(showFrame(recording, wanted));
+    unread.pop();
+    if (done) stage.shown = { recording, index: wanted, complete: true };
+    if (done) news();
+  }
+  async function feed() {
+    handle.open_channel(RUN, "run");
+    for await (const piece of pieces(await unpacked(`${published}/stage.bin`))) {
+      handle.send_rrd_to_channel(RUN, piece);
+      stage.given++;
+      expectData(stage.given - stage.taken);
+      news();
+    }
+  }
+  feed().catch((fault) => {
+    stage.fault = `What the views show cannot be loaded (${fault.message}).`;
+    news();
+  });
+  return stage;
+}
+
+// Each piece begins with its size [bytes].
+async function* pieces(stream) {
+  let rest = new Uint8Array();
+  for await (const chunk of chunksOf(stream)) {
+    const all = new Uint8Array(rest.length + chunk.length);
+    all.set(rest);
+    all.set(chunk, rest.length);
+    rest = all;
+    while (rest.length >= 4) {
+      const size = new DataView(rest.buffer, rest.byteOffset).getUint32(0);
+      if (rest.length < 4 + size) break;
+      yield rest.slice(4, 4 + size);
+      rest = rest.subarray(4 + size);
+    }
+  }
+}
+
+async function* chunksOf(stream) {
+  const reader = stream.getReader();
+  for (let read = await reader.read(); !read.done; read = await reader.read()) yield read.value;
+}
