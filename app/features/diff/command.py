@@ -116,6 +116,37 @@ EXIT_DIFFERENT = 1
 """The exit code where the runs differ; 0 where they do not."""
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs compared."""
+
+    methods: tuple[str, ...]
+    """Those of both."""
+    settings: list[Setting]
+    """Those that differ."""
+    frames: int
+    """Number of frames at which the runs differ."""
+    first: list[Divergence]
+    """The first frame, and the next ones at which something else differs for the first time; empty where all is the
+    same."""
+
+
+def compare_runs(a: Path, b: Path, tolerance: float = 0.0, count: int = 1) -> Comparison:
+    """Compares what two run folders hold, and keeps the first `count` frames. Raises InputError where a folder holds no
+    run, or they share no method."""
+    runs = read_run_file(a), read_run_file(b)
+    methods = tuple(method for method in runs[0].config if method in runs[1].config)
+    if not methods:
+        raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
+    frames, seen, first = 0, frozenset[str](), list[Divergence]()
+    for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), tolerance):
+        frames += divergence.exposure is not None
+        news, seen = divergence.without(seen), seen | divergence.names
+        if news is not None and (len(first) < count or news.exposure is None):
+            first.append(news)
+    return Comparison(methods, differing(*runs, methods), frames, first)
+
+
 def diff(options: Diff) -> int:
     """Compares, prints, and gives the exit code; InputError where a folder holds no run, or they share no method."""
     if not 0 <= options.tolerance < math.inf:
@@ -123,29 +154,20 @@ def diff(options: Diff) -> int:
     if options.count < 1:
         raise InputError(f"--count is {options.count}: give 1 or more")
     a, b = options.run_a.expanduser(), options.run_b.expanduser()
-    runs = read_run_file(a), read_run_file(b)
-    methods = tuple(method for method in runs[0].config if method in runs[1].config)
-    if not methods:
-        raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
-    settings = differing(*runs, methods)
-    differing_frames, seen, first = 0, frozenset[str](), list[Divergence]()
-    for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), options.tolerance):
-        differing_frames += divergence.exposure is not None
-        news, seen = divergence.without(seen), seen | divergence.names
-        if news is not None and (len(first) < options.count or news.exposure is None):
-            first.append(news)
+    found = compare_runs(a, b, options.tolerance, options.count)
     if options.json:
-        report = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
+        report = {"alike": not found.first, "runs": [str(a), str(b)], "methods": found.methods}
         report |= {
-            "settings": [asdict(s) for s in settings],
-            "apart": differing_frames,
-            "first": [asdict(d) for d in first],
+            "tolerance": options.tolerance,
+            "settings": [asdict(s) for s in found.settings],
+            "apart": found.frames,
+            "first": [asdict(d) for d in found.first],
         }
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
     else:
-        text = [*_notes(a, b, settings), *_text(first, differing_frames, methods)]
+        text = [*_notes(a, b, found.settings), *_text(found.first, found.frames, found.methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))
-    return EXIT_DIFFERENT if first else 0
+    return EXIT_DIFFERENT if found.first else 0
 
 
 def _found(

@@ -101,7 +101,7 @@ def paired(plan: Plan, rows: Sequence[Row]) -> list[Paired]:
             running = [line.name for line in plan.lines if line.runs_on(source)]
             of_line = {name: _by_seed(rows, name, source, quantity) for name in running}
             some = [_paired(source, quantity, a, b, of_line) for a, b in combinations(of_line, 2)]
-            found += _holm([item for item in some if item is not None])
+            found += _with_holm([item for item in some if item is not None])
     return found
 
 
@@ -164,11 +164,17 @@ def _paired(source: str, quantity: str, a: str, b: str, of_line: dict[str, dict[
     return Paired(source, quantity, a, b, len(seeds), float(np.median(difference)), ratio, smaller, p, None)
 
 
-def _holm(found: list[Paired]) -> list[Paired]:
-    """With the adjusted p: each times the number of tests that are left when it is its turn, never decreasing."""
-    order = sorted((item.p, i) for i, item in enumerate(found) if item.p is not None)
-    adjusted, highest = dict[int, float](), 0.0
-    for place, (p, i) in enumerate(order):
-        highest = max(highest, min(1.0, p * (len(order) - place)))
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Returns the adjusted p of several tests: each times the number of tests that are left when it is its turn,
+    never decreasing (Holm 1979)."""
+    adjusted, highest = [0.0] * len(p_values), 0.0
+    for place, (p, i) in enumerate(sorted((p, i) for i, p in enumerate(p_values))):
+        highest = max(highest, min(1.0, p * (len(p_values) - place)))
         adjusted[i] = highest
+    return adjusted
+
+
+def _with_holm(found: list[Paired]) -> list[Paired]:
+    tested = [(i, item.p) for i, item in enumerate(found) if item.p is not None]
+    adjusted = dict(zip((i for i, _ in tested), holm([p for _, p in tested]), strict=True))
     return [replace(item, p_holm=adjusted.get(i)) for i, item in enumerate(found)]

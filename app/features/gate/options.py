@@ -1,0 +1,43 @@
+"""The options of `ispom gate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gate:
+    """Runs a plan with the code as it is now, and compares each run with the same run of the code before: better,
+    worse, or noise. For pull requests: the exit code is 0 for better or noise, 1 for worse, 2 for an error."""
+
+    plan: tyro.conf.Positional[str]
+    """The plan, as for `ispom experiment`."""
+    baseline: Path
+    """Folder that `ispom experiment PLAN --out FOLDER` wrote with the code before the change."""
+    out: Path
+    """New or empty folder for the page, the numbers and the runs."""
+    candidate: Path | None = None
+    """Compute nothing: judge the runs of this folder, which `ispom experiment` wrote with the code after the change."""
+    quantities: tuple[str, ...] = ()
+    """Errors that decide, such as ate_m rpe_deg. Default: the first error among the plan's quantities."""
+    effect: float = 1.0
+    """Changes of an error up to this are of no interest [%]."""
+    level: float = 1.0
+    """Probability of a false alarm where nothing got worse, over all lines and quantities together [%]."""
+    located: float = 1.0
+    """A line is worse whose mean share of localised frames falls by more than this [percentage points]."""
+    time: float | None = None
+    """A line is worse, too, whose time per frame grows by more than this [%]. Default: time is shown only."""
+    sources: tuple[str, ...] = ()
+    """Sources instead of the plan's, such as sim:tiny."""
+    seeds: str | None = None
+    """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
+    max_exposures: int | None = None
+    """Use only the first N frames of each source."""
+    workers: int | None = None
+    """Runs at the same time, as for `ispom experiment`."""
+    memory_gb: float = 4.0
+    """Memory of a worker [GB]."""

@@ -1,0 +1,148 @@
+"""The page of a gate: one HTML file; and the same in words and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from ...engine.outputs import json_text
+from ...presentation.templating import environment
+from ..experiments.plan import Plan, label
+from ..experiments.statistics import value_of
+from ..report.html import own_text, shown
+from .change import Change
+from .judge import LOCATED, SEGMENTS, Judgement, Rules, Tested, Verdict, percent
+from .pairs import Pair
+from .worst import Worst, worst_first
+
+MOST_ROWS = 200
+"""Pairs in the table of the page, the worst first; gate.json has all of them."""
+PLOT_WIDTH, PLOT_HEIGHT = 640, 44
+"""Of the drawing of a quantity's pairs [px]."""
+
+
+def signed_percent(log_ratio: float | None) -> str:
+    """As a change in per cent: +3.1 %, and ±0 % where nothing changed."""
+    if log_ratio is None:
+        return "–"
+    value = percent(log_ratio)
+    return "±0 %" if value == 0 else f"{value:+.3g} %".replace("-", "−")
+
+
+def interval(change: Change) -> str:
+    if change.low is None or change.high is None:
+        return f"{change.pairs} pairs are too few for bounds"
+    return f"between {signed_percent(change.low)} and {signed_percent(change.high)}"
+
+
+def line_text(judgement: Judgement) -> list[str]:
+    """What the command prints of a line of the plan."""
+    found = [f"{judgement.verdict}: {judgement.line}: {', '.join(map(_tested_text, judgement.tested))}"]
+    return found + [f"  {reason}" for reason in judgement.reasons]
+
+
+def _tested_text(tested: Tested) -> str:
+    if tested.change is None:
+        return f"{tested.quantity}: no pair has it"
+    c = tested.change
+    if c.same == c.pairs:
+        return f"{tested.quantity} is the same in all {c.pairs} pairs"
+    return f"{tested.quantity} {signed_percent(c.estimate)} ({interval(c)}), {c.pairs} pairs"
+
+
+def worst_text(worst: Worst, rules: Rules) -> str:
+    """Which run got worse most, and by what."""
+    values = [
+        f"{q} {shown(value_of(worst.pair.before, q))} → {shown(value_of(worst.pair.after, q))}"
+        for q in rules.quantities
+    ]
+    return f"{worst.pair.run}: {', '.join(values)}"
+
+
+def page(
+    plan: Plan,
+    verdict: Verdict,
+    judgements: Sequence[Judgement],
+    pairs: Sequence[Pair],
+    worst: Worst | None,
+    rules: Rules,
+) -> str:
+    """Everything of the plan and the runs is escaped."""
+    made = environment(__name__.rpartition(".")[0])
+    made.filters |= {"shown": shown, "label": label, "change": signed_percent, "interval": interval}
+    rows = [_cells(pair, rules) for pair in worst_first(pairs, rules)]
+    return made.get_template("gate.html").render(
+        css=own_text("page.css"),
+        plan=plan,
+        verdict=verdict,
+        judgements=judgements,
+        rules=rules,
+        effect=percent(rules.effect),
+        level=100 * rules.level,
+        rows=rows[:MOST_ROWS],
+        left=max(0, len(rows) - MOST_ROWS),
+        pairs=len(pairs),
+        worst=worst,
+        worst_text=None if worst is None else worst_text(worst, rules),
+        plots=[_plot(item, pairs, rules) for j in judgements for item in j.tested if item.change is not None],
+    )
+
+
+def numbers(
+    verdict: Verdict, judgements: Sequence[Judgement], pairs: Sequence[Pair], worst: Worst | None, rules: Rules
+) -> str:
+    """gate.json: verdicts, tests, pairs and the first divergence."""
+    found: dict[str, Any] = {"verdict": verdict, "rules": asdict(rules), "lines": [asdict(j) for j in judgements]}
+    found["pairs"] = [_cells(pair, rules) for pair in pairs]
+    found["worst"] = None
+    if worst is not None:
+        comparison = worst.comparison
+        found["worst"] = {
+            "run": worst.pair.run.folder.as_posix(),
+            "settings": [asdict(s) for s in comparison.settings] if comparison else [],
+            "frames": comparison.frames if comparison else None,
+            "first": [asdict(d) for d in comparison.first] if comparison else [],
+        }
+    return json_text(found, 1)
+
+
+def _cells(pair: Pair, rules: Rules) -> dict[str, Any]:
+    run = pair.run
+    return {
+        "line": run.line.name,
+        "source": run.source,
+        "seed": run.seed,
+        "errors": [[q, value_of(pair.before, q), value_of(pair.after, q), pair.log_ratio(q)] for q in rules.quantities],
+        "located": [value_of(pair.before, LOCATED), value_of(pair.after, LOCATED)],
+        "segments": [value_of(pair.before, SEGMENTS), value_of(pair.after, SEGMENTS)],
+        "log_time_ratio": pair.log_time_ratio,
+        "failures": [pair.before.failure, pair.after.failure],
+    }
+
+
+def _plot(tested: Tested, pairs: Sequence[Pair], rules: Rules) -> dict[str, Any]:
+    """Positions [px] of the pairs, the interval and the smallest change of interest, all within what is widest."""
+    own = [pair for pair in pairs if pair.run.line.name == tested.line]
+    dots = [(pair, log) for pair in own if (log := pair.log_ratio(tested.quantity)) is not None]
+    most = 1.1 * max(rules.effect, *(abs(log) for _, log in dots), 1e-6)
+
+    def x(log: float) -> float:
+        return round(PLOT_WIDTH * (0.5 + 0.5 * log / most), 1)
+
+    change = tested.change
+    bounds = None if change is None or change.low is None or change.high is None else (x(change.low), x(change.high))
+    return {
+        "line": tested.line,
+        "quantity": tested.quantity,
+        "width": PLOT_WIDTH,
+        "height": PLOT_HEIGHT,
+        "dots": [
+            (x(log), round(PLOT_HEIGHT * (0.3 + 0.4 * (n % 5) / 4), 1), f"{pair.run}: {signed_percent(log)}")
+            for n, (pair, log) in enumerate(dots)
+        ],
+        "bounds": bounds,
+        "effect": (x(-rules.effect), x(rules.effect)),
+        "ends": (signed_percent(-most), signed_percent(most)) if math.isfinite(most) else ("", ""),
+    }

@@ -1,0 +1,107 @@
+"""Each run of the plan, before the change and after it, on the same images."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.io.files import exists, is_folder
+from ispom.io.rows import read_text
+
+from ..experiments.plan import Plan, Run
+from ..experiments.results import ROWS_CSV
+from ..experiments.row import Row, milliseconds, row_of
+from ..experiments.statistics import value_of
+
+NOTHING = 1e-9
+"""Added to both errors [their unit]: what is below a nanometre is rounding."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A run before and after."""
+
+    before: Row
+    after: Row
+    folders: tuple[Path, Path]
+
+    @property
+    def run(self) -> Run:
+        return self.after.run
+
+    def log_ratio(self, quantity: str) -> float | None:
+        """The logarithm of after / before; None where one of them lacks the quantity."""
+        before, after = value_of(self.before, quantity), value_of(self.after, quantity)
+        if before is None or after is None:
+            return None
+        return math.log((after + NOTHING) / (before + NOTHING)) if after != before else 0.0
+
+    def difference(self, quantity: str) -> float | None:
+        """After - before; None where one of them lacks the quantity."""
+        before, after = value_of(self.before, quantity), value_of(self.after, quantity)
+        return None if before is None or after is None else after - before
+
+    def gave(self, quantity: str) -> tuple[bool, bool]:
+        """Whether the run has the quantity, before and after."""
+        return value_of(self.before, quantity) is not None, value_of(self.after, quantity) is not None
+
+    @property
+    def log_time_ratio(self) -> float | None:
+        """Of the median time per frame; None where it was not measured."""
+        before, after = (milliseconds(self.run, folder)[0] for folder in self.folders)
+        return math.log(after / before) if before and after else None
+
+
+def finished(folder: Path, plan: Plan, option: str) -> list[Row]:
+    """Returns the rows of all runs of the plan, in its order, from a folder of `ispom experiment`.
+
+    Raises InputError where the folder, or a run in it, is not there or damaged; a run that failed is a row.
+    """
+    if not exists(folder) or not is_folder(folder):
+        raise InputError(f"{option} {folder} is no folder: give one that 'ispom experiment' wrote")
+    failures, rows = _failures(folder), []
+    for run in plan.runs():
+        try:
+            row = row_of(run, folder / run.folder)
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise InputError(
+                f"{folder / run.folder} is damaged: remove it, and run 'ispom experiment' on {folder} again"
+            ) from None
+        failure = failures.get(run.folder.as_posix())
+        if row is None and failure is None:
+            raise InputError(
+                f"{option} {folder} has no finished run of {run} (no {run.folder.as_posix()}): "
+                "run 'ispom experiment' with this plan and that folder as --out"
+            )
+        rows.append(row if row is not None else Row(run, failure))
+    return rows
+
+
+def paired(before: Sequence[Row], after: Sequence[Row], folders: tuple[Path, Path]) -> list[Pair]:
+    """Returns the runs in pairs. Raises InputError where the two of a pair saw different images."""
+    pairs = []
+    for a, b in zip(before, after, strict=True):
+        if a.images_sha256 and b.images_sha256 and a.images_sha256 != b.images_sha256:
+            raise InputError(
+                f"{a.run} saw other images in {folders[0]} than now: the recording or the simulation has changed, "
+                "so run the baseline on these images"
+            )
+        pairs.append(Pair(a, b, (folders[0] / a.run.folder, folders[1] / b.run.folder)))
+    return pairs
+
+
+def _failures(folder: Path) -> dict[str, str]:
+    """By folder, the reasons of runs that failed, as the table of an experiment has them."""
+    table = folder / ROWS_CSV
+    if not exists(table):
+        return {}
+    try:
+        rows = list(csv.DictReader(StringIO(read_text(table))))
+        return {row["run"]: row["failure"] for row in rows if row["failure"]}
+    except (KeyError, csv.Error):
+        raise InputError(f"{table} is damaged: remove it, and run 'ispom experiment' on {folder} again") from None
