@@ -116,36 +116,66 @@ EXIT_DIFFERENT = 1
 """The exit code where the runs differ; 0 where they do not."""
 
 
-def diff(options: Diff) -> int:
-    """Compares, prints, and gives the exit code; InputError where a folder holds no run, or they share no method."""
-    if not 0 <= options.tolerance < math.inf:
-        raise InputError(f"--tolerance is {options.tolerance}: give 0 or a positive number")
-    if options.count < 1:
-        raise InputError(f"--count is {options.count}: give 1 or more")
-    a, b = options.run_a.expanduser(), options.run_b.expanduser()
+@dataclass(frozen=True)
+class Compared:
+    """How two runs differ."""
+
+    a: Path
+    b: Path
+    methods: tuple[str, ...]
+    """That both have."""
+    tolerance: float
+    settings: list[Setting]
+    """Those that are not the same."""
+    differing_frames: int
+    first: list[Divergence]
+    """Each with what had not differed before."""
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "alike": not self.first,
+            "runs": [str(self.a), str(self.b)],
+            "methods": self.methods,
+            "tolerance": self.tolerance,
+            "settings": [asdict(s) for s in self.settings],
+            "apart": self.differing_frames,
+            "first": [asdict(d) for d in self.first],
+        }
+
+
+def compared(a: Path, b: Path, tolerance: float = 0.0, count: int = 3) -> Compared:
+    """Compares the runs of two folders; `count` as the option. InputError where a folder holds no run, or they share no
+    method."""
     runs = read_run_file(a), read_run_file(b)
     methods = tuple(method for method in runs[0].config if method in runs[1].config)
     if not methods:
         raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
     settings = differing(*runs, methods)
     differing_frames, seen, first = 0, frozenset[str](), list[Divergence]()
-    for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), options.tolerance):
+    for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), tolerance):
         differing_frames += divergence.exposure is not None
         news, seen = divergence.without(seen), seen | divergence.names
-        if news is not None and (len(first) < options.count or news.exposure is None):
+        if news is not None and (len(first) < count or news.exposure is None):
             first.append(news)
+    return Compared(a, b, methods, tolerance, settings, differing_frames, first)
+
+
+def diff(options: Diff) -> int:
+    """Compares, prints, and gives the exit code; InputError as `compared`, and for impossible options."""
+    if not 0 <= options.tolerance < math.inf:
+        raise InputError(f"--tolerance is {options.tolerance}: give 0 or a positive number")
+    if options.count < 1:
+        raise InputError(f"--count is {options.count}: give 1 or more")
+    found = compared(options.run_a.expanduser(), options.run_b.expanduser(), options.tolerance, options.count)
     if options.json:
-        report = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
-        report |= {
-            "settings": [asdict(s) for s in settings],
-            "apart": differing_frames,
-            "first": [asdict(d) for d in first],
-        }
-        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+        sys.stdout.write(json.dumps(found.report, indent=2) + "\n")
     else:
-        text = [*_notes(a, b, settings), *_text(first, differing_frames, methods)]
+        notes = _notes(found.a, found.b, found.settings)
+        text = [*notes, *_text(found.first, found.differing_frames, found.methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))
-    return EXIT_DIFFERENT if first else 0
+    return EXIT_DIFFERENT if found.first else 0
 
 
 def _found(
