@@ -117,55 +117,63 @@ EXIT_DIFFERENT = 1
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Two runs compared."""
+class Compared:
+    """How two runs differ."""
 
+    a: Path
+    b: Path
     methods: tuple[str, ...]
-    """Those of both."""
+    """That both have."""
+    tolerance: float
     settings: list[Setting]
-    """Those that differ."""
-    frames: int
-    """Number of frames at which the runs differ."""
+    """Those that are not the same."""
+    differing_frames: int
     first: list[Divergence]
-    """The first frame, and the next ones at which something else differs for the first time; empty where all is the
-    same."""
+    """Each with what had not differed before."""
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "alike": not self.first,
+            "runs": [str(self.a), str(self.b)],
+            "methods": self.methods,
+            "tolerance": self.tolerance,
+            "settings": [asdict(s) for s in self.settings],
+            "apart": self.differing_frames,
+            "first": [asdict(d) for d in self.first],
+        }
 
 
-def compare_runs(a: Path, b: Path, tolerance: float = 0.0, count: int = 1) -> Comparison:
-    """Compares what two run folders hold, and keeps the first `count` frames. Raises InputError where a folder holds no
-    run, or they share no method."""
+def compared(a: Path, b: Path, tolerance: float = 0.0, count: int = 3) -> Compared:
+    """Compares the runs of two folders; `count` as the option. InputError where a folder holds no run, or they share no
+    method."""
     runs = read_run_file(a), read_run_file(b)
     methods = tuple(method for method in runs[0].config if method in runs[1].config)
     if not methods:
         raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
-    frames, seen, first = 0, frozenset[str](), list[Divergence]()
+    settings = differing(*runs, methods)
+    differing_frames, seen, first = 0, frozenset[str](), list[Divergence]()
     for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), tolerance):
-        frames += divergence.exposure is not None
+        differing_frames += divergence.exposure is not None
         news, seen = divergence.without(seen), seen | divergence.names
         if news is not None and (len(first) < count or news.exposure is None):
             first.append(news)
-    return Comparison(methods, differing(*runs, methods), frames, first)
+    return Compared(a, b, methods, tolerance, settings, differing_frames, first)
 
 
 def diff(options: Diff) -> int:
-    """Compares, prints, and gives the exit code; InputError where a folder holds no run, or they share no method."""
+    """Compares, prints, and gives the exit code; InputError as `compared`, and for impossible options."""
     if not 0 <= options.tolerance < math.inf:
         raise InputError(f"--tolerance is {options.tolerance}: give 0 or a positive number")
     if options.count < 1:
         raise InputError(f"--count is {options.count}: give 1 or more")
-    a, b = options.run_a.expanduser(), options.run_b.expanduser()
-    found = compare_runs(a, b, options.tolerance, options.count)
+    found = compared(options.run_a.expanduser(), options.run_b.expanduser(), options.tolerance, options.count)
     if options.json:
-        report = {"alike": not found.first, "runs": [str(a), str(b)], "methods": found.methods}
-        report |= {
-            "tolerance": options.tolerance,
-            "settings": [asdict(s) for s in found.settings],
-            "apart": found.frames,
-            "first": [asdict(d) for d in found.first],
-        }
-        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+        sys.stdout.write(json.dumps(found.report, indent=2) + "\n")
     else:
-        text = [*_notes(a, b, found.settings), *_text(found.first, found.frames, found.methods)]
+        notes = _notes(found.a, found.b, found.settings)
+        text = [*notes, *_text(found.first, found.differing_frames, found.methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))
     return EXIT_DIFFERENT if found.first else 0
 

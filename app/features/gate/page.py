@@ -102,7 +102,7 @@ def numbers(
         found["worst"] = {
             "run": worst.pair.run.folder.as_posix(),
             "settings": [asdict(s) for s in comparison.settings] if comparison else [],
-            "frames": comparison.frames if comparison else None,
+            "frames": comparison.differing_frames if comparison else None,
             "first": [asdict(d) for d in comparison.first] if comparison else [],
         }
     return json_text(found, 1)

@@ -9,7 +9,7 @@ from ispom.errors import InputError
 from ispom.io.files import exists
 
 from ...engine.run_folder.run_folder import RUN
-from ..diff.command import Comparison, compare_runs
+from ..diff.command import Compared, compared
 from ..diff.text import lines, shown
 from .judge import LOCATED, Judgement, Rules
 from .pairs import Pair
@@ -23,7 +23,7 @@ class Worst:
     """The pair that got worse most."""
 
     pair: Pair
-    comparison: Comparison | None
+    comparison: Compared | None
     """None where one of the runs left no folder."""
 
     @property
@@ -33,7 +33,7 @@ class Worst:
             return [f"no comparison: {self.pair.after.failure or self.pair.before.failure or 'a run is missing'}"]
         found = [f"setting {s.name}: {shown(s.a)} | {shown(s.b)}" for s in self.comparison.settings]
         found += [line for divergence in self.comparison.first for line in lines(divergence)]
-        return [*found, f"the runs differ at {self.comparison.frames} frames"]
+        return [*found, f"the runs differ at {self.comparison.differing_frames} frames"]
 
 
 def worst_first(pairs: Sequence[Pair], rules: Rules) -> list[Pair]:
@@ -60,6 +60,6 @@ def worst_case(pairs: Sequence[Pair], judgements: Sequence[Judgement], rules: Ru
     if not all(exists(folder / RUN) for folder in first.folders):
         return Worst(first, None)
     try:
-        return Worst(first, compare_runs(*first.folders, count=FRAMES))
+        return Worst(first, compared(*first.folders, count=FRAMES))
     except InputError:  # a run that failed may have stopped before anything was written
         return Worst(first, None)

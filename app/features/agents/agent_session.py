@@ -1,0 +1,164 @@
+"""The session as tools see it: questions wait for their answers, and nothing is opened that was not allowed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as Late
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ispom.errors import InputError
+from ispom.sequences.address import without_secrets
+
+from ...session import moves
+from ...session.commands import Command, Confirm, Open
+from ...session.controller import Controller
+from ...session.current_run import CurrentRun
+from ...session.session import Session
+from ...session.state import State, changed
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from ..recording.listing import list_recordings
+
+T = TypeVar("T")
+PATIENCE_S = 300.0
+"""For one piece of work in the session's thread: opening a video may find its calibration first."""
+LOOK_S = 0.02
+"""Between two looks at how far a computation has come."""
+SIMULATION = "sim:"
+
+
+class Ask(Command, frozen=True):
+    """Does something in the session's thread, and passes on what it returns or raises."""
+
+    work: Any
+    answer: Any
+    """A Future."""
+
+    def execute(self, session: Controller) -> None:
+        try:
+            self.answer.set_result(self.work(session))
+        except Exception as fault:
+            self.answer.set_exception(fault)
+
+
+class AgentSession:
+    """For any thread. What changes the session is done by its own thread, one thing at a time."""
+
+    def __init__(self, session: Session, sources: tuple[str, ...] = (), runs: Path | None = None) -> None:
+        """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations."""
+        self.session, self.sources, self.runs = session, sources, runs or session.recordings_dir
+
+    @property
+    def state(self) -> State:
+        return self.session.state
+
+    @property
+    def run(self) -> CurrentRun:
+        """The run that is open. InputError where none is."""
+        run = self.session.run
+        if run is None:
+            raise InputError("no run is open: call list_runs, then open_run")
+        return run
+
+    def branch(self, number: int | None) -> CurrentRun:
+        """A branch of the run, or the one that is shown for None. InputError for an unknown one."""
+        if number is None:
+            return self.run
+        found = self.session.service(BranchService).run_of(number)
+        if found is None:
+            known = ", ".join(str(b.number) for b in self.state[Branches].all)
+            raise InputError(f"there is no branch {number}: give one of {known or 'a run that is open'}")
+        return found
+
+    def frame(self, index: int) -> int:
+        """The index, where the run has computed this frame; InputError else."""
+        count = len(self.run.series)
+        if not 0 <= index < count:
+            known = f"0 to {count - 1} are computed" if count else "none is computed yet"
+            cure = "" if self.run.stored is not None else ", or call compute first"
+            raise InputError(f"frame {index} is not there: frames {known}{cure}")
+        return index
+
+    def stretch(self, first: int, last: int | None) -> range:
+        """The computed frames from `first` to `last` (None: to the end), both included. InputError where there is
+        none."""
+        count = len(self.run.series)
+        found = range(max(first, 0), count if last is None else min(last + 1, count))
+        if not found:
+            raise InputError(f"no frame from {first} to {last} is computed: {count} frames are")
+        return found
+
+    def method(self, name: str) -> str:
+        """The name of a method of the run. InputError for another one."""
+        known = self.run.opened.methods
+        if name not in known:
+            raise InputError(f"{name[:60]!r} does not run here: give one of {', '.join(known)}")
+        return name
+
+    def carry_out(self, work: Callable[[Controller], T], patience_s: float = PATIENCE_S) -> T:
+        """What `work` returns in the session's thread. Raises what it raises; InputError where it takes too long."""
+        answer: Future[T] = Future()
+        self.session.post(Ask(work, answer))
+        try:
+            return answer.result(patience_s)
+        except Late:
+            raise InputError(f"the session was busy for more than {patience_s:.0f} s: ask again later") from None
+
+    def open(self, source: str, *, discard: bool = False) -> None:
+        """Opens a run or a source that is allowed, without playing it. InputError where it is not, or cannot be opened.
+
+        `discard`: forks that nothing keeps may be closed with the run that is open.
+        """
+        path = self.place(source)
+
+        def work(controller: Controller) -> None:
+            before = controller.state.question
+            controller.obey(Open(path))
+            question = controller.state.question
+            if question is not None and question is not before:
+                controller.obey(Confirm(question.number, discard))
+                if not discard:
+                    raise InputError(f"{question.text} Give discard=true to discard it")
+            if controller.state.phase == "failed":
+                raise InputError(controller.state.failure)
+            controller.store.set(playing=False)
+
+        self.carry_out(work)
+
+    def place(self, source: str) -> str:
+        """The address of a source that may be opened. InputError for any other one."""
+        named = next((each for each in self.sources if source in (each, without_secrets(each))), None)
+        if named is not None:
+            return named
+        if source.startswith(SIMULATION):
+            return source
+        if source in {each.name for each in list_recordings(self.runs)}:
+            return str(self.runs / source)
+        raise InputError(f"{source[:80]!r} may not be opened here: give a key of list_runs, or {SIMULATION}NAME")
+
+    def folder(self, key: str) -> Path:
+        """The folder of a run that may be read. InputError for anything else."""
+        place = self.place(key)
+        path = Path(place).expanduser()
+        if place.startswith(SIMULATION) or not path.is_dir():
+            raise InputError(f"{key[:80]!r} is no folder of a run: give the key of one from list_runs")
+        return path
+
+    def compute(self, frame: int | None, seconds: float) -> None:
+        """Computes the frames up to this one (None: the last), as far as that goes in so many seconds; what is left
+        goes on in the background. InputError where a frame cannot be computed."""
+        run, notices = self.run, self.state.notice_count
+        target = run.last if frame is None else min(frame, run.last)
+        self.carry_out(lambda controller: controller.player.move(*moves.seek(controller.run, target)))
+        until = time.monotonic() + seconds
+        while self.state.target is not None and time.monotonic() < until:
+            time.sleep(LOOK_S)
+        if self.state.target is None and len(run.series) <= target and self.state.notice_count > notices:
+            raise InputError(self.state.notices[-1].text)
+
+    def stop(self) -> None:
+        """Computes no further for now."""
+        self.carry_out(lambda controller: controller.player.move(changed(playing=False, target=None)))

@@ -1,0 +1,113 @@
+"""`ispom mcp`: a session without a page, and a server for an agent over it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.io.files import expanded, is_folder
+from ispom.methods import in_order
+from ispom.sequences.policy import SourcePolicy
+from ispom.types import Sequence
+
+from ...engine import warmup
+from ...engine.options import SourceOptions
+from ...engine.playback import Builder
+from ...session.session import Session
+from ...session.sources.folders import Folders
+from .agent_session import AgentSession
+from .options import Mcp
+
+CLOSE_S = 2.0
+"""For the session to end after the agent has gone."""
+LEAST_HISTORY_MB = 20
+"""Some hundred frames."""
+
+
+def serve(options: Mcp, builder: Builder) -> int:
+    """Serves an agent until it goes, and returns the exit code. InputError for a mistake in the options."""
+    if find_spec("mcp") is None:
+        raise InputError("`ispom mcp` takes the extra `agents`: pip install 'ispom[agents]'")
+    if options.history_mb < LEAST_HISTORY_MB:
+        raise InputError(f"--history-mb is {options.history_mb}: give {LEAST_HISTORY_MB} or more")
+    with _log(options.log) as log, agent_session(options, builder) as agents:
+        if options.sources:
+            agents.open(options.sources[0])
+        from .server import AgentServer  # brings the SDK
+
+        server = AgentServer(agents, allow_changes=options.allow_changes, log=log)
+        if options.http is None:
+            asyncio.run(server.run_stdio_async())
+        else:
+            from .http import serve_http
+
+            asyncio.run(serve_http(server, options.http))
+    if options.http is None:
+        # The thread that waits for standard input would be waited for, whoever ended the server.
+        sys.stderr.flush()
+        os._exit(0)
+    return 0
+
+
+@contextmanager
+def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
+    """A session without viewers, which is closed at the end. Nothing is open in it yet."""
+    runs = options.runs.expanduser()
+    if options.runs != Mcp.runs and not is_folder(expanded(options.runs)):
+        raise InputError(f"--runs is {options.runs}, which is no folder: give one that exists")
+    session = Session(
+        _opener(options),
+        "",
+        runs,
+        methods=in_order(options.methods) or None,
+        variant=options.variant or "modern",
+        config=options.config,
+        compiling=warmup.start,
+        builder=builder,
+        history_bytes=1_000_000 * options.history_mb,
+        source_options=options.of_source,
+        folders=Folders(),
+        autoplay=False,
+    )
+    session.start()
+    try:
+        yield AgentSession(session, options.sources, runs)
+    finally:
+        session.close(CLOSE_S)
+
+
+def _opener(options: Mcp) -> Callable[..., Sequence]:
+    """Opens what the command line names in any case; other sources, such as that of a stored run, without devices and
+    network."""
+    files = () if options.camera is None else (expanded(options.camera),)
+    policy = SourcePolicy(None, False, False, files)
+
+    def opened(source: str, of_source: SourceOptions | None = None) -> Sequence:
+        if source in options.sources:
+            return options.opened(source)
+        return (of_source or options).opened(source, policy)
+
+    return opened
+
+
+@contextmanager
+def _log(path: Path | None) -> Iterator[Callable[[str], None]]:
+    """Writes lines to a file, or else to standard error; never to standard output, which the protocol has."""
+    if path is None:
+        yield lambda text: print(text, file=sys.stderr, flush=True)  # noqa: T201
+        return
+    if path.is_symlink():
+        raise InputError(f"--log {path} is a link: give the file itself")
+    with path.expanduser().open("a", encoding="utf-8") as file:
+
+        def write(text: str) -> None:
+            file.write(f"{text}\n")
+            file.flush()
+
+        yield write
