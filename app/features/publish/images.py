@@ -62,7 +62,9 @@ def kept(rows: Iterable[tuple[str, pa.RecordBatch]], images: Images) -> Iterator
             continue
         seen[path] += 1
         if _is_kept(path, seen[path] - 1, images):
-            yield columns if images.quality is None else _with_blob(columns, [[smaller(_blob(columns), images.quality)]])
+            yield (
+                columns if images.quality is None else _with_blob(columns, [[smaller(_blob(columns), images.quality)]])
+            )
         else:
             yield _with_blob(columns, [[]])
 
@@ -101,5 +103,9 @@ def _blob(columns: pa.RecordBatch) -> bytes:
 def _with_blob(columns: pa.RecordBatch, value: list[list[bytes]]) -> pa.RecordBatch:
     at = columns.schema.get_field_index(BLOB)
     field = columns.schema.field(at)
-    plain = [[list(each) for each in images] for images in value] if not pa.types.is_binary(field.type.value_type) else value
+    plain = (
+        [[list(each) for each in images] for images in value]
+        if not pa.types.is_binary(field.type.value_type)
+        else value
+    )
     return columns.set_column(at, field, pa.array(plain, type=field.type))

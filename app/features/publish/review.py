@@ -58,7 +58,9 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
             _wait(lambda: session.state.phase != "opening")
             if session.state.phase != "ready":
                 raise InputError(session.state.failure)
-            comparisons = [_compared(session, folder, name) for folder, name in zip(folders[1:], names[1:], strict=True)]
+            comparisons = [
+                _compared(session, folder, name) for folder, name in zip(folders[1:], names[1:], strict=True)
+            ]
             _wait(lambda: _measured(session))
             yield Review(session, tuple(names), tuple(_message(session, each, Path(empty)) for each in comparisons))
         finally:
