@@ -1,4 +1,4 @@
-"""The stage of a published page: what the recording of the run shows, in pieces that the page gives to the Rerun viewer.
+"""The stage of a published page: what the recording of the run shows, in pieces for the Rerun viewer.
 
     file = gzip(piece*)          piece = size (4 bytes, big-endian)  `.rrd` stream
 
