@@ -125,8 +125,9 @@ def ongoing(run: CurrentRun | None, index: int) -> dict[str, list[Any]]:
     return found
 
 
-def event_values(state: State, run: CurrentRun | None, around: int = AROUND) -> dict[str, Any]:
-    """What the template of the events takes: those nearest to the frame shown, so many before it and after it."""
+def event_values(state: State, run: CurrentRun | None, around: int | None = None) -> dict[str, Any]:
+    """What the template of the events takes: those nearest to the frame shown, so many (AROUND) before and after it."""
+    around = AROUND if around is None else around
     events = [] if run is None else with_bookmarks(run.events.events, state[Bookmarks].marks)
     first = next((i for i, event in enumerate(events) if event.frame >= state.index), len(events))
     start, stop = max(0, first - around), first + around

@@ -24,7 +24,7 @@ from .options import Publish
 from .panels import CHUNK, fixed_panels, frame_panels
 from .private import Plain
 from .review import Review, plain_name, require_run, reviewed
-from .site import page_files, packed, viewer_files, write_site
+from .site import packed, page_files, viewer_files, write_site
 from .stage import Stage, StageWriter
 
 COMMAND = "publish"

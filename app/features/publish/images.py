@@ -53,8 +53,8 @@ def is_image(columns: pa.RecordBatch) -> bool:
 
 
 def kept(rows: Iterable[tuple[str, pa.RecordBatch]], images: Images) -> Iterator[pa.RecordBatch]:
-    """Rows of entities, those of images as `images` says. An image that is not kept leaves an empty row: the viewer would
-    show the one before."""
+    """Rows of entities, those of images as `images` says. An image that is not kept leaves an empty row: without it, the
+    viewer would show the one before."""
     seen = Counter[str]()
     for path, columns in rows:
         if not is_image(columns):
@@ -62,9 +62,10 @@ def kept(rows: Iterable[tuple[str, pa.RecordBatch]], images: Images) -> Iterator
             continue
         seen[path] += 1
         if _is_kept(path, seen[path] - 1, images):
-            yield columns if images.quality is None else _with_blob(columns, [[smaller(_blob(columns), images.quality)]])
+            blob = None if images.quality is None else smaller(_blob(columns), images.quality)
+            yield columns if blob is None else _with_blob(columns, [blob])
         else:
-            yield _with_blob(columns, [[]])
+            yield _with_blob(columns, [])
 
 
 def estimated_bytes(rows: Iterable[tuple[str, pa.RecordBatch]], images: Images) -> int:
@@ -98,8 +99,9 @@ def _blob(columns: pa.RecordBatch) -> bytes:
     return b"" if not found.is_valid or not len(found) else np.asarray(found.values[0].values, np.uint8).tobytes()
 
 
-def _with_blob(columns: pa.RecordBatch, value: list[list[bytes]]) -> pa.RecordBatch:
+def _with_blob(columns: pa.RecordBatch, blobs: list[bytes]) -> pa.RecordBatch:
+    """The row with this blob, or none."""
     at = columns.schema.get_field_index(BLOB)
     field = columns.schema.field(at)
-    plain = [[list(each) for each in images] for images in value] if not pa.types.is_binary(field.type.value_type) else value
-    return columns.set_column(at, field, pa.array(plain, type=field.type))
+    values = [np.frombuffer(blob, np.uint8) for blob in blobs]
+    return columns.set_column(at, field, pa.array([values], type=field.type))

@@ -48,7 +48,8 @@ def run_message(state: State, run: CurrentRun) -> dict[str, Any]:
 def finished_state(state: State, name: str) -> State:
     """As a published page has it: the run is called so, nothing goes on, and nothing was said before."""
     kept = tuple(note for note in state.notes if not note.startswith("stored run "))
-    return replace(state, source=name, notes=kept, notices=(), notice_count=0, activity=None, playing=False, compiling="")
+    state = replace(state, source=name, notes=kept, activity=None, playing=False, compiling="")
+    return replace(state, notices=(), notice_count=0)
 
 
 def _message(state: State, run: CurrentRun, index: int) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from ...engine.options import Programs
 
 @dataclass(frozen=True, kw_only=True)
 class Publish(Programs):
-    """Writes a finished run as a folder that any web server shows without Python: stage, verdicts, time dock, events."""
+    """Writes a finished run as a folder that any web server shows without Python: stage, verdicts, time dock."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `ispom run` wrote. The first is shown; further ones on the same source are compared with it."""

@@ -1,4 +1,4 @@
-"""The left pane of a published page as HTML: the templates of the tab Explain for every frame, and what it lists once."""
+"""The left pane of a published page as HTML: the templates of the tab Explain for each frame, and what is the same at all."""
 
 from __future__ import annotations
 

@@ -58,7 +58,8 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
             _wait(lambda: session.state.phase != "opening")
             if session.state.phase != "ready":
                 raise InputError(session.state.failure)
-            comparisons = [_compared(session, folder, name) for folder, name in zip(folders[1:], names[1:], strict=True)]
+            others = zip(folders[1:], names[1:], strict=True)
+            comparisons = [_compared(session, folder, name) for folder, name in others]
             _wait(lambda: _measured(session))
             yield Review(session, tuple(names), tuple(_message(session, each, Path(empty)) for each in comparisons))
         finally:
@@ -101,7 +102,7 @@ def _require_same_frames(session: Session, comparison: Comparison, folder: Path)
     runs = [session.service(BranchService).run_of(n) for n in (comparison.shown, comparison.other)]
     times_ns = [run.playback.sequence.times_ns for run in runs if run is not None]
     count = min(map(len, times_ns))
-    if not np.array_equal(*(each[:count] for each in times_ns)):
+    if not all(np.array_equal(times_ns[0][:count], each[:count]) for each in times_ns):
         raise InputError(f"{folder} has other frames than the first run: publish runs on one source together")
 
 

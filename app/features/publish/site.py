@@ -48,12 +48,13 @@ def published_page(html: str, runs: int) -> str:
     policy = "; ".join(
         part for part in SECURITY["Content-Security-Policy"].split("; ") if not part.startswith("frame-ancestors")
     )
-    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}" />\n    <meta name="referrer" content="no-referrer" />'
+    head = [f'<meta http-equiv="Content-Security-Policy" content="{policy}" />']
+    head += ['<meta name="referrer" content="no-referrer" />']
     marks = ('<html lang="en">', '<meta charset="utf-8" />')
     if not all(html.count(mark) == 1 for mark in marks):
         raise ValueError("the page has another head than this expects")
     html = html.replace(marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}">')
-    return html.replace(marks[1], f"{marks[1]}\n    {head}")
+    return html.replace(marks[1], "\n    ".join((marks[1], *head)))
 
 
 def viewer_files(folder: Path) -> dict[str, bytes]:

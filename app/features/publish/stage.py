@@ -1,4 +1,4 @@
-"""The stage of a published page: what the recording of the run shows, in pieces that the page gives to the Rerun viewer.
+"""The stage of a published page: what the recording of the run shows, in pieces for the Rerun viewer.
 
     file = gzip(piece*)          piece = size (4 bytes, big-endian)  `.rrd` stream
 
@@ -31,6 +31,8 @@ from .images import CHOICES, Images, estimated_bytes, kept
 
 PIECE_BYTES = 4 << 20
 """Of a piece before it is compressed: the viewer takes one in within seconds, with software graphics."""
+DECISIONS = "/decisions"
+"""The text of a frame, which the page has as verdicts and checks."""
 LEVEL = 9
 """Of gzip."""
 
@@ -100,7 +102,7 @@ def _rows(chunk: Chunk) -> Iterator[tuple[int, str, pa.RecordBatch]]:
     """Frame, path and columns of each row that the page draws."""
     batch = chunk.to_record_batch()
     path = str(chunk.entity_path)
-    if TIMELINE not in batch.schema.names or not is_part(path):
+    if TIMELINE not in batch.schema.names or not is_part(path) or path == DECISIONS:
         return
     fields = [
         (i, field)

@@ -134,7 +134,9 @@ def uncompressed(content: bytes) -> bytes:
         message = content[at + _HEAD.size : at + _HEAD.size + size]
         at += _HEAD.size + size
         if kind == _DATA and (fields := _fields(message)).get(_COMPRESSION) == _LZ4:
-            payload = pa.decompress(fields[_PAYLOAD], decompressed_size=fields[_WHOLE_BYTES], codec="lz4_raw").to_pybytes()
+            payload = pa.decompress(
+                fields[_PAYLOAD], decompressed_size=fields[_WHOLE_BYTES], codec="lz4_raw"
+            ).to_pybytes()
             fields |= {_COMPRESSION: _NONE, _WHOLE_BYTES: len(payload), _PAYLOAD: payload}
             message = b"".join(_field(number, value) for number, value in fields.items())
         found.append(_HEAD.pack(kind, len(message)) + message)

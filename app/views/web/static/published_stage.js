@@ -1,10 +1,12 @@
 // What Rerun draws on a published page: the whole recording, given to the viewer piece by piece. Then the viewer's time
 // cursor follows the page. Of the form of the file see app/features/publish/stage.py.
 import { published, unpacked } from "./published.js";
-import { expectData } from "./render_throttle.js";
+import { afterFrames, expectData } from "./render_throttle.js";
 import { showFrame } from "./viewer_control.js";
 
 const RUN = "published"; // name of the channel
+const SETTLED_FRAMES = 3; // in which the viewer makes a layout that it was given its own
+const SETTLE_MS = 10_000; // the longest wait for them
 
 // As feedLive of live.js; `data` says which recording it is, and the last frame of each piece. `control` sends a message to
 // the viewer, and returns whether the viewer took it.
@@ -24,10 +26,21 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     ask();
   };
   stage.heard = (recordings) => {
-    stage.taken = recordings.find(({ id }) => id === stage.recording)?.serial ?? 0;
+    const own = recordings.find(({ id }) => id === stage.recording);
+    stage.taken = own?.serial ?? 0;
+    if (own) laidOut();
     expectData(Math.max(stage.given - stage.taken, 0));
     ask();
   };
+  let laidOut;
+  const settled = new Promise((done) => {
+    let left = SETTLED_FRAMES;
+    laidOut = () => {
+      laidOut = () => {};
+      afterFrames(() => --left <= 0 && (done() ?? true));
+    };
+    setTimeout(done, SETTLE_MS);
+  });
   async function ask() {
     const { wanted, shown, unread, recording } = stage;
     if (wanted === null || unread.length || !isThere(wanted) || shown?.index === wanted) return;
@@ -41,7 +54,7 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     handle.open_channel(RUN, "run");
     for await (const piece of pieces(await unpacked(`${published}/stage.bin`))) {
       handle.send_rrd_to_channel(RUN, piece);
-      stage.given++;
+      if (++stage.given === 0) await settled; // a command before that would make an automatic layout
       expectData(stage.given - stage.taken);
       news();
     }
