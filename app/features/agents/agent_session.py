@@ -17,7 +17,7 @@ from ...session.commands import Command, Confirm, Open
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.session import Session
-from ...session.state import State, changed
+from ...session.state import State
 from ..branches.service import BranchService
 from ..branches.state import Branches
 from ..recording.listing import list_recordings
@@ -47,9 +47,23 @@ class Ask(Command, frozen=True):
 class AgentSession:
     """For any thread. What changes the session is done by its own thread, one thing at a time."""
 
-    def __init__(self, session: Session, sources: tuple[str, ...] = (), runs: Path | None = None) -> None:
-        """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations."""
+    def __init__(
+        self,
+        session: Session,
+        sources: tuple[str, ...] = (),
+        runs: Path | None = None,
+        *,
+        allow_changes: bool = False,
+    ) -> None:
+        """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations. Unless
+        `allow_changes`, tools that change anything are refused."""
         self.session, self.sources, self.runs = session, sources, runs or session.recordings_dir
+        self.allow_changes = allow_changes
+
+    def require_changes(self, what: str) -> None:
+        """InputError where nothing may be changed."""
+        if not self.allow_changes:
+            raise InputError(f"{what} changes the session, which is read-only: start it with --allow-changes")
 
     @property
     def state(self) -> State:
@@ -77,9 +91,9 @@ class AgentSession:
         """The index, where the run has computed this frame; InputError else."""
         count = len(self.run.series)
         if not 0 <= index < count:
-            known = f"0 to {count - 1} are computed" if count else "none is computed yet"
-            cure = "" if self.run.stored is not None else ", or call compute first"
-            raise InputError(f"frame {index} is not there: frames {known}{cure}")
+            known = f"frames 0 to {count - 1} are computed" if count else "no frame is computed"
+            cure = "give one of these" if self.run.stored is not None else "call compute first"
+            raise InputError(f"frame {index} is not there, {known}: {cure}")
         return index
 
     def stretch(self, first: int, last: int | None) -> range:
@@ -88,7 +102,8 @@ class AgentSession:
         count = len(self.run.series)
         found = range(max(first, 0), count if last is None else min(last + 1, count))
         if not found:
-            raise InputError(f"no frame from {first} to {last} is computed: {count} frames are")
+            until = "the end" if last is None else last
+            raise InputError(f"no frame from {first} to {until} is computed, {count} are: call compute, or give others")
         return found
 
     def method(self, name: str) -> str:
@@ -113,6 +128,8 @@ class AgentSession:
         `discard`: forks that nothing keeps may be closed with the run that is open.
         """
         path = self.place(source)
+        if discard:
+            self.require_changes("discard")
 
         def work(controller: Controller) -> None:
             before = controller.state.question
@@ -121,7 +138,7 @@ class AgentSession:
             if question is not None and question is not before:
                 controller.obey(Confirm(question.number, discard))
                 if not discard:
-                    raise InputError(f"{question.text} Give discard=true to discard it")
+                    raise InputError(f"{question.text} Or give discard=true")
             if controller.state.phase == "failed":
                 raise InputError(controller.state.failure)
             controller.store.set(playing=False)
@@ -158,7 +175,3 @@ class AgentSession:
             time.sleep(LOOK_S)
         if self.state.target is None and len(run.series) <= target and self.state.notice_count > notices:
             raise InputError(self.state.notices[-1].text)
-
-    def stop(self) -> None:
-        """Computes no further for now."""
-        self.carry_out(lambda controller: controller.player.move(changed(playing=False, target=None)))

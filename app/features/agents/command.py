@@ -21,7 +21,7 @@ from ...engine.options import SourceOptions
 from ...engine.playback import Builder
 from ...session.session import Session
 from ...session.sources.folders import Folders
-from .agent_session import AgentSession
+from .agent_session import SIMULATION, AgentSession
 from .options import Mcp
 
 CLOSE_S = 2.0
@@ -41,7 +41,7 @@ def serve(options: Mcp, builder: Builder) -> int:
             agents.open(options.sources[0])
         from .server import AgentServer  # brings the SDK
 
-        server = AgentServer(agents, allow_changes=options.allow_changes, log=log)
+        server = AgentServer(agents, log)
         if options.http is None:
             asyncio.run(server.run_stdio_async())
         else:
@@ -77,20 +77,20 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
     )
     session.start()
     try:
-        yield AgentSession(session, options.sources, runs)
+        yield AgentSession(session, options.sources, runs, allow_changes=options.allow_changes)
     finally:
         session.close(CLOSE_S)
 
 
 def _opener(options: Mcp) -> Callable[..., Sequence]:
-    """Opens what the command line names in any case; other sources, such as that of a stored run, without devices and
-    network."""
-    files = () if options.camera is None else (expanded(options.camera),)
-    policy = SourcePolicy(None, False, False, files)
+    """Opens what the command line names in any case; the source of a stored run, where that is a file; and simulations
+    whose files are in the folder of runs."""
+    stored, simulated = (SourcePolicy(root, devices=False, network=False) for root in (None, expanded(options.runs)))
 
     def opened(source: str, of_source: SourceOptions | None = None) -> Sequence:
         if source in options.sources:
             return options.opened(source)
+        policy = simulated if source.startswith(SIMULATION) else stored
         return (of_source or options).opened(source, policy)
 
     return opened

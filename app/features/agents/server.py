@@ -36,8 +36,8 @@ Log = Callable[[str], None]
 class AgentServer(MCPServer):
     """Logs each call, in one line, as it ends."""
 
-    def __init__(self, agents: AgentSession, *, allow_changes: bool, log: Log) -> None:
-        found = [served(tool, agents, allow_changes) for tool in tools().values()]
+    def __init__(self, agents: AgentSession, log: Log) -> None:
+        found = [served(tool, agents) for tool in tools().values()]
         super().__init__("ispom", instructions=INSTRUCTIONS, version=version("ispom"), tools=found, log_level="WARNING")
         self._log = log
 
@@ -47,9 +47,7 @@ class AgentServer(MCPServer):
         try:
             result = await super().call_tool(name, arguments, context)
         except ToolError as refusal:
-            cause = refusal.__cause__
-            outcome = f"refused: {refusal}" if cause is None or isinstance(cause, ToolError | ValueError) else "failed"
-            self._log(line(name, arguments, outcome))
+            self._log(line(name, arguments, f"refused: {str(refusal).removeprefix(f'Error executing tool {name}: ')}"))
             raise
         self._log(line(name, arguments, f"answered {_size(result)} characters"))
         return result
@@ -67,18 +65,16 @@ def _size(result: CallToolResult | InputRequiredResult) -> int:
     return sum(len(getattr(block, "text", "") or getattr(block, "data", "")) for block in blocks)
 
 
-def served(tool: Tool, agents: AgentSession, allow_changes: bool) -> Served:
+def served(tool: Tool, agents: AgentSession) -> Served:
     """The tool as the protocol offers it: typed arguments, of which none may be unknown."""
     signature = inspect.signature(tool.function, eval_str=True)
     parameters = [p.replace(annotation=_described(p.annotation)) for p in list(signature.parameters.values())[1:]]
     picture = signature.return_annotation is Picture
 
     def call(**arguments: Any) -> Any:
-        if tool.changes and not allow_changes:
-            raise ToolError(
-                f"{tool.name} changes the session, which is read-only: start `ispom mcp` with --allow-changes"
-            )
         try:
+            if tool.changes:
+                agents.require_changes(tool.name)
             answer = tool.function(agents, **arguments)
         except InputError as mistake:
             raise ToolError(str(mistake)) from None
