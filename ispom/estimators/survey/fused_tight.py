@@ -33,7 +33,7 @@ from ispom.estimators.survey.fused_settings import OTHERS
 from ispom.estimators.survey.fused_start import Start, resting, started
 from ispom.estimators.survey.fused_tight_graph import TightGraph, TightPrior
 from ispom.estimators.survey.fused_values import NO_POINTS, Node, Points, revised_nodes
-from ispom.geometry import Array, Pose
+from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
@@ -224,7 +224,10 @@ class Tight(Fused):
             if now.visual is not None and not now.fresh:
                 moved = before.local_from_rig.inverse() @ now.local_from_rig
                 moved = self._camera_from_rig @ moved @ self._camera_from_rig.inverse()
-                way, seen = way + float(np.linalg.norm(moved.translation)), seen + float(np.linalg.norm(now.visual.translation))
+                way, seen = (
+                    way + float(np.linalg.norm(moved.translation)),
+                    seen + float(np.linalg.norm(now.visual.translation)),
+                )
         return replace(last, log_scale=float(np.log(way / seen))) if way > 0 and seen > 0 else last
 
     def _landmarks(self, state: Any, visual: Step, world_from_rig: Pose | None) -> Landmarks:
@@ -254,7 +257,13 @@ class Tight(Fused):
         settled = state.settled.extended(state.nodes[:-1])
         covariance = state.covariance
         return replace(
-            bare, nodes=(last,), joint=prior, origin=prior, prior=cast(Any, prior), covariance=covariance, settled=settled
+            bare,
+            nodes=(last,),
+            joint=prior,
+            origin=prior,
+            prior=cast(Any, prior),
+            covariance=covariance,
+            settled=settled,
         )
 
 

@@ -72,7 +72,9 @@ def open_feature_table(folder: Path) -> Sequence:
     fx, fy, cx, cy = _values(path, meta, CAMERA)
     pose = _values(path, meta, POSE)
     if fx <= 0 or fy <= 0 or not np.isclose(np.linalg.norm(pose[3:]), 1, atol=0.01):
-        raise InputError(f"{path}: its camera needs a positive focal length and a unit quaternion: correct its meta rows")
+        raise InputError(
+            f"{path}: its camera needs a positive focal length and a unit quaternion: correct its meta rows"
+        )
     pixels = points.uv * [fx, fy] + [cx, cy]
     near = (np.abs(pixels - [cx, cy]) < SIDE_PX / 2).all(axis=1)
     low = np.floor(pixels[near].min(axis=0)) - REACH_PX
