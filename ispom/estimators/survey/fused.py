@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from types import MappingProxyType
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class FusedConfig(FusedSettings):
 class Fused:
     """An Integrator of a visual method, which it calls `visual`."""
 
-    others = OTHERS
+    others: Mapping[Kind, str] = MappingProxyType(OTHERS)
     """The sensors besides the images, each with its name."""
 
     def __init__(self, rig: Rig, config: FusedConfig, name: str, kind: Kind) -> None:

@@ -1,8 +1,8 @@
 """Points that the nodes of a window see: their inverse depths, residuals and derivatives, all tracks at once.
 
-A point is (a, b, r): (a, b, 1) is its direction in the camera of the first node that sees it, r the inverse of its depth
-there [1/m]. So a point far away, or one that has not moved yet, is no special case (Civera, Davison, Montiel 2008). Points
-are eliminated (Schur complement): what they say about the poses is left.
+A point is (a, b, r): (a, b, 1) is its direction in the camera of the first node that sees it, r the inverse of its
+depth there [1/m]. So a point far away, or one that has not moved yet, is no special case (Civera, Davison, Montiel
+2008). Points are eliminated (Schur complement): what they say about the poses is left.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LOSS = 3.0
 """Width of the Cauchy loss of an observation [standard deviations]."""
 INVERSE_DEPTH = 1.0
 """Standard deviation of an inverse depth that nothing has shown yet [1/m]: of points a metre away or farther."""
-FEWEST_VIEWS = 3
+FEWEST_VIEWS = 2
 """Nodes that see a track that takes part."""
 NEAREST = 1e-3
 """A point this near to the plane of a camera, or behind it, has no image there."""

@@ -72,7 +72,7 @@ def started(
 
 
 def resting(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose, focal_px: float) -> Start | None:
-    """Returns nodes with first estimates of a rig that stands: the mean specific force is up, the mean rate is the bias.
+    """Returns nodes with first estimates of a rig that stands: the mean specific force is up, the mean rate is bias.
 
     It stands where its IMU measured for REST_S, and its points stayed within REST_PX (their median). None where it does
     not. The scale is taken to be known; it has no meaning yet.

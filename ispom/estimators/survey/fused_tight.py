@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
@@ -77,7 +79,7 @@ class TightState(FusedState):
 class Tight(Fused):
     """An Integrator of `monocular`."""
 
-    others = {kind: OTHERS[kind] for kind in ("imu", "gnss")}
+    others = MappingProxyType({kind: OTHERS[kind] for kind in ("imu", "gnss")})
 
     def __init__(self, rig: Rig, config: FusedTightConfig) -> None:
         super().__init__(rig, config, "fused.tight", "video")
@@ -105,6 +107,8 @@ class Tight(Fused):
 
     def _between(self, state: Any, time_ns: int, sighted: bool) -> tuple[Any, Step]:
         """A frame between two nodes: the IMU, or else the images, lead there from the last node."""
+        if not state.nodes:
+            return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(0, 1),))
         last, moved = state.nodes[-1], None
         inertial = inertial_link(state.samples, last.time_ns, time_ns) if "imu" in self._sensors else None
         start = dict(state.seen).get(last.time_ns)
@@ -152,7 +156,7 @@ class Tight(Fused):
         nodes, misfits = self._tight.optimised(start.nodes, prior)
         way = sum(
             float(np.linalg.norm(b.local_from_rig.translation - a.local_from_rig.translation))
-            for a, b in zip(nodes, nodes[1:], strict=False)
+            for a, b in pairwise(nodes)
         )
         covariance = self._tight.uncertainty(nodes, prior)[0]
         watch.lap("optimise")
@@ -220,7 +224,7 @@ class Tight(Fused):
     def _scaled(self, nodes: tuple[Node, ...]) -> Node:
         """Returns the last node with the ratio of the ways of the graph to those of the images."""
         way, seen, last = 0.0, 0.0, nodes[-1]
-        for before, now in zip(nodes, nodes[1:], strict=False):
+        for before, now in pairwise(nodes):
             if now.visual is not None and not now.fresh:
                 moved = before.local_from_rig.inverse() @ now.local_from_rig
                 moved = self._camera_from_rig @ moved @ self._camera_from_rig.inverse()

@@ -1,8 +1,9 @@
 """The factor graph of `fused.tight`: nodes with pose, velocity and biases, and the points that several of them see.
 
 IMU and fixes are factors of gtsam; points are eliminated by `fused_points`. Both are summed to normal equations and
-solved by Levenberg and Marquardt's method. A node that leaves takes with it what it and its tracks say about the others:
-their joint information on the nodes that stay (Schur complement). Those observations are spent; tracks go on as new ones.
+solved by Levenberg and Marquardt's method. A node that leaves takes with it what it and its tracks say about the
+others: their joint information on the nodes that stay (Schur complement). Those observations are spent; tracks go on as
+new ones.
 """
 
 from __future__ import annotations
@@ -226,11 +227,15 @@ class Problem:
     def normal(self) -> tuple[csr_matrix, Array]:
         """Returns the normal equations of all nodes."""
         parts = self.sparse_parts()
-        return sum((m for m, _ in parts.values()), start=csr_matrix(self._shape)), sum(v for _, v in parts.values())
+        matrix, vector = csr_matrix(self._shape), np.zeros(self._shape[0])
+        for other, side in parts.values():
+            matrix, vector = matrix + other, vector + side
+        return matrix, vector
 
     @property
     def _shape(self) -> tuple[int, int]:
-        return (self._graph.size * len(self._nodes),) * 2
+        unknowns = self._graph.size * len(self._nodes)
+        return unknowns, unknowns
 
     def parts(self) -> dict[str, tuple[Array, Array]]:
         """Returns by sensor the information (K D, K D) and the vector (K D,) of all nodes."""
@@ -238,7 +243,7 @@ class Problem:
 
     def sparse_parts(self) -> dict[str, tuple[csr_matrix, Array]]:
         """Returns the same with sparse matrices."""
-        collected = dict[str, tuple[list[Array], list[Array], list[Array], Array]]()
+        collected = dict[str, tuple[list[Any], list[Any], list[Any], Array]]()
         starts = self._graph.starts
         for factor in self.factors:
             linear = factor.value.linearize(self.values)
@@ -251,7 +256,7 @@ class Problem:
                 ]
             )
             whole = linear.augmentedInformation()
-            empty = list[Array](), list[Array](), list[Array](), np.zeros(self._shape[0])
+            empty = list[Any](), list[Any](), list[Any](), np.zeros(self._shape[0])
             values, rows, columns, vector = collected.setdefault(factor.sensor, empty)
             values.append(whole[:-1, :-1].ravel())
             rows.append(np.repeat(index, len(index)))

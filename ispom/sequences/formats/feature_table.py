@@ -6,8 +6,8 @@ of one point; rows of the type `meta` have `key` and `value`: the camera (`camer
 (body_from_camera, as EuRoC's T_BS), and perhaps `eqf.input_var_*`, the noise of the IMU. `truth.tum` beside it has the
 poses of the body.
 
-There are no images, so they are drawn: each tracked point is a round spot on black, of a brightness of its own. A method
-that works on images works on them; what it finds is what the tracks hold, and no more.
+There are no images, so they are drawn: each tracked point is a round spot on black, of a brightness of its own. A
+method that works on images works on them; what it finds is what the tracks hold, and no more.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,11 +77,13 @@ def open_feature_table(folder: Path) -> Sequence:
             f"{path}: its camera needs a positive focal length and a unit quaternion: correct its meta rows"
         )
     pixels = points.uv * [fx, fy] + [cx, cy]
-    near = (np.abs(pixels - [cx, cy]) < SIDE_PX / 2).all(axis=1)
+    near = np.asarray((np.abs(pixels - [cx, cy]) < SIDE_PX / 2).all(axis=1))
     low = np.floor(pixels[near].min(axis=0)) - REACH_PX
     width, height = (np.ceil(pixels[near].max(axis=0)) + REACH_PX - low + 1).astype(int).tolist()
     camera = Camera(width, height, float(fx), float(fy), float(cx - low[0]), float(cy - low[1]))
-    noise = {f: float(np.sqrt(_values(path, meta, (key,))[0])) for f, key in IMU_NOISE.items() if key in meta}
+    noise: dict[str, Any] = {
+        f: float(np.sqrt(_values(path, meta, (key,))[0])) for f, key in IMU_NOISE.items() if key in meta
+    }
     body_from_camera = Pose.from_xyzw(pose[3:], pose[:3])
     rig = Rig.of(video=camera, rig_from_video=body_from_camera, imu=Imu(**noise))
     frames_ns, first = np.unique(points.times_ns, return_index=True)
