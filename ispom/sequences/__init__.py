@@ -15,6 +15,7 @@ from ispom.sequences.format import opened as format_opened
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import is_yaml, looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
+from ispom.sequences.formats.feature_table import looks_like_feature_table, open_feature_table
 from ispom.sequences.formats.folder import looks_like_images, open_folder, unread_images
 from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
@@ -43,6 +44,7 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_like_euroc: open_euroc,
     looks_like_parking: open_parking,
     looks_like_malaga: open_malaga,
+    looks_like_feature_table: open_feature_table,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
 ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
@@ -178,8 +180,8 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, mav0, as in EuRoC, "
-        f"rgb.txt, as in TUM, rgb.csv, as in VSLAM-LAB, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of "
-        f"images, and one video): {cure}"
+        f"rgb.txt, as in TUM, rgb.csv, as in VSLAM-LAB, frame-*.color.png, as in 7-Scenes, sequence.yaml, "
+        f"imu_and_features.csv, files of images, and one video): {cure}"
     )
 
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from types import MappingProxyType
 
 import numpy as np
 
@@ -56,10 +57,13 @@ class FusedConfig(FusedSettings):
 class Fused:
     """An Integrator of a visual method, which it calls `visual`."""
 
+    others: Mapping[Kind, str] = MappingProxyType(OTHERS)
+    """The sensors besides the images, each with its name."""
+
     def __init__(self, rig: Rig, config: FusedConfig, name: str, kind: Kind) -> None:
-        known = frozenset(kind for kind in OTHERS if rig.has(kind))
+        known = frozenset(kind for kind in self.others if rig.has(kind))
         self._sensors = known if config.scheme == "auto" else SCHEMES[config.scheme]
-        if missing := [OTHERS[k] for k in OTHERS if k in self._sensors - known]:
+        if missing := [self.others[k] for k in self.others if k in self._sensors - known]:
             raise InputError(
                 f"{name}: scheme {config.scheme} needs {' and '.join(missing)}, which this sequence lacks: add it by "
                 f"--sensors FILE.yaml, or choose --{name}.scheme auto"

@@ -122,7 +122,7 @@ class Factors:
         along = body_from_rig.adjoint
         covariance = (along @ link.covariance @ along.T)[np.ix_(ORDER, ORDER)]
         noise = _robust(covariance) if robust else gtsam.noiseModel.Gaussian.Covariance(covariance)
-        relative = _pose3(body_from_rig @ link.relative @ self.rig_from_body)
+        relative = pose3(body_from_rig @ link.relative @ self.rig_from_body)
         return gtsam.BetweenFactorPose3(gtsam.symbol("x", i), gtsam.symbol("x", j), relative, noise)
 
     def _visual(self, node: Node, seconds: float, i: int, j: int) -> Any:
@@ -185,7 +185,7 @@ class Factors:
 
     def _parts(self, node: Node) -> dict[str, Any]:
         return {
-            "x": _pose3(node.local_from_rig @ self.rig_from_body),
+            "x": pose3(node.local_from_rig @ self.rig_from_body),
             "v": node.velocity,
             "b": _bias(node.bias),
             "s": np.array([node.log_scale]),
@@ -206,7 +206,9 @@ class Factors:
 
         key = {c: gtsam.symbol(c, node.number) for c in self.letters}
         pose = Pose.from_matrix(values.atPose3(key["x"]).matrix()) @ self.rig_from_body.inverse()
-        found = replace(node, local_from_rig=pose, log_scale=float(values.atVector(key["s"])[0]))
+        found = replace(node, local_from_rig=pose)
+        if "s" in key:
+            found = replace(found, log_scale=float(values.atVector(key["s"])[0]))
         if self.imu is None:
             return found
         return replace(found, velocity=values.atVector(key["v"]), bias=values.atConstantBias(key["b"]).vector())
@@ -225,7 +227,7 @@ def _bias(values: Array) -> Any:
     return gtsam.imuBias.ConstantBias(values[:3], values[3:])
 
 
-def _pose3(pose: Pose) -> Any:
+def pose3(pose: Pose) -> Any:
     import gtsam
 
     return gtsam.Pose3(gtsam.Rot3(pose.rotation), pose.translation)

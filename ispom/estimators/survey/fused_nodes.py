@@ -10,6 +10,7 @@ from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
 from ispom.estimators.survey.fused_links import (
     SLIP_SIGMAS,
     Fix,
+    Inertial,
     Link,
     between,
     deskewed,
@@ -73,6 +74,16 @@ class FusedState:
     """Of the next node."""
     fresh: bool = False
     """The images began anew since the last node."""
+
+
+def ahead(last: Node, inertial: Inertial, rig_from_body: Pose) -> tuple[Pose, Array]:
+    """Returns local_from_rig and the velocity of the body (3,) after what an IMU measured since a node."""
+    body = last.local_from_rig @ rig_from_body
+    turn, faster, place, seconds = summed(inertial, last.bias)
+    gravity = np.array([0.0, 0.0, -GRAVITY_M_S2])
+    moved = body.rotation @ place + last.velocity * seconds + 0.5 * seconds**2 * gravity
+    pose = Pose(body.rotation @ turn, body.translation + moved) @ rig_from_body.inverse()
+    return pose, last.velocity + body.rotation @ faster + seconds * gravity
 
 
 class Collector:
@@ -160,11 +171,7 @@ class Collector:
         velocity = last.velocity
         inertial = None
         if node.inertial is not None:
-            turn, faster, place, _ = summed(node.inertial, last.bias)
-            gravity = np.array([0.0, 0.0, -GRAVITY_M_S2])
-            ahead = body.rotation @ place + last.velocity * seconds + 0.5 * seconds**2 * gravity
-            inertial = Pose(body.rotation @ turn, body.translation + ahead)
-            velocity = last.velocity + body.rotation @ faster + seconds * gravity
+            inertial, velocity = ahead(last, node.inertial, self._rig_from_body)
         if moved is not None:
             pose = last.local_from_rig @ moved
         elif node.wheel is not None or node.laser is not None:
@@ -172,7 +179,7 @@ class Collector:
             assert link is not None
             pose = last.local_from_rig @ link.relative
         elif inertial is not None:
-            pose = inertial @ self._rig_from_body.inverse()
+            pose = inertial
         else:
             pose = last.local_from_rig
         if node.inertial is None:

@@ -34,6 +34,9 @@ MAX_SCALE_SIGMA = 0.1
 GRAVITY_OFF = 0.15
 """Share by which its gravity may differ from 9.81 m/s^2."""
 
+REST_S, REST_PX, FEWEST_RESTING = 1.0, 1.0, 8
+"""A rig stands where at least so many points moved by less than this within this time."""
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -66,6 +69,30 @@ def started(
     if scale is None:
         return None
     return _placed(nodes, (scale, _ahead_is_north(nodes, level_from_world, camera_from_rig), None), frames, sigma)
+
+
+def resting(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose, focal_px: float) -> Start | None:
+    """Returns nodes with first estimates of a rig that stands: the mean specific force is up, the mean rate is bias.
+
+    It stands where its IMU measured for REST_S, and its points stayed within REST_PX (their median). None where it does
+    not. The scale is taken to be known; it has no meaning yet.
+    """
+    samples = [n.inertial for n in nodes[1:] if n.inertial is not None]
+    seconds = sum(float(s.seconds.sum()) for s in samples)
+    if seconds < REST_S or len(samples) < len(nodes) - 1:
+        return None
+    for now in nodes[1:]:
+        _, here, there = np.intersect1d(nodes[0].points.ids, now.points.ids, return_indices=True)
+        moved = np.linalg.norm(nodes[0].points.xy[here] - now.points.xy[there], axis=1)
+        if len(here) < FEWEST_RESTING or np.median(moved) * focal_px > REST_PX:
+            return None
+    force = sum(s.seconds @ s.forces for s in samples) / seconds
+    bias = np.concatenate([np.zeros(3), sum(s.seconds @ s.rates for s in samples) / seconds])
+    up = camera_from_rig.rotation @ rig_from_body.rotation @ force
+    standing = tuple(replace(n, camera=Pose(), bias=bias) for n in nodes)
+    rotation = _ahead_is_north(standing, _turn_to_up(up), camera_from_rig)
+    start = _placed(standing, (1.0, rotation, None), (camera_from_rig, rig_from_body), METRIC_SIGMA)
+    return replace(start, nodes=tuple(replace(n, camera=was.camera) for n, was in zip(start.nodes, nodes, strict=True)))
 
 
 def _level(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose, inertial: bool) -> Array:

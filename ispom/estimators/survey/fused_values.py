@@ -7,9 +7,31 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.survey.fused_links import FLOOR_M, FLOOR_RAD, Fix, Inertial, Link
 from ispom.geometry import Array, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Tracked points of one image."""
+
+    ids: NDArray[np.int64]
+    """(N,) of their tracks."""
+    xy: NDArray[np.float32]
+    """(N, 2) normalised coordinates, without distortion."""
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def without(self, ids: NDArray[np.int64]) -> Points:
+        """Returns the points of other tracks."""
+        kept = ~np.isin(self.ids, ids)
+        return Points(self.ids[kept], self.xy[kept])
+
+
+NO_POINTS = Points(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +60,8 @@ class Node:
     slipped: bool = False
     laser: Link | None = None
     fixes: tuple[Fix, ...] = ()
+    points: Points = NO_POINTS
+    """Of the images, where they enter by their points (tight coupling)."""
 
     @property
     def blind(self) -> bool:

@@ -1,0 +1,310 @@
+"""The factor graph of `fused.tight`: nodes with pose, velocity and biases, and the points that several of them see.
+
+IMU and fixes are factors of gtsam; points are eliminated by `fused_points`. Both are summed to normal equations and
+solved by Levenberg and Marquardt's method. A node that leaves takes with it what it and its tracks say about the
+others: their joint information on the nodes that stay (Schur complement). Those observations are spent; tracks go on as
+new ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse import csc_matrix, csr_matrix, diags, eye, kron
+from scipy.sparse.linalg import spsolve
+
+from ispom.estimators.survey.fused_factors import BLIND, DIMENSIONS, ORDER, SIZES, Factor, Factors
+from ispom.estimators.survey.fused_graph import BIAS_PRIOR, GAUGE, SPEED_PRIOR, TILTED, UNPLACED_M, UNTURNED
+from ispom.estimators.survey.fused_links import Link
+from ispom.estimators.survey.fused_points import Sights
+from ispom.estimators.survey.fused_values import NO_POINTS, Node, Noise
+from ispom.geometry import Array, Pose
+from ispom.types import Rig
+
+ITERATIONS = 12
+CONVERGED = 1e-4
+"""Iterations end where the cost, in variances, falls by less than this share."""
+RELAXED = 1e-4
+"""Information where nothing holds a parameter: 100 m, m/s or rad."""
+STILL_M_S = 0.02
+"""Standard deviation of the velocity of a rig that stands [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class TightPrior:
+    """What is known of the nodes of the window by all that left it."""
+
+    at: tuple[Node, ...]
+    """Where it is linear."""
+    information: Array
+    """(K D, K D) of the K nodes."""
+    vector: Array
+    """(K D,) information times the most likely difference."""
+    without: Mapping[str, Array]
+    """(K D, K D) information without each sensor."""
+
+
+class TightGraph(Factors):
+    """Estimates the nodes of a window with their points."""
+
+    def __init__(self, rig: Rig, sensors: frozenset[str], camera_from_rig: Pose, noise_px: float) -> None:
+        super().__init__(rig, sensors, camera_from_rig, Noise(0.0, 0.0, 0.0))
+        self.letters = "xvb" if self.imu is not None else "x"
+        self.starts = dict(zip(self.letters, np.cumsum([0, *(SIZES[c] for c in self.letters)]), strict=False))
+        self.size = sum(SIZES[c] for c in self.letters)
+        camera = rig.camera("video")
+        self._sigma = noise_px / float(np.sqrt(camera.fx * camera.fy))
+        self._body_from_camera = (camera_from_rig @ self.rig_from_body).inverse()
+        self._to_camera = self._body_from_camera.inverse().adjoint[np.ix_(ORDER, ORDER)]
+
+    def first_prior(self, node: Node, still: bool) -> TightPrior:
+        """Returns the prior of a first node; `still`: the rig stands, so that its velocity is zero."""
+        place, heading = (UNPLACED_M, UNTURNED) if "gnss" in self.sensors else (GAUGE, GAUGE)
+        up = node.local_from_rig.rotation.T @ np.array([0.0, 0.0, 1.0])
+        turn = TILTED**2 * np.eye(3) + (heading**2 - TILTED**2) * np.outer(up, up)
+        return self.known_prior(node, np.asarray(block_diag(place**2 * np.eye(3), turn)), still)
+
+    def known_prior(self, node: Node, covariance: Array, still: bool = False) -> TightPrior:
+        """Returns the prior of a node, with the covariance (6, 6) of its twist."""
+        along = self.rig_from_body.inverse().adjoint
+        covariance = along @ covariance @ along.T
+        speed = STILL_M_S if still else SPEED_PRIOR
+        parts = {
+            "x": np.linalg.inv(covariance[np.ix_(ORDER, ORDER)]),
+            "v": np.eye(3) / speed**2,
+            "b": np.diag(BIAS_PRIOR**-2.0),
+        }
+        information = np.asarray(block_diag(*(parts[c] for c in self.letters)), float)
+        return TightPrior((node,), information, np.zeros(self.size), dict.fromkeys(sorted(self.sensors), information))
+
+    def optimised(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[tuple[Node, ...], dict[str, float]]:
+        """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
+        problem = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma))
+        damping, cost = 1e-5, problem.cost
+        for _ in range(ITERATIONS):
+            matrix, vector = problem.normal()
+            trial = problem.moved(_solved(matrix + damping * diags(matrix.diagonal()), vector))
+            if trial.cost < cost:
+                gain, cost, problem, damping = cost - trial.cost, trial.cost, trial, damping / 10
+                if gain < CONVERGED * (1 + abs(cost)):
+                    break
+            else:
+                damping *= 30
+        found = tuple(self.node(node, problem.values) for node in nodes)
+        misfits = dict[str, list[float]]()
+        for factor in problem.factors:
+            if factor.sensor in DIMENSIONS:
+                misfits.setdefault(factor.sensor, []).append(factor.misfit(problem.values) / DIMENSIONS[factor.sensor])
+        rms = {sensor: float(np.sqrt(np.mean(some[-6:]))) for sensor, some in misfits.items()}
+        return found, {**({"visual": problem.visual_misfit} if len(problem.sights) else {}), **rms}
+
+    def _pairs(self, nodes: tuple[Node, ...]) -> list[Factor]:
+        """Returns the factors of all sensors but the images."""
+        return [f for before, now in zip((None, *nodes), nodes, strict=False) for f in self._pair(before, now)]
+
+    def _pair(self, before: Node | None, now: Node) -> list[Factor]:
+        """Returns the factors from one node to the next, and those of the latter's fixes."""
+        found = [Factor("gnss", self._fix(fix, now), now.number) for fix in now.fixes if "gnss" in self.sensors]
+        if before is not None and self.imu is not None:
+            found += self._inertial(before, now, self.imu, (now.time_ns - before.time_ns) * 1e-9)
+        if before is not None and (self.imu is None or now.inertial is None):
+            link = Link(before.local_from_rig.inverse() @ now.local_from_rig, BLIND)
+            found.append(Factor("blind", self._relative(link, before.number, now.number, False), now.number, False))
+        return found
+
+    def reduced(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[TightPrior, tuple[Node, ...]]:
+        """Returns the prior of the others once the first node leaves the window, and those others."""
+        spent = nodes[0].points.ids
+        factors = [*self._pair(None, nodes[0]), *self._pair(nodes[0], replace(nodes[1], fixes=()))]
+        parts = Problem(self, nodes, prior, factors, Sights(nodes, self._sigma, spent)).parts()
+        information, vector = _eliminated(*_sum(parts), self.size)
+        without = dict[str, Array]()
+        for sensor, start in prior.without.items():
+            without[sensor] = _eliminated(*_sum(parts, (sensor, "prior"), start), self.size)[0]
+        others = tuple(replace(n, points=n.points.without(spent)) for n in nodes[1:])
+        at = tuple(replace(n, points=NO_POINTS) for n in others)
+        return TightPrior(at, information, vector, without), others
+
+    def uncertainty(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[Array, float, dict[str, float]]:
+        """Returns of the last node the covariance (6, 6) of the rig's pose, the standard deviation of its velocity (0
+        without an IMU) [m/s], and by sensor the factor by which its position would be less certain without it."""
+        parts = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma)).parts()
+        covariance, place = self._last(_sum(parts)[0]), slice(3, 6)
+        own, gain = np.sqrt(np.trace(covariance[place, place])), dict[str, float]()
+        for sensor, start in prior.without.items():
+            other = self._last(_sum(parts, (sensor, "prior"), start)[0])
+            gain[sensor] = float(np.sqrt(np.trace(other[place, place])) / own)
+        along = self.rig_from_body.adjoint
+        pose = along @ covariance[np.ix_(ORDER, ORDER)] @ along.T
+        speed = np.sqrt(np.trace(covariance[6:9, 6:9]) / 3) if self.imu is not None else 0.0
+        return 0.5 * (pose + pose.T), float(speed), gain
+
+    def _last(self, information: Array) -> Array:
+        """Returns the covariance (D, D) of the last node."""
+        whole = information + RELAXED * np.eye(len(information))
+        scale = 1 / np.sqrt(np.diag(whole))
+        columns = np.eye(len(whole))[:, -self.size :]
+        solved = np.linalg.solve(whole * np.outer(scale, scale), scale[:, None] * columns)
+        return (scale[:, None] * solved)[-self.size :]
+
+    def cameras(self, nodes: tuple[Node, ...], values: Any) -> tuple[Array, Array]:
+        """Returns rotations (K, 3, 3) and places (K, 3) of the cameras."""
+        import gtsam
+
+        bodies = np.array([values.atPose3(gtsam.symbol("x", n.number)).matrix() for n in nodes])
+        found = bodies @ self._body_from_camera.matrix
+        return found[:, :3, :3], found[:, :3, 3]
+
+    def spread(self, count: int) -> csr_matrix:
+        """Returns (6 K, D K): twists of the cameras by changes of the nodes."""
+        return csr_matrix(kron(eye(count), np.hstack([self._to_camera, np.zeros((6, self.size - 6))])))
+
+    def difference(self, at: tuple[Node, ...], values: Any) -> Array:
+        """Returns the change (K D,) of nodes from where they were."""
+        import gtsam
+
+        found = list[Array]()
+        for node in at:
+            then, key = self._parts(node), {c: gtsam.symbol(c, node.number) for c in self.letters}
+            found.append(then["x"].localCoordinates(values.atPose3(key["x"])))
+            if self.imu is not None:
+                found.append(values.atVector(key["v"]) - then["v"])
+                found.append(values.atConstantBias(key["b"]).vector() - then["b"].vector())
+        return np.concatenate(found)
+
+
+class Problem:
+    """The window about one estimate."""
+
+    def __init__(
+        self,
+        graph: TightGraph,
+        nodes: tuple[Node, ...],
+        prior: TightPrior,
+        factors: list[Factor],
+        sights: Sights,
+        values: Any = None,
+        points: Array | None = None,
+    ) -> None:
+        self._graph, self._nodes, self._prior, self.factors, self.sights = graph, nodes, prior, factors, sights
+        self.values = graph.values(nodes) if values is None else values
+        cameras = graph.cameras(nodes, self.values)
+        self._points = sights.placed(*cameras, sights.start, 8) if points is None else sights.placed(*cameras, points)
+        self._linear = sights.linear(*cameras, self._points)
+        place = {node.number: i for i, node in enumerate(nodes)}
+        self._of_prior = np.concatenate([graph.size * place[n.number] + np.arange(graph.size) for n in prior.at])
+        self._place, self._gap = place, graph.difference(prior.at, self.values)
+        known = 0.5 * self._gap @ prior.information @ self._gap - prior.vector @ self._gap
+        measured = sum(float(f.value.error(self.values)) for f in factors)
+        self.cost = float(known + measured + sights.cost(self._linear, self._points))
+
+    @property
+    def visual_misfit(self) -> float:
+        """RMS residual of the observations of the last node's tracks [standard deviations], outliers by their loss."""
+        lasting = np.isin(self.sights.ids, self.sights.ids[self.sights.track[self.sights.view == len(self._nodes) - 1]])
+        of = lasting[self.sights.track]
+        if not of.any():
+            return 0.0
+        squared = (self._linear.weights * (self._linear.residuals**2).sum(axis=1))[of].sum()
+        return float(np.sqrt(squared / max(2 * of.sum() - 3 * lasting.sum(), 1)))
+
+    def moved(self, change: Array) -> Problem:
+        """Returns the same about another estimate."""
+        import gtsam
+
+        step, size = gtsam.VectorValues(), self._graph.size
+        for node in self._nodes:
+            for letter in self._graph.letters:
+                begin = size * self._place[node.number] + int(self._graph.starts[letter])
+                step.insert(gtsam.symbol(letter, node.number), change[begin : begin + SIZES[letter]])
+        values = self.values.retract(step)
+        return Problem(self._graph, self._nodes, self._prior, self.factors, self.sights, values, self._points)
+
+    def normal(self) -> tuple[csr_matrix, Array]:
+        """Returns the normal equations of all nodes."""
+        parts = self.sparse_parts()
+        matrix, vector = csr_matrix(self._shape), np.zeros(self._shape[0])
+        for other, side in parts.values():
+            matrix, vector = matrix + other, vector + side
+        return matrix, vector
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        unknowns = self._graph.size * len(self._nodes)
+        return unknowns, unknowns
+
+    def parts(self) -> dict[str, tuple[Array, Array]]:
+        """Returns by sensor the information (K D, K D) and the vector (K D,) of all nodes."""
+        return {sensor: (matrix.toarray(), vector) for sensor, (matrix, vector) in self.sparse_parts().items()}
+
+    def sparse_parts(self) -> dict[str, tuple[csr_matrix, Array]]:
+        """Returns the same with sparse matrices."""
+        collected = dict[str, tuple[list[Any], list[Any], list[Any], Array]]()
+        starts = self._graph.starts
+        for factor in self.factors:
+            linear = factor.value.linearize(self.values)
+            index = np.concatenate(
+                [
+                    self._graph.size * self._place[key & ((1 << 56) - 1)]
+                    + int(starts[chr(key >> 56)])
+                    + np.arange(SIZES[chr(key >> 56)])
+                    for key in linear.keys()  # noqa: SIM118 (a method of gtsam)
+                ]
+            )
+            whole = linear.augmentedInformation()
+            empty = list[Any](), list[Any](), list[Any](), np.zeros(self._shape[0])
+            values, rows, columns, vector = collected.setdefault(factor.sensor, empty)
+            values.append(whole[:-1, :-1].ravel())
+            rows.append(np.repeat(index, len(index)))
+            columns.append(np.tile(index, len(index)))
+            vector[index] += whole[:-1, -1]
+        found = {
+            sensor: (csr_matrix((np.concatenate(v), (np.concatenate(r), np.concatenate(c))), self._shape), vector)
+            for sensor, (v, r, c, vector) in collected.items()
+        }
+        side = np.zeros(self._shape[0])
+        side[self._of_prior] = self._prior.vector - self._prior.information @ self._gap
+        index = self._of_prior
+        at = np.repeat(index, len(index)), np.tile(index, len(index))
+        found["prior"] = csr_matrix((self._prior.information.ravel(), at), self._shape), side
+        if len(self.sights):
+            spread = self._graph.spread(len(self._nodes))
+            matrix, vector = self.sights.reduced(self._linear, self._points, len(self._nodes))
+            found["visual"] = csr_matrix(spread.T @ matrix @ spread), spread.T @ vector
+        return found
+
+
+def _solved(matrix: csr_matrix, vector: Array) -> Array:
+    """Solves normal equations, scaled to a diagonal of 1."""
+    scale = 1 / np.sqrt(matrix.diagonal() + RELAXED)
+    scaled = csc_matrix(diags(scale) @ matrix @ diags(scale) + 1e-12 * eye(len(scale)))
+    if len(vector) < 600:
+        return scale * np.linalg.solve(scaled.toarray(), scale * vector)
+    return scale * spsolve(scaled, scale * vector)
+
+
+def _sum(
+    parts: dict[str, tuple[Array, Array]], without: tuple[str, ...] = (), start: Array | None = None
+) -> tuple[Array, Array]:
+    """Returns information and vector of all parts but some, and of the first nodes what was known before."""
+    whole = next(iter(parts.values()))
+    information, vector = np.zeros_like(whole[0]), np.zeros_like(whole[1])
+    if start is not None:
+        information[: len(start), : len(start)] = start
+    for sensor, (matrix, side) in parts.items():
+        if sensor not in without:
+            information += matrix
+            vector += side
+    return information, vector
+
+
+def _eliminated(matrix: Array, vector: Array, size: int) -> tuple[Array, Array]:
+    """Returns information and vector of what follows the first `size` parameters."""
+    first = matrix[:size, :size] + RELAXED * np.eye(size)
+    gain = np.linalg.solve(first, matrix[:size, size:]).T
+    left = matrix[size:, size:] - gain @ matrix[:size, size:]
+    return 0.5 * (left + left.T), vector[size:] - gain @ vector[:size]
