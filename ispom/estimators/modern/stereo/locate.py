@@ -14,6 +14,8 @@ from ispom.estimators.modern.stereo.shutter import pair_at_middle, refined_motio
 from ispom.estimators.modern.stereo.window import StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
+from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.resection import ResectionProblem
 from ispom.solvers.localisation import Policy, PoseFit, locate
 
 POOR = 2.0
@@ -85,4 +87,8 @@ def _located(
         prior = np.diag(motion_sigma(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
     usual = max(setup.noise.width, world.noise.sigma(setup.noise.sigma))
     policy = Policy(setup.noise.width, setup.limit, CLOSE * usual, POOR * usual)
-    return locate(xyz, seen, predicted, policy, setup.baseline_m, prior)
+    found = locate(xyz, seen, predicted, policy, setup.baseline_m, prior)
+    if found is not None:
+        pose, told = found.camera_from_world, (setup.noise.width, "left", setup.baseline_m, predicted, prior)
+        tell(lambda: ResectionProblem(world.ids[place], xyz, seen, pose, *told))
+    return found

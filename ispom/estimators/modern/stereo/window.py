@@ -15,6 +15,8 @@ from ispom.estimators.modern.stereo.shutter import pair_at_middle
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
+from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.window import WindowProblem
 from ispom.solvers.right_camera import PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
 from ispom.solvers.window.covariance import WindowCovariance
@@ -165,8 +167,11 @@ def adjusted(
     window, used, origin = packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
         return state, None
-    result = adjust(window, scale, iterations)
+    start, result = window, adjust(window, scale, iterations)
     window = result.window
+    times_ns = tuple(key.time_ns for key in state.keys)
+    if state.keys[-1].late_s is None:
+        tell(lambda: WindowProblem(start, window, scale, state.ids[used], times_ns, "left"))
     keys = [
         replace(key, left_from_world=Pose(r, t))
         for key, r, t in zip(state.keys, _proper(window.rotations), window.translations, strict=True)
