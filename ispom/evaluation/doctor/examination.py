@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from ispom.types import Frame, Image, Rig, Sequence
 
 if TYPE_CHECKING:
+    from .counterfactual import Baseline
+    from .start import Start
     from .tracking import Tracked
 
 LONGEST_SIDE_PX = 700
@@ -66,6 +68,20 @@ class Examination:
         from .tracking import track
 
         return track(self)
+
+    @cached_property
+    def start(self) -> Start | None:
+        """A first rigid scene of the tracks; None where they show no parallax."""
+        from .start import start
+
+        return start(self)
+
+    @cached_property
+    def baseline(self) -> Baseline | None:
+        """That scene, fitted with the calibration as it is stated."""
+        from .counterfactual import baseline
+
+        return None if self.start is None else baseline(self.start, self.rig)
 
 
 def examination(sequence: Sequence, first: int, last: int, advance: Callable[[], None] = lambda: None) -> Examination:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ..finding import Suspect
+from .calibration import CALIBRATION
 from .images import IMAGES
 from .times import TIMES
 
-SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES)
+SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *CALIBRATION)
 """In the order in which they are examined: the quick ones first."""
