@@ -1,0 +1,41 @@
+"""`ispom doctor`: opens a run, examines its bad stretch, and prints the answer."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from rich.console import Console
+
+from ispom.io.whole import write_whole
+from ispom.stop import check_stop
+
+from ...engine.outputs import claim_folder
+from ...engine.run_folder.run_file import read_run_file
+from ...engine.signals import terminable
+from ...session.review.stored import source_of, source_options
+from .job import Progress, examine
+from .options import Doctor
+from .stretch import events_in, stretch_of
+from .text import lines, plain
+
+
+def doctor(options: Doctor) -> int:
+    """Prints the diagnosis. Raises InputError where the folder holds no run, or its source is gone."""
+    run = read_run_file(options.run)
+    sequence = source_options(run).open(source_of(run, options.source))
+    stretch = stretch_of(sequence, options.at, options.frames, events_in(options.run))
+    console = Console(stderr=True)
+    with terminable(), console.status("reading images") as status:
+
+        def report(progress: Progress) -> None:
+            check_stop()
+            if console.is_terminal:
+                status.update(f"{progress.done} of {progress.total}: {progress.doing}")
+
+        found = examine(sequence, stretch, options.seconds, report)
+    sys.stdout.write("\n".join(lines(found, stretch)) + "\n")
+    if options.out is not None:
+        claim_folder(options.out, "doctor")
+        write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")
+    return 0

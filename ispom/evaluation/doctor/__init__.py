@@ -1,0 +1,1 @@
+"""The doctor: which cause explains a bad stretch of a recording, by what the images themselves say. No ground truth."""

@@ -1,0 +1,160 @@
+"""Bundle adjustment of the doctor's scene with a few numbers of the calibration, and what held-out points say of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse
+
+from ispom.geometry import Array
+from ispom.types import Rig
+
+from .hypothesis import STEPS, Change, change_of
+from .scene import Observations, Predicted, Scene, predicted
+
+LOSS_PX = 0.5
+"""Width of the Cauchy loss: corners are followed to about a third of it."""
+ITERATIONS = 8
+POINT_ITERATIONS = 5
+ENOUGH = 1e-3
+"""Relative decrease of the cost at which an adjustment ends."""
+FARTHEST = 100.0
+"""Error [px] of a point that a camera cannot see."""
+
+
+def costs(residuals: Array) -> Array:
+    """Returns the robust cost (N,) of residuals (N, 2)."""
+    squares = np.nan_to_num((residuals**2).sum(axis=1), nan=FARTHEST**2)
+    return np.log1p(np.minimum(squares, FARTHEST**2) / LOSS_PX**2)
+
+
+def adjust(
+    scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...] = (), iterations: int = ITERATIONS
+) -> tuple[Scene, Change, float]:
+    """Returns the scene and the change of the calibration (in `names` only) that fit best, and their cost.
+
+    Levenberg and Marquardt with a Cauchy loss; the first pose is fixed, and damping holds the scale where nothing else
+    does.
+    """
+    values, damping = np.zeros(len(names)), 1e-3
+    now = predicted(scene, rig, change_of(names, values), seen)
+    cost = float(costs(now.residuals).sum())
+    for _ in range(iterations):
+        equations = _Equations(scene, rig, seen, names, values, now)
+        for _ in range(5):
+            twists, points, shared = equations.solve(damping)
+            tried = scene.moved(twists, points), values + shared
+            after = predicted(tried[0], rig, change_of(names, tried[1]), seen)
+            tried_cost = float(costs(after.residuals).sum())
+            if tried_cost < cost:
+                break
+            damping *= 8
+        else:
+            break
+        small = cost - tried_cost < ENOUGH * cost
+        (scene, values), now, cost, damping = tried, after, tried_cost, max(damping / 8, 1e-6)
+        if small:
+            break
+    return scene, change_of(names, values), cost
+
+
+class _Equations:
+    """Normal equations of one iteration, with the points to be eliminated."""
+
+    def __init__(
+        self, scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], values: Array, now: Predicted
+    ) -> None:
+        self.poses, self.points, self.shared = len(scene.times_s), len(scene.points), len(names)
+        good = np.isfinite(now.residuals).all(axis=1)
+        residuals = np.where(good[:, None], now.residuals, 0.0)
+        weights = np.where(good, 1 / (LOSS_PX**2 + (residuals**2).sum(axis=1)), 0.0)
+        root = np.sqrt(weights)[:, None]
+        by_twist = np.where(good[:, None, None], now.by_twist, 0.0) * root[..., None]
+        by_point = np.where(good[:, None, None], now.by_point, 0.0) * root[..., None]
+        self.residuals = (residuals * root).ravel()
+        rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
+        before = (1 - now.weight)[:, None, None] * by_twist
+        after = now.weight[:, None, None] * by_twist
+        columns = [6 * (now.knot + k)[:, None, None] + np.arange(6) for k in (0, 1)]
+        self.jacobian = self._sparse(
+            [(rows, columns[0], before), (rows, columns[1], after), *self._by_shared(scene, rig, seen, names, values, now, root)],
+            6 * self.poses + self.shared,
+        )
+        of_point = 3 * seen.point[:, None, None] + np.arange(3)
+        self.by_points = self._sparse([(rows, of_point, by_point)], 3 * self.points)
+        flat = by_point.reshape(-1, 2, 3)
+        blocks = np.einsum("nki,nkj->nij", flat, flat)
+        self.point_blocks = np.zeros((self.points, 3, 3))
+        np.add.at(self.point_blocks, seen.point, blocks)
+        self.matrix = (self.jacobian.T @ self.jacobian).toarray()
+        self.cross = (self.jacobian.T @ self.by_points).toarray()
+        self.gradient = self.jacobian.T @ self.residuals
+        self.point_gradient = self.by_points.T @ self.residuals
+
+    def _by_shared(self, scene, rig, seen, names, values, now, root):
+        rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
+        for k, name in enumerate(names):
+            moved = values.copy()
+            moved[k] += STEPS[name]
+            there = predicted(scene, rig, change_of(names, moved), seen, derivatives=False)
+            slope = np.nan_to_num(now.residuals - there.residuals) / STEPS[name] * root
+            yield rows, np.full_like(rows, 6 * self.poses + k), slope[..., None]
+
+    @staticmethod
+    def _sparse(parts, width: int):
+        rows, columns, values = (
+            np.concatenate([np.broadcast_to(part[i], part[2].shape).ravel() for part in parts]) for i in range(3)
+        )
+        return sparse.csr_array((values, (rows.astype(int), columns.astype(int))), shape=(int(parts[0][0].size), width))
+
+    def solve(self, damping: float) -> tuple[Array, Array, Array]:
+        """Returns the changes of poses (K, 6), points (P, 3) and shared values."""
+        blocks = self.point_blocks + np.eye(3) * (damping * np.einsum("pii->p", self.point_blocks) / 3 + 1e-9)[:, None, None]
+        inverse = np.linalg.inv(blocks)
+        width = len(self.matrix)
+        cross = self.cross.reshape(width, self.points, 3)
+        eliminated = np.einsum("cpi,pij->cpj", cross, inverse).reshape(width, -1)
+        system = self.matrix - eliminated @ self.cross.T
+        gradient = self.gradient - eliminated @ self.point_gradient
+        system[np.diag_indices(width)] += damping * np.diag(self.matrix) + 1e-9
+        free = np.r_[6:width]  # the first pose is the origin
+        step = np.zeros(width)
+        step[free] = np.linalg.lstsq(system[np.ix_(free, free)], gradient[free], rcond=1e-14)[0]
+        rest = self.point_gradient - self.cross.T @ step
+        points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
+        return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
+
+
+def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:
+    """Returns the scene with its points moved to where they fit best while the poses stay, and the mean cost (P,) of
+    each, NaN where it has no observation.
+
+    This is how held-out points judge poses and calibration, which they had no part in.
+    """
+    count, damping = len(scene.points), np.full(len(scene.points), 1e-3)
+    observed = np.bincount(seen.point, minlength=count)
+
+    def total(now: Predicted) -> Array:
+        return np.bincount(seen.point, costs(now.residuals), minlength=count)
+
+    now = predicted(scene, rig, change, seen)
+    cost = total(now)
+    for _ in range(POINT_ITERATIONS):
+        good = np.isfinite(now.residuals).all(axis=1)
+        residuals = np.where(good[:, None], now.residuals, 0.0)
+        by_point = np.where(good[:, None, None], now.by_point, 0.0)
+        weights = good / (LOSS_PX**2 + (residuals**2).sum(axis=1))
+        blocks, gradients = np.zeros((count, 3, 3)), np.zeros((count, 3))
+        np.add.at(blocks, seen.point, weights[:, None, None] * np.einsum("nki,nkj->nij", by_point, by_point))
+        np.add.at(gradients, seen.point, weights[:, None] * np.einsum("nki,nk->ni", by_point, residuals))
+        trace = np.einsum("pii->p", blocks)
+        steps = np.linalg.solve(blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None], gradients[..., None])[..., 0]
+        tried = replace(scene, points=scene.points + steps)
+        after = predicted(tried, rig, change, seen)
+        better = total(after) < cost
+        damping = np.where(better, damping / 8, damping * 8)
+        scene = replace(scene, points=np.where(better[:, None], tried.points, scene.points))
+        now = predicted(scene, rig, change, seen)
+        cost = total(now)
+    return scene, np.where(observed > 0, cost / np.maximum(observed, 1), np.nan)

@@ -1,0 +1,34 @@
+"""Examines all suspects and ranks them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from .examination import Examination
+from .finding import Diagnosis, Ranked, Suspect
+from .suspects import SUSPECTS
+
+
+def diagnose(
+    seen: Examination,
+    suspects: Iterable[Suspect] = SUSPECTS,
+    advance: Callable[[str], bool] = lambda name: True,
+) -> Diagnosis:
+    """Returns the ranking of these suspects. The same stretch gives the same ranking.
+
+    `advance` is called before each suspect with its name; where it returns False, no time is left for it and for those
+    after it. It may raise to end the work.
+    """
+    ranked, silent, left = [], [], []
+    for suspect in suspects:
+        if left or not advance(suspect.name):
+            left.append(suspect.key)
+            continue
+        finding = suspect.examine(seen)
+        if finding is None:
+            silent.append(suspect.key)
+        else:
+            ranked.append(Ranked(suspect, finding))
+    ranked.sort(key=lambda each: -each.finding.strength)  # stable: at the same strength in the table's order
+    first, last = (seen.shots[0].index, seen.shots[-1].index) if seen.shots else (0, 0)
+    return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left))

@@ -1,0 +1,81 @@
+"""What the doctor looks for and what it says: a suspect, its finding, and the diagnosis, a ranking of findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from .examination import Examination
+
+How = Literal["images", "times", "tracks", "counterfactual"]
+"""Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the evidence says of one suspect."""
+
+    strength: float
+    """The evidence over its threshold: from 1 on the cause is there."""
+    evidence: str
+    """One sentence with its figures."""
+    values: Mapping[str, float] = field(default_factory=dict)
+    """The figures by name, with their unit in the name."""
+    frames: tuple[int, ...] = ()
+    """Measurements of the sequence that show it best, a few."""
+
+    @property
+    def found(self) -> bool:
+        return self.strength >= 1
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A possible cause: an entry of the table `SUSPECTS`."""
+
+    key: str
+    """Stable: in files and tests."""
+    name: str
+    """A few words, to be read after "The cause is:"."""
+    how: How
+    remedy: str
+    """What to do, one or two sentences."""
+    examine: Callable[[Examination], Finding | None]
+    """None where the recording says nothing about it, such as of a clock where there is one camera."""
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A suspect with its finding."""
+
+    suspect: Suspect
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer, the strongest suspect first."""
+
+    first: int
+    last: int
+    """Measurements of the sequence that were examined, both included."""
+    ranked: tuple[Ranked, ...]
+    silent: tuple[str, ...] = ()
+    """Keys of suspects about which the recording says nothing."""
+    left: tuple[str, ...] = ()
+    """Keys of suspects for which no time was left."""
+
+    @property
+    def causes(self) -> tuple[Ranked, ...]:
+        """Those that are there, the strongest first."""
+        return tuple(each for each in self.ranked if each.finding.found)
+
+    @property
+    def answer(self) -> str:
+        """One or two sentences."""
+        if not self.causes:
+            unknown = " The time was too short for all suspects." if self.left else ""
+            return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}"
+        best = self.causes[0]
+        return f"The likely cause: {best.suspect.name}. {best.finding.evidence}"

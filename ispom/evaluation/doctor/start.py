@@ -1,0 +1,202 @@
+"""A first scene of the tracks: two views, then the other poses, then the scale of the stereo pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose
+from ispom.types import Rig
+
+from .examination import Examination
+from .scene import CAMERAS, Observations, Scene
+
+KNOTS = 20
+"""Most poses of a scene."""
+LEAST_TRACKS = 30
+LEAST_PARALLAX_PX = 4.0
+"""Median residual of a pure rotation [px] between the first two views."""
+SURE_PX = 2.0
+"""Error of an inlier while the scene grows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A scene, and everything that was seen of its points. Points with an even number are held out."""
+
+    scene: Scene
+    seen: Observations
+    held_out: NDArray[np.bool_]
+    """(P,)"""
+
+
+def start(seen: Examination) -> Start | None:
+    """Returns the first scene; None where the tracks are too few, or show no parallax."""
+    tracked, shots = seen.tracked, seen.main_shots
+    if len(shots) < 5:
+        return None
+    knots = _knots(seen)
+    uv = tracked.uv[:, knots]
+    long = np.isfinite(uv[..., 0]).sum(axis=1) >= 3
+    uv = uv[long]
+    if long.sum() < LEAST_TRACKS:
+        return None
+    camera = seen.rig.camera(seen.main)
+    rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
+    grown = _grow(rays, camera.fx)
+    if grown is None:
+        return None
+    poses, points = grown
+    rig_from_camera = seen.rig.rig_from(seen.main)
+    camera_from_rig = rig_from_camera.inverse()
+    rows = np.flatnonzero(np.isfinite(points[:, 0]))
+    times_s = (np.array([shots[k].time_ns for k in knots]) - shots[0].time_ns) * 1e-9
+    left, right = tracked.left[long][rows], tracked.right[long][rows]
+    pair_times_s = np.array([(shot.time_ns - shots[0].time_ns) * 1e-9 for shot in seen.pairs])
+    inside = (pair_times_s >= times_s[0] - 1e-9) & (pair_times_s <= times_s[-1] + 1e-9)
+    scale = _scale(seen.rig, poses, points[rows], times_s, left, right, pair_times_s) if inside.any() else None
+    factor = 1.0 if scale is None else scale
+    rig_poses = [Pose(p.rotation, factor * p.translation) @ camera_from_rig for p in poses]
+    scene = Scene(
+        times_s, np.array([p.rotation for p in rig_poses]), np.array([p.translation for p in rig_poses]), factor * points[rows]
+    )
+    parts = [_observed(seen.main, uv[rows], times_s)]
+    if scale is not None:
+        stamps = pair_times_s[inside]
+        parts += [_observed("right", right[:, inside], stamps)]
+        parts += [_observed("left", left[:, inside], stamps)] if seen.main != "left" else []
+    every = Observations(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("camera", "time_s", "point", "uv"))
+    )
+    return Start(scene, every, np.arange(len(rows)) % 2 == 0)
+
+
+def _knots(seen: Examination) -> NDArray[np.int64]:
+    """Returns the main frames whose poses are sought: those next to each pair, between which the rig moves evenly, and
+    others in even steps."""
+    times_ns = np.array([shot.time_ns for shot in seen.main_shots])
+    chosen = {0, len(times_ns) - 1}
+    for pair in seen.pairs:
+        after = int(np.searchsorted(times_ns, pair.time_ns))
+        chosen |= {k for k in (after - 1, after) if 0 <= k < len(times_ns)}
+    stride = -(-len(times_ns) // KNOTS) if len(chosen) <= KNOTS else 10
+    every = range(0, len(times_ns), stride) if seen.main == "video" else range(len(times_ns))
+    chosen |= {k for k in every if min(abs(k - c) for c in chosen) >= min(stride, 2)}
+    return np.array(sorted(chosen))
+
+
+def _observed(camera: str, uv: Array, times_s: Array) -> Observations:
+    point, frame = np.nonzero(np.isfinite(uv[..., 0]))
+    return Observations(np.full(len(point), CAMERAS.index(camera)), times_s[frame], point, uv[point, frame])
+
+
+def _grow(rays: Array, focal_px: float) -> tuple[list[Pose], Array] | None:
+    """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
+    found = _first_views(rays, focal_px)
+    if found is None:
+        return None
+    a, b, b_from_a = found
+    poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
+    points = _triangulate(rays, poses, focal_px)
+    order = sorted(set(range(rays.shape[1])) - {a, b}, key=lambda k: (max(a - k, k - b, 0), k))
+    for k in order:
+        both = np.isfinite(rays[:, k, 0]) & np.isfinite(points[:, 0])
+        if both.sum() < 8:
+            return None
+        nearest = poses[min(poses, key=lambda other: abs(other - k))].inverse()
+        ok, turn, shift, inliers = cv2.solvePnPRansac(
+            points[both], rays[both, k], np.eye(3), None, nearest.rotvec, nearest.translation.copy(),
+            useExtrinsicGuess=True, iterationsCount=100, reprojectionError=SURE_PX * 1.5 / focal_px, confidence=0.999,
+            flags=cv2.SOLVEPNP_ITERATIVE,
+        )  # fmt: skip
+        if not ok or inliers is None or len(inliers) < 8:
+            return None
+        poses[k] = Pose.from_rotvec(turn.ravel(), shift.ravel()).inverse()
+        points = np.where(np.isfinite(points), points, _triangulate(rays, poses, focal_px))
+    return [poses[k] for k in range(rays.shape[1])], _triangulate(rays, poses, focal_px)
+
+
+def _first_views(rays: Array, focal_px: float) -> tuple[int, int, Pose] | None:
+    """Returns the two frames with the most parallax of many tracks, and b_from_a."""
+    best, chosen = LEAST_PARALLAX_PX, None
+    count = rays.shape[1]
+    for a in range(0, max(1, count - 3), 2):
+        for b in range(a + 2, count, 2):
+            both = np.isfinite(rays[:, a, 0]) & np.isfinite(rays[:, b, 0])
+            if both.sum() < LEAST_TRACKS + 10:
+                continue
+            parallax = float(np.median(rotation_residuals(rays[both, a], rays[both, b]))) * focal_px
+            if parallax * min(1.0, both.sum() / 80) > best:
+                best, chosen = parallax * min(1.0, both.sum() / 80), (a, b)
+    if chosen is None:
+        return None
+    a, b = chosen
+    both = np.isfinite(rays[:, a, 0]) & np.isfinite(rays[:, b, 0])
+    matrix, inliers = cv2.findEssentialMat(
+        rays[both, a], rays[both, b], np.eye(3), cv2.RANSAC, 0.999, SURE_PX / focal_px
+    )
+    if matrix is None or matrix.shape != (3, 3):
+        return None
+    good, rotation, shift, _ = cv2.recoverPose(matrix, rays[both, a], rays[both, b], np.eye(3), mask=inliers)
+    return (a, b, Pose(rotation, shift.ravel())) if good >= LEAST_TRACKS // 2 else None
+
+
+def rotation_residuals(a: Array, b: Array) -> Array:
+    """Returns how far (N,) normalised coordinates `b` are from `a` after the best rotation, on the plane z = 1."""
+    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
+    u, v = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (u, v))
+    weights = np.ones(len(u))
+    error = np.zeros(len(u))
+    for _ in range(5):
+        left, _, right = np.linalg.svd((v * weights[:, None]).T @ u)
+        rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
+        turned = u @ rotation.T
+        error = np.linalg.norm(turned[:, :2] / turned[:, 2:] - b, axis=1)
+        weights = 1 / (np.median(error) ** 2 + error**2 + 1e-12)
+    return error
+
+
+def _triangulate(rays: Array, poses: dict[int, Pose], focal_px: float) -> Array:
+    """Returns points (P, 3) by linear least squares; NaN where a point is behind a camera or fits nowhere."""
+    count = len(rays)
+    matrix, vector, views = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count, int)
+    for k, pose in poses.items():
+        here = np.isfinite(rays[:, k, 0])
+        direction = np.column_stack([rays[here, k], np.ones(here.sum())]) @ pose.rotation.T
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+        matrix[here] += across
+        vector[here] += across @ pose.translation
+        views[here] += 1
+    points = np.full((count, 3), np.nan)
+    some = views >= 2
+    points[some] = np.linalg.solve(matrix[some] + 1e-9 * np.eye(3), vector[some][..., None])[..., 0]
+    errors = np.full((count, len(poses)), np.nan)
+    for n, (k, pose) in enumerate(poses.items()):
+        here = np.isfinite(rays[:, k, 0]) & some
+        seen = pose.inverse().apply(points[here])
+        with np.errstate(all="ignore"):
+            apart = np.linalg.norm(seen[:, :2] / seen[:, 2:] - rays[here, k], axis=1)
+        errors[here, n] = np.where(seen[:, 2] > 0, apart, np.inf)
+    with np.errstate(all="ignore"):
+        typical = np.nanmedian(np.where(np.isnan(errors).all(axis=1, keepdims=True), np.inf, errors), axis=1)
+    points[~(typical * focal_px < 4 * SURE_PX)] = np.nan
+    return points
+
+
+def _scale(
+    rig: Rig, poses: list[Pose], points: Array, times_s: Array, left: Array, right: Array, pair_times_s: Array
+) -> float | None:
+    """Returns metres per unit of the scene, by the depths of the pair; None where the pair shows too few points."""
+    camera, ratios = rig.camera("left"), []
+    for q, time_s in enumerate(pair_times_s):
+        k = int(np.abs(times_s - time_s).argmin())
+        disparity = left[:, q, 0] - right[:, q, 0]
+        good = np.isfinite(disparity) & (disparity > 0.5)
+        depth = camera.fx * rig.baseline_m / disparity[good]
+        in_camera = poses[k].inverse().apply(points[good])[:, 2]
+        ratios += (depth / in_camera)[in_camera > 0].tolist()
+    return float(np.median(ratios)) if len(ratios) >= LEAST_TRACKS // 2 else None

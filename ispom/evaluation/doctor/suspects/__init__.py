@@ -1,0 +1,11 @@
+"""The table of suspects. A new one is an entry of a file here, and its name in the documentation."""
+
+from __future__ import annotations
+
+from ..finding import Suspect
+from .calibration import CALIBRATION
+from .images import IMAGES
+from .times import TIMES
+
+SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *CALIBRATION)
+"""In the order in which they are examined: the quick ones first."""

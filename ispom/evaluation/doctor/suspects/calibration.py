@@ -1,0 +1,151 @@
+"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks say what that explains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from ispom.types import Rig
+
+from ..counterfactual import Outcome, tested
+from ..examination import Examination
+from ..finding import Finding, Suspect
+from ..hypothesis import Change
+
+GAIN = 0.06
+"""Share of the cost of the held-out tracks that a cause explains at least; healthy recordings reach a quarter of it."""
+SURE = 5.0
+"""Mean improvement of a held-out track over its standard error, at least."""
+PARSIMONY = 0.04
+"""Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
+LEAST_TRACKS = 25
+"""Fewer held-out tracks say nothing."""
+
+
+def freed(names: tuple[str, ...], least: tuple[float, ...], possible: Callable[[Rig], bool], seen: Examination) -> Finding | None:
+    """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters."""
+    if not possible(seen.rig) or (base := seen.baseline) is None:
+        return None
+    outcome = tested(base, names)
+    if outcome.tracks < LEAST_TRACKS:
+        return None
+    values = {name: value(outcome.change, name) for name in names}
+    matters = any(abs(v) >= limit for v, limit in zip(values.values(), least, strict=True))
+    strength = (1 - PARSIMONY * (len(names) - 1)) * outcome.gain / GAIN
+    if not matters or outcome.z < SURE:
+        strength = min(strength, 0.9)
+    return Finding(max(strength, 0.0), sentence(base.residual_px, outcome, values), {
+        "gain": outcome.gain, "z": outcome.z, "before_px": base.residual_px, "after_px": outcome.residual_px, **values,
+    })  # fmt: skip
+
+
+def value(change: Change, name: str) -> float:
+    """Returns one number of a change."""
+    return float(getattr(change, name) if hasattr(change, name) else getattr(change.perturbation, name))
+
+
+def sentence(before_px: float, outcome: Outcome, values: dict[str, float]) -> str:
+    """Returns what the held-out tracks say."""
+    changes = ", ".join(f"{name.replace('_', ' ')} {v:+.3g}" for name, v in values.items())
+    return (
+        f"With {changes}, {outcome.tracks} tracks that had no part in the fit cost {100 * outcome.gain:.0f} % less "
+        f"({outcome.z:.0f} standard errors); their median error goes from {before_px:.2f} to {outcome.residual_px:.2f} px."
+    )
+
+
+def _video(rig: Rig) -> bool:
+    return rig.video is not None
+
+
+def _pair(rig: Rig) -> bool:
+    return rig.has_stereo
+
+
+def _both(rig: Rig) -> bool:
+    return _video(rig) and _pair(rig)
+
+
+def _any(rig: Rig) -> bool:
+    return True
+
+
+def _suspect(
+    key: str, name: str, remedy: str, possible: Callable[[Rig], bool], **least: float
+) -> Suspect:
+    return Suspect(key, name, "counterfactual", remedy, partial(freed, tuple(least), tuple(least.values()), possible))
+
+
+RECALIBRATE = "Calibrate again with a target (`ispom calibrate`), with the lens as it is when filming."
+CALIBRATION = (
+    _suspect(
+        "clock",
+        "the clocks of the video camera and the pair differ",
+        "Correct the time stamps by the stated delay, or run with `--integrated.estimate-clock`.",
+        _both,
+        clock_ms=2.0,
+    ),
+    _suspect(
+        "video-focal",
+        "the focal length of the video camera is wrong",
+        f"{RECALIBRATE} A zoom, a crop or a resized video changes it, too.",
+        _video,
+        video_focal_percent=0.3,
+    ),
+    _suspect(
+        "video-centre",
+        "the principal point of the video camera is wrong",
+        f"{RECALIBRATE} A cropped or stabilised video changes it, too.",
+        _video,
+        video_centre_x_px=0.8,
+        video_centre_y_px=0.8,
+    ),
+    _suspect(
+        "distortion", "the distortion of the lens is wrong", RECALIBRATE, _any, k1=0.01
+    ),
+    _suspect(
+        "rolling-shutter",
+        "the line delay of the rolling shutter is wrong",
+        "State the line delay in the calibration, or use a camera with a global shutter; turn the camera more slowly.",
+        _any,
+        line_delay_us=4.0,
+    ),
+    _suspect(
+        "pair-focal", "the focal length of the pair is wrong", RECALIBRATE, _pair, pair_focal_percent=0.3
+    ),
+    _suspect(
+        "pair-centre",
+        "the principal point of the pair is wrong",
+        RECALIBRATE,
+        _pair,
+        pair_centre_x_px=0.8,
+        pair_centre_y_px=0.8,
+    ),
+    _suspect(
+        "baseline",
+        "the baseline of the pair is wrong",
+        "Measure the distance of the two cameras again, or calibrate the pair with a target of known size.",
+        _both,
+        baseline_percent=3.0,
+    ),
+    _suspect(
+        "pair-turned",
+        "the right camera has turned since the pair was calibrated",
+        "Fasten the cameras to each other, and calibrate the pair again.",
+        _pair,
+        right_x_deg=0.02,
+        right_y_deg=0.02,
+        right_z_deg=0.05,
+    ),
+    _suspect(
+        "mount",
+        "the pose of the video camera on the rig is wrong",
+        "Find it again: `ispom calibrate rig RECORDING --from-motion`, or with a target.",
+        _both,
+        turn_x_deg=0.1,
+        turn_y_deg=0.1,
+        turn_z_deg=0.1,
+        shift_x_m=0.02,
+        shift_y_m=0.02,
+        shift_z_m=0.02,
+    ),
+)

@@ -1,0 +1,218 @@
+"""Suspects that single images show: darkness, a covered lens, blur, a scene without texture, jumps of the exposure."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.types import Image
+
+from ..examination import Examination, Shot
+from ..finding import Finding, Suspect
+
+DARK_LEVELS = 36.0
+"""Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
+BLOCK_PX = 20
+COVERED_LEVELS, COVERED_STD = 45.0, 4.0
+"""Grey level and its standard deviation in a block of an image, of something dark before the lens."""
+COVERED_SHARE = 0.12
+"""Of the image's area, in half of the frames or more."""
+EDGE_PX = 5.0
+"""Width of the strongest edges, their step over their steepest slope, from which on an image is blurred: that of a blur
+of 2 px (1 sigma). Sharp images have about 3."""
+EDGES = 150
+"""Strongest edges of an image that are measured."""
+REACH_PX = 8
+"""Edges are measured so far to both sides."""
+BARE_STD = 4.0
+"""A block with a lower standard deviation has no texture: it is hardly more than a sensor's noise."""
+BARE_SHARE = 0.75
+GAIN = 1.12
+"""Change of the brightness of the same places, from one frame to the next, that is a jump."""
+GAIN_JUMPS = 1
+"""Jumps in the stretch from which on they are a cause."""
+
+
+def darkness(seen: Examination) -> Finding | None:
+    """Compares the mean grey level of the images with that of a dark one."""
+    shots = [(shot.index, float(np.mean([image.mean() for image in shot.images.values()]))) for shot in seen.shots]
+    if not shots:
+        return None
+    level = float(np.median([mean for _, mean in shots]))
+    low = min(shots, key=lambda each: each[1])
+    return Finding(
+        DARK_LEVELS / max(level, 1.0),
+        f"The images have a mean grey level of {level:.0f} of 255 (dark below {DARK_LEVELS:.0f}).",
+        {"mean_grey": level},
+        (low[0],),
+    )
+
+
+def blocks(image: Image) -> tuple[Array, Array]:
+    """Returns mean and standard deviation (H, W) of blocks of the image."""
+    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
+    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX].astype(np.float32)
+    apart = cut.reshape(rows, BLOCK_PX, columns, BLOCK_PX)
+    return apart.mean(axis=(1, 3)), apart.std(axis=(1, 3))
+
+
+def covered(seen: Examination) -> Finding | None:
+    """Measures the area of a camera's images that is dark and uniform all the time, while others are bright."""
+    best: tuple[float, str, Shot | None] = (0.0, "", None)
+    bright = max((float(np.percentile(i, 90)) for s in seen.shots for i in s.images.values()), default=0.0)
+    for name in seen.rig.cameras:
+        own = [shot for shot in seen.shots if name in shot.images]
+        if not own or bright < 2 * COVERED_LEVELS:
+            continue
+        masks = []
+        for shot in own:
+            mean, std = blocks(shot.images[name])
+            masks.append((mean < COVERED_LEVELS) & (std < COVERED_STD))
+        shares = np.array([mask.mean() for mask in masks])
+        always = float(np.mean(np.mean(masks, axis=0) >= 0.9))
+        half = float(np.median(shares))
+        share = max(always, half if half > 0.9 else 0.0)
+        if share > best[0]:
+            best = (share, name, own[int(np.argmax(shares))])
+    share, name, shot = best
+    return Finding(
+        share / COVERED_SHARE,
+        f"{100 * share:.0f} % of the {name or 'camera'} image is dark and uniform in all frames."
+        if name
+        else "No part of an image is dark and uniform all the time.",
+        {"covered_share": share},
+        () if shot is None else (shot.index,),
+    )
+
+
+def edge_width_px(image: Image) -> float:
+    """Returns the median width of the strongest edges [px], their step over their slope; inf where there are none."""
+    smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32)
+    widths = []
+    for grey in (smooth, np.ascontiguousarray(smooth.T)):
+        slope = np.abs(grey[:, 2:] - grey[:, :-2]) / 2
+        inner = slope[:, REACH_PX:-REACH_PX]
+        if inner.size == 0:
+            continue
+        # one edge per tile, so that one long edge is not all of them
+        tall, wide = inner.shape[0] // 10, inner.shape[1] // 10
+        tiles = inner[: tall * 10, : wide * 10].reshape(tall, 10, wide, 10).transpose(0, 2, 1, 3).reshape(-1, 100)
+        at, peak = tiles.argmax(axis=1), tiles.max(axis=1)
+        order = np.argsort(-peak, kind="stable")[: EDGES // 2]
+        rows, columns = (order // wide) * 10 + at[order] // 10, (order % wide) * 10 + at[order] % 10 + REACH_PX + 1
+        for row, column, steep in zip(rows, columns, peak[order], strict=True):
+            part = grey[row, column - REACH_PX : column + REACH_PX + 1]
+            around = slope[
+                row, column - 2 : column + 1
+            ]  # a tile's steepest slope may belong to an edge of the next one
+            if steep >= 3 and steep >= around.max():
+                widths.append(float(part.max() - part.min()) / float(steep))
+    return float(np.median(widths)) if len(widths) >= 20 else float("inf")
+
+
+def blur(seen: Examination) -> Finding | None:
+    """Measures how wide the strongest edges are."""
+    found: list[tuple[float, str, int]] = []
+    for name in seen.rig.cameras:
+        own = [shot for shot in seen.shots if name in shot.images]
+        some = own[:: max(1, len(own) // 8)]
+        widths = [(edge_width_px(shot.images[name]), shot.index) for shot in some]
+        widths = [each for each in widths if np.isfinite(each[0])]
+        if len(widths) >= 2:
+            middle = sorted(widths)[len(widths) // 2]
+            found.append((middle[0], name, max(widths)[1]))
+    if not found:
+        return None
+    width, name, frame = max(found)
+    return Finding(
+        width / EDGE_PX,
+        f"The strongest edges of the {name} images are {width:.1f} px wide (sharp: below {EDGE_PX:.1f}).",
+        {"edge_width_px": width},
+        (frame,),
+    )
+
+
+def low_texture(seen: Examination) -> Finding | None:
+    """Measures the share of the main camera's image without texture."""
+    shares, means = [], []
+    for shot in seen.main_shots:
+        mean, std = blocks(shot.images[seen.main])
+        shares.append(float((std < BARE_STD).mean()))
+        means.append(float(mean.mean()))
+    if not shares or np.median(means) < DARK_LEVELS:
+        return None
+    share = float(np.median(shares))
+    return Finding(
+        share / BARE_SHARE,
+        f"{100 * share:.0f} % of the image has no texture to follow (a cause from {100 * BARE_SHARE:.0f} % on).",
+        {"bare_share": share},
+        (seen.main_shots[int(np.argmax(shares))].index,),
+    )
+
+
+def exposure_jumps(seen: Examination) -> Finding | None:
+    """Counts changes of the gain, by the median ratio of blocks of consecutive frames of a camera."""
+    jumps: list[tuple[float, int]] = []
+    for name in seen.rig.cameras:
+        own = [shot for shot in seen.shots if name in shot.images]
+        means = [blocks(shot.images[name])[0] for shot in own]
+        for shot, before, now in zip(own[1:], means, means[1:], strict=False):
+            usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
+            if name != seen.main or usable.sum() < 0.2 * usable.size:
+                continue
+            logs = np.log(now[usable] / before[usable])
+            gain = float(np.exp(np.abs(np.median(logs))))
+            jumps.append((gain, shot.index))
+    if not jumps:
+        return None
+    high = [each for each in jumps if each[0] > GAIN]
+    worst = max(jumps)
+    strength = 1 + np.log(worst[0] / GAIN) * 4 if len(high) >= GAIN_JUMPS else np.log(worst[0]) / np.log(GAIN)
+    return Finding(
+        float(strength),
+        f"The brightness of the same places changes by {100 * (worst[0] - 1):.0f} % from one frame to the next, "
+        f"and {len(high)} times by more than {100 * (GAIN - 1):.0f} %.",
+        {"largest_gain": worst[0], "jumps": float(len(high))},
+        tuple(index for _, index in sorted(high, reverse=True)[:3]),
+    )
+
+
+IMAGES = (
+    Suspect(
+        "darkness",
+        "the images are too dark",
+        "images",
+        "Film with more light, a wider aperture or a longer exposure as far as motion blur allows it.",
+        darkness,
+    ),
+    Suspect(
+        "covered-lens",
+        "something covers a part of the lens",
+        "images",
+        "Clear the lens, or mask this part of the image.",
+        covered,
+    ),
+    Suspect(
+        "blur",
+        "the images are blurred",
+        "images",
+        "Focus the lens and clean it, and shorten the exposure. With images that exist: run them at half size "
+        "(--video-scale 0.5).",
+        blur,
+    ),
+    Suspect(
+        "low-texture",
+        "the scene has too little texture",
+        "images",
+        "Turn the camera to something with texture, use a wider lens, or add light from the side.",
+        low_texture,
+    ),
+    Suspect(
+        "exposure-jumps",
+        "the exposure jumps",
+        "images",
+        "Fix exposure and gain while filming, or limit how fast the automatic exposure changes.",
+        exposure_jumps,
+    ),
+)

@@ -1,0 +1,179 @@
+"""Corners followed through the main camera's frames and into the stereo pairs, by the doctor itself: no estimator uses
+these tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+from ispom.types import Camera, Image
+
+from .examination import Examination, Shot
+
+MOST = 260
+"""Corners that are followed at a time."""
+APART_PX = 8
+WINDOW = (15, 15)
+LEVELS = 3
+AGREE_PX = 0.4
+"""A corner that is followed forth and back comes back as near as this, or it is lost."""
+GUESSES = (0.0, 0.012, 0.03, 0.06, 0.1, 0.15, 0.22, -0.02, -0.05, -0.1, -0.18)
+"""Disparities from which the search in the right image starts, relative to its width; negative ones where left and right
+are exchanged."""
+QUALITY = 0.01
+"""Of corners, relative to the best one (Shi and Tomasi)."""
+MEAN, STD = 110.0, 45.0
+"""Images are brought to this mean and contrast before they are compared: an exposure that jumps costs no tracks."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """P corners in F main frames and Q pairs; NaN where a corner is not seen."""
+
+    uv: Array
+    """(P, F, 2) in the main camera."""
+    left: Array
+    """(P, Q, 2)"""
+    right: Array
+    """(P, Q, 2)"""
+    survived: NDArray[np.float64]
+    """(F - 1,) share of the corners that are followed from a frame to the next."""
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(P, F)"""
+        return np.isfinite(self.uv[..., 0])
+
+
+def track(seen: Examination) -> Tracked:
+    """Follows corners; new ones are found where a frame has too few."""
+    shots = seen.main_shots
+    images = [evened(shot.images[seen.main]) for shot in shots]
+    tracks: list[Array] = []
+    live: list[int] = []
+    survived: list[float] = []
+    for f, image in enumerate(images):
+        if f and live:
+            before = np.array([tracks[i][f - 1] for i in live], np.float32)
+            now, good = follow(images[f - 1], image, before, before)
+            survived.append(float(good.mean()))
+            for i, uv in zip(np.array(live)[good].tolist(), now[good], strict=True):
+                tracks[i][f] = uv
+            live = np.array(live)[good].tolist()
+        elif f:
+            survived.append(0.0)
+        if len(live) < 0.8 * MOST:
+            known = np.array([tracks[i][f] for i in live], np.float32).reshape(-1, 2)
+            for uv in corners(image, known, MOST - len(live)):
+                live.append(len(tracks))
+                tracks.append(np.full((len(images), 2), np.nan))
+                tracks[-1][f] = uv
+    uv = np.array(tracks).reshape(-1, len(images), 2)
+    left, right = _in_pairs(seen, uv)
+    return Tracked(uv, left, right, np.array(survived))
+
+
+def evened(image: Image) -> Image:
+    """Returns the image with the usual mean and contrast."""
+    mean, std = (float(v[0, 0]) for v in cv2.meanStdDev(image))
+    table = np.clip((np.arange(256) - mean) * (STD / max(std, 1.0)) + MEAN + 0.5, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(image, table), np.uint8)
+
+
+def corners(image: Image, known: Array, count: int) -> Array:
+    """Returns at most `count` corners (N, 2) away from the known ones."""
+    mask = np.full(image.shape, 255, np.uint8)
+    for x, y in known:
+        cv2.circle(mask, (round(float(x)), round(float(y))), APART_PX, 0, -1)
+    found = cv2.goodFeaturesToTrack(image, max(count, 1), QUALITY, APART_PX, mask=mask)
+    return np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2)
+
+
+def follow(a: Image, b: Image, uv: Array, start: Array, levels: int = LEVELS) -> tuple[Array, NDArray[np.bool_]]:
+    """Returns positions (N, 2) in `b` of those in `a`, searched from `start`, and which agree forth and back."""
+    if not len(uv):
+        return np.zeros((0, 2), np.float32), np.zeros(0, bool)
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(
+        a, b, np.ascontiguousarray(uv, np.float32), np.array(start, np.float32), winSize=WINDOW, maxLevel=levels,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )  # fmt: skip
+    shift = np.asarray(uv, np.float32) - np.asarray(start, np.float32)
+    back, ok2, _ = cv2.calcOpticalFlowPyrLK(
+        b, a, there, there + shift, winSize=WINDOW, maxLevel=levels, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+    )
+    height, width = b.shape
+    inside = (there > 2).all(axis=1) & (there[:, 0] < width - 3) & (there[:, 1] < height - 3)
+    close = np.linalg.norm(back - uv, axis=1) < AGREE_PX
+    return there, (ok.ravel() == 1) & (ok2.ravel() == 1) & inside & close
+
+
+def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:
+    pairs = seen.pairs if seen.rig.has_stereo else ()
+    left, right = np.full((2, len(uv), len(pairs), 2), np.nan)
+    times_ns = np.array([shot.time_ns for shot in seen.main_shots])
+    if not len(times_ns):
+        return left, right
+    for q, pair in enumerate(pairs):
+        f = int(np.abs(times_ns - pair.time_ns).argmin())
+        here = np.flatnonzero(np.isfinite(uv[:, f, 0]))
+        at, good = _in_left(seen, seen.main_shots[f], pair, uv[here, f])
+        here, at = here[good], at[good]
+        there, good = _in_right(evened(pair.images["left"]), evened(pair.images["right"]), at)
+        left[here, q] = at
+        right[here[good], q] = there[good]
+    return left, right
+
+
+def _in_left(seen: Examination, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Finds positions (N, 2) of the main camera in the left image.
+
+    The left image is resampled as the video camera would see it from there; where that is, does not depend on whether
+    the calibration is right, for the same one leads there and back.
+    """
+    if seen.main == "left":
+        return uv, np.ones(len(uv), bool)
+    video, left = seen.rig.camera("video"), seen.rig.camera("left")
+    turn = (seen.rig.rig_from_left.inverse() @ seen.rig.rig_from_video).rotation
+    map_x, map_y = _resampling(video, left, turn)
+    warped = cv2.remap(pair.images["left"], map_x, map_y, cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
+    there, good = follow(evened(shot.images["video"]), evened(np.asarray(warped, np.uint8)), uv, uv)
+    rays, valid = video.unproject(there)
+    return left.project(rays @ turn.T), good & valid
+
+
+def _resampling(video: Camera, left: Camera, left_from_video: Array) -> tuple[Array, Array]:
+    """Returns the pixels of the left image (H, W) that lie in the directions of those of the video camera."""
+    grid = np.stack(np.meshgrid(np.arange(video.width), np.arange(video.height)), axis=-1).reshape(-1, 2)
+    rays, valid = video.unproject(grid.astype(float))
+    at = np.where(valid[:, None], left.project(rays @ left_from_video.T), -1.0)
+    at = np.nan_to_num(at, nan=-1.0).astype(np.float32).reshape(video.height, video.width, 2)
+    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+
+
+def _in_right(left: Image, right: Image, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Finds positions of the left image in the right one: of several starts, the one whose patch is most similar."""
+    best = np.full(len(uv), np.inf)
+    found, good = np.zeros((len(uv), 2), np.float32), np.zeros(len(uv), bool)
+    for guess in GUESSES:
+        start = np.asarray(uv, np.float32) - np.array([guess * left.shape[1], 0], np.float32)
+        there, agree = follow(left, right, uv, start, 2)
+        error = np.where(agree, _difference(left, right, uv, there), np.inf)
+        better = error < best - 1e-6
+        best[better], found[better], good[better] = error[better], there[better], agree[better]
+    return found, good
+
+
+def _difference(a: Image, b: Image, uv: Array, there: Array) -> Array:
+    """Returns the mean absolute differences (N,) of patches of 11 pixels."""
+    side = np.arange(-5, 6, dtype=np.float32)
+    dx, dy = np.meshgrid(side, side)
+
+    def patches(image: Image, at: Array) -> Array:
+        x, y = (np.asarray(at[:, k, None], np.float32) + d.reshape(1, -1) for k, d in ((0, dx), (1, dy)))
+        return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+
+    return np.abs(patches(a, uv) - patches(b, there)).mean(axis=1) if len(uv) else np.zeros(0)

@@ -1,0 +1,99 @@
+"""Suspects that images and times show, on images made for it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.evaluation.doctor.examination import Examination, Shot
+from ispom.evaluation.doctor.suspects.images import blur, covered, darkness, edge_width_px, exposure_jumps, low_texture
+from ispom.evaluation.doctor.suspects.times import dropped, repeated
+from ispom.types import Camera, Image, Rig
+
+FRAME_NS = 33_000_000
+CAMERA = Camera(320, 240, 250.0, 250.0, 159.5, 119.5)
+
+
+def picture(seed: int) -> Image:
+    """Rectangles of all brightnesses, with the noise of a sensor."""
+    rng = np.random.default_rng(seed)
+    image = np.full((240, 320), 120, np.uint8)
+    for _ in range(150):
+        x, y, w, h = rng.integers(0, (320, 240, 60, 60))
+        cv2.rectangle(image, (int(x), int(y)), (int(x + w + 5), int(y + h + 5)), int(rng.integers(30, 220)), -1)
+    noisy = cv2.GaussianBlur(image, (0, 0), 0.6) + rng.normal(0, 1.6, image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8)
+
+
+def seen(images: list[Image], times_ns: np.ndarray | None = None) -> Examination:
+    times_ns = np.arange(len(images)) * FRAME_NS if times_ns is None else times_ns
+    shots = tuple(Shot(i, int(t), {"video": image}) for i, (t, image) in enumerate(zip(times_ns, images, strict=True)))
+    return Examination(Rig.single(CAMERA), shots, times_ns)
+
+
+WIDE = np.hstack([picture(seed) for seed in range(2)])
+GOOD = [np.ascontiguousarray(WIDE[:, 4 * i : 4 * i + 320]) for i in range(10)]
+"""The camera turns to the right."""
+
+
+@pytest.mark.parametrize("suspect", [darkness, covered, blur, low_texture, exposure_jumps, dropped, repeated])
+def test_good_images_have_no_cause(suspect) -> None:
+    finding = suspect(seen(GOOD))
+    assert finding is not None and not finding.found
+
+
+def test_darkness() -> None:
+    finding = darkness(seen([(0.1 * image.astype(float)).astype(np.uint8) for image in GOOD]))
+    assert finding is not None and finding.found
+
+
+def test_a_covered_quarter_has_its_share() -> None:
+    images = [image.copy() for image in GOOD]
+    for image in images:
+        image[:, :80] = 10
+    finding = covered(seen(images))
+    assert finding is not None and finding.found and finding.values["covered_share"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("sigma", [2.0, 3.0])
+def test_the_width_of_an_edge_is_that_of_the_blur(sigma: float) -> None:
+    edge = np.full((240, 320), 50, np.float32)
+    edge[:, 160:] = 200
+    blurred = np.clip(cv2.GaussianBlur(edge, (0, 0), sigma) + 0.5, 0, 255).astype(np.uint8)
+    width = np.sqrt(2 * np.pi * (sigma**2 + 0.8**2))
+    assert edge_width_px(blurred) == pytest.approx(width, rel=0.1)
+
+
+def test_blur() -> None:
+    finding = blur(seen([np.asarray(cv2.GaussianBlur(image, (0, 0), 2.5), np.uint8) for image in GOOD]))
+    assert finding is not None and finding.found
+
+
+def test_a_bare_wall_has_no_texture() -> None:
+    rng = np.random.default_rng(0)
+    finding = low_texture(seen([(150 + rng.normal(0, 1.6, (240, 320))).astype(np.uint8) for _ in range(5)]))
+    assert finding is not None and finding.found
+
+
+def test_one_jump_of_the_exposure_has_its_frame_and_gain() -> None:
+    images = [
+        image if i < 6 else np.clip(image.astype(float) * 1.4, 0, 255).astype(np.uint8)
+        for i, image in enumerate(GOOD[:1] * 10)
+    ]
+    finding = exposure_jumps(seen(images))
+    assert finding is not None and finding.found and finding.frames == (6,)
+    assert finding.values["largest_gain"] == pytest.approx(1.4, rel=0.03)
+
+
+def test_missing_frames_are_counted() -> None:
+    times_ns = np.array([0, 1, 2, 3, 5, 6, 7, 10, 11, 12]) * FRAME_NS
+    finding = dropped(seen(GOOD, times_ns))
+    assert finding is not None and finding.found
+    assert finding.values["missing_share"] == pytest.approx(3 / 12) and finding.frames[0] == 7
+
+
+def test_repeated_images_have_their_frames() -> None:
+    images = [*GOOD[:4], GOOD[3], *GOOD[5:]]
+    finding = repeated(seen(images))
+    assert finding is not None and finding.found and finding.frames == (4,)
