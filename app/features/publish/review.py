@@ -10,8 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.sequences.address import without_secrets
@@ -99,10 +97,11 @@ def _finished(session: Session, before: Comparison | None) -> bool:
 
 
 def _require_same_frames(session: Session, comparison: Comparison, folder: Path) -> None:
+    """Of frames that only one of the runs used the times are not known to the other."""
     runs = [session.service(BranchService).run_of(n) for n in (comparison.shown, comparison.other)]
-    times_ns = [run.playback.sequence.times_ns for run in runs if run is not None]
-    count = min(map(len, times_ns))
-    if not all(np.array_equal(times_ns[0][:count], each[:count]) for each in times_ns):
+    times = [{r.index: r.time_ns for r in run.history if r.steps} for run in runs if run is not None]
+    common = times[0].keys() & times[1].keys()
+    if not common or any(times[0][index] != times[1][index] for index in common):
         raise InputError(f"{folder} has other frames than the first run: publish runs on one source together")
 
 

@@ -5,7 +5,7 @@
     data/run.bin           messages of the session (messages.py), JSON
     data/panels-N.bin      HTML of the left pane (panels.py), JSON
     data/stage.bin         what Rerun draws (stage.py)
-    comparison  runs       what these addresses of the server answer
+    data/comparisons.bin   of the first run with each of the others
 
 What is compressed is called .bin and not .gz: some servers would unpack that, and a browser would not be told.
 """

@@ -103,7 +103,7 @@ const modes = makeModes(command, () => {
   again();
 });
 const start = makeStart(command, modes, again);
-const compare = makeCompare(command, modes, start.open);
+const compare = makeCompare(command, link.answer, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(press);
 const tour = makeTour();
