@@ -50,7 +50,7 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
     for folder in folders:
         require_run(folder)
     with TemporaryDirectory() as empty:
-        session = Session(_no_images, str(folders[0]), Path(empty), autoplay=False)
+        session = Session(no_images, str(folders[0]), Path(empty), autoplay=False)
         session.start()
         try:
             _wait(lambda: session.state.phase != "opening")
@@ -75,7 +75,7 @@ def require_run(folder: Path) -> None:
         raise InputError(f"{folder} has no {RECORDING}, which the stage is made of: run again without --no-recording")
 
 
-def _no_images(source: str, _: object = None) -> Sequence:
+def no_images(source: str, _: object = None) -> Sequence:
     raise InputError(NO_SOURCE)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from ispom_app.engine.run_folder.run_folder import MARKER, RECORDING
-from ispom_app.features.publish.site import published_page
+from ispom_app.features.publish.site import OPENED_AS_FILE, WAITING, published_page
 from ispom_app.views.web.files import STATIC
 
 from .read import content, data
@@ -120,5 +120,6 @@ def test_runs_of_one_source_are_compared(pair: Path) -> None:
 def test_the_page_is_that_of_the_app_but_for_its_head() -> None:
     own = (STATIC / "index.html").read_text()
     found = published_page(own, 1)
-    assert found.partition("<body>")[2] == own.partition("<body>")[2]
+    assert found.partition("<body>")[2] == own.partition("<body>")[2].replace(WAITING, OPENED_AS_FILE)
+    assert own.count(WAITING) == 1
     assert 'data-published="data"' in found and "default-src 'self'" in found

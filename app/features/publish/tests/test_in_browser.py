@@ -11,6 +11,11 @@ from pathlib import Path
 
 import pytest
 from ispom_app.cli.main import main
+from ispom_app.features.publish.review import no_images
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.review.folder import read_stored
+from ispom_app.session.review.stored import nobody
+from ispom_app.views.web.numbers import of_exposure, over_time
 
 from tests.app.page.test_browser import CHROMIUM, Page, browser  # noqa: F401 - a fixture
 from tests.app.page.test_keys import FAKE
@@ -127,7 +132,7 @@ def test_a_check_is_plotted_by_a_click_and_a_quantity_by_its_name(page: Page) ->
     check.click()
     page.tab.locator(f".plot[data-name='{name}']").wait_for()
     assert check.get_attribute("aria-pressed") == "true" and page.tab.locator(".plot").count() == before + 1
-    assert page.tab.evaluate("window.ispom.viewer && location.hash !== null")
+    page.until(f"state.address.plots.endsWith({name!r})", "the address")
     page.tab.locator("#add-plot").fill("alive")
     page.tab.locator("#add-plot").press("Enter")
     page.tab.locator(".plot[data-name='alive']").wait_for()
@@ -154,8 +159,22 @@ def test_what_needs_an_estimator_is_refused_in_a_sentence(page: Page) -> None:
     page.send("{do: 'open_source', source: 'sim:city'}")
     page.tab.locator("#notices .notice", has_text="published").wait_for()
     assert page.state["index"] == before
-    for gone in ("#calibration", "#modes", "#save a", "[data-do=bookmark]"):
+    for gone in ("#calibration", "#modes", "#tour-again", "[data-do=bookmark]"):
         assert not page.tab.locator(gone).first.is_visible()
+
+
+def test_numbers_are_saved_as_the_app_does(page: Page, runs: tuple[Path, Path]) -> None:
+    page.send("{do: 'seek', index: 4}")
+    at(page, 4)
+    texts = []
+    for href in ("numbers/exposure", "numbers/run"):
+        page.tab.locator("#saving").click()
+        with page.tab.expect_download() as download:
+            page.tab.locator(f"#save a[href='{href}']").click()
+        texts.append(Path(download.value.path()).read_text())
+        assert download.value.suggested_filename == ("first.csv" if href.endswith("run") else "first-4.csv")
+    series = CurrentRun.of_stored(read_stored(runs[0], no_images, nobody), 1 << 20).series
+    assert texts == [of_exposure(series, 4), over_time(series, len(series))]
 
 
 def test_a_narrow_window_has_everything_one_above_the_other(page: Page) -> None:
