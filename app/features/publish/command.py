@@ -19,7 +19,7 @@ from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.web.rerun_assets import viewer_assets
 from ..branches.stage import trajectories, visible_branches
-from .messages import finished_state, run_message
+from .messages import finished_state, numbers_message, run_message
 from .options import Publish
 from .panels import CHUNK, fixed_panels, frame_panels
 from .private import Plain
@@ -65,7 +65,8 @@ def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[
     message["panels"] = plain.message(fixed_panels(state, run))
     message["runs"] = list(review.names)
     found = {name: packed(content) for name, content in _panels(state, run, plain)}
-    found |= _answers(review, plain)
+    found |= _comparisons(review, plain)
+    found["data/numbers.bin"] = packed(plain.message(numbers_message(run)))
     writer = StageWriter(folders[0] / RECORDING, _others(session, state))
     rest = sum(map(len, found.values())) + len(packed(message))
     stage = writer.fitting(int(most_bytes - rest))
@@ -87,8 +88,7 @@ def _panels(state: State, run: CurrentRun, plain: Plain) -> Iterator[tuple[str, 
         yield f"data/panels-{number}.bin", chunk
 
 
-def _answers(review: Review, plain: Plain) -> dict[str, bytes]:
-    """What the page asks of the addresses `runs` and `comparison`."""
+def _comparisons(review: Review, plain: Plain) -> dict[str, bytes]:
     if not review.comparisons:
         return {}
     return {"data/comparisons.bin": packed(plain.message(list(review.comparisons)))}

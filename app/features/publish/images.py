@@ -53,7 +53,7 @@ def is_image(columns: pa.RecordBatch) -> bool:
 
 
 def kept(rows: Iterable[tuple[str, pa.RecordBatch]], images: Images) -> Iterator[pa.RecordBatch]:
-    """Rows of entities, those of images as `images` says. An image that is not kept leaves an empty row: without it, the
+    """Rows of entities, those of images as `images` says. An image that is not kept leaves an empty row: without it the
     viewer would show the one before."""
     seen = Counter[str]()
     for path, columns in rows:

@@ -6,8 +6,10 @@ script `published_session.js` reads it.
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 from dataclasses import replace
+from io import StringIO
 from typing import Any
 
 from ...session import commands as do
@@ -17,6 +19,7 @@ from ...session.state import State
 from ...views.rerun.blueprint import hidden_paths
 from ...views.rerun.layers import LAYERS, OPTIONAL
 from ...views.web.messages import keys, message_of
+from ...views.web.numbers import over_time
 from ...views.web.time_axis import AxisNews
 from ..events.commands import StepToEvent
 from ..layers.state import Layers
@@ -103,6 +106,14 @@ def _plots(state: State, run: CurrentRun) -> dict[str, Any]:
                 before[1] += numbers
     shown = [[name, title] for name, title in named if name in rows]
     return {"choices": shown, "usual": list(DEFAULT_PLOTS), "rows": rows, "values": values}
+
+
+def numbers_message(run: CurrentRun) -> dict[str, Any]:
+    """The table that "Save this view" makes CSV files of: a row for each frame, a column for each of the `quantities`
+    (name, unit, meaning)."""
+    head, *rows = csv.reader(StringIO(over_time(run.series, len(run.series)), newline=""))
+    quantities = [run.series.quantities[name] for name in head]
+    return {"quantities": [[q.name, q.unit, q.help] for q in quantities], "rows": rows}
 
 
 def _paths(state: State) -> dict[str, list[str]]:

@@ -1,4 +1,4 @@
-"""The left pane of a published page as HTML: the templates of the tab Explain for each frame, and what is the same at all."""
+"""The left pane of a published page as HTML: the tab Explain at each frame, and what is the same at all of them."""
 
 from __future__ import annotations
 

@@ -10,8 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.sequences.address import without_secrets
@@ -52,7 +50,7 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
     for folder in folders:
         require_run(folder)
     with TemporaryDirectory() as empty:
-        session = Session(_no_images, str(folders[0]), Path(empty), autoplay=False)
+        session = Session(no_images, str(folders[0]), Path(empty), autoplay=False)
         session.start()
         try:
             _wait(lambda: session.state.phase != "opening")
@@ -77,7 +75,7 @@ def require_run(folder: Path) -> None:
         raise InputError(f"{folder} has no {RECORDING}, which the stage is made of: run again without --no-recording")
 
 
-def _no_images(source: str, _: object = None) -> Sequence:
+def no_images(source: str, _: object = None) -> Sequence:
     raise InputError(NO_SOURCE)
 
 
@@ -99,10 +97,11 @@ def _finished(session: Session, before: Comparison | None) -> bool:
 
 
 def _require_same_frames(session: Session, comparison: Comparison, folder: Path) -> None:
+    """Of frames that only one of the runs used the times are not known to the other."""
     runs = [session.service(BranchService).run_of(n) for n in (comparison.shown, comparison.other)]
-    times_ns = [run.playback.sequence.times_ns for run in runs if run is not None]
-    count = min(map(len, times_ns))
-    if not all(np.array_equal(times_ns[0][:count], each[:count]) for each in times_ns):
+    times = [{r.index: r.time_ns for r in run.history if r.steps} for run in runs if run is not None]
+    common = times[0].keys() & times[1].keys()
+    if not common or any(times[0][index] != times[1][index] for index in common):
         raise InputError(f"{folder} has other frames than the first run: publish runs on one source together")
 
 

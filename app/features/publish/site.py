@@ -5,7 +5,8 @@
     data/run.bin           messages of the session (messages.py), JSON
     data/panels-N.bin      HTML of the left pane (panels.py), JSON
     data/stage.bin         what Rerun draws (stage.py)
-    comparison  runs       what these addresses of the server answer
+    data/numbers.bin       all quantities over the frames, JSON
+    data/comparisons.bin   of the first run with each of the others
 
 What is compressed is called .bin and not .gz: some servers would unpack that, and a browser would not be told.
 """
@@ -30,6 +31,8 @@ LEFT_OUT = frozenset({"calibration.html", "calibration.js", "calibration.css"})
 WASM_BYTES = 256 << 20
 """More than any viewer's."""
 DATA = "data"
+WAITING = "The Rerun viewer starts when a source is open."
+OPENED_AS_FILE = "Loading the run. Opened as a file this page stays empty: a web server must show its folder."
 
 
 def page_files(runs: int) -> dict[str, bytes]:
@@ -53,7 +56,9 @@ def published_page(html: str, runs: int) -> str:
     marks = ('<html lang="en">', '<meta charset="utf-8" />')
     if not all(html.count(mark) == 1 for mark in marks):
         raise ValueError("the page has another head than this expects")
-    html = html.replace(marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}">')
+    html = html.replace(WAITING, OPENED_AS_FILE).replace(
+        marks[0], f'<html lang="en" data-published="{DATA}" data-runs="{runs}">'
+    )
     return html.replace(marks[1], "\n    ".join((marks[1], *head)))
 
 

@@ -69,16 +69,20 @@ class StageWriter:
     def fitting(self, most_bytes: int) -> Stage:
         """The stage with the best images among CHOICES whose file has at most so many bytes. InputError where it is
         larger without any image."""
-        found = self.stage(CHOICES[-1])
-        bare = len(found.content)
-        for images in CHOICES[:-1]:
-            if bare + estimated_bytes(self._entities(), images) <= most_bytes:
+        whole = self.stage(CHOICES[0])
+        if len(whole.content) <= most_bytes:
+            return whole
+        least = self.stage(CHOICES[-1])
+        bare = len(least.content)
+        if bare > most_bytes:
+            raise InputError(f"the stage takes {bare / 1e6:.1f} MB without any image: give a higher --max-mb")
+        share = (len(whole.content) - bare) / max(whole.image_bytes, 1)  # gzip finds what images have in common
+        for images in CHOICES[1:-1]:
+            if bare + share * estimated_bytes(self._entities(), images) <= most_bytes:
                 found = self.stage(images)
                 if len(found.content) <= most_bytes:
                     return found
-        if bare > most_bytes:
-            raise InputError(f"the stage takes {bare / 1e6:.1f} MB without any image: give a higher --max-mb")
-        return found if len(found.content) <= most_bytes else self.stage(CHOICES[-1])
+        return least
 
     def stage(self, images: Images) -> Stage:
         """The file with these images."""

@@ -9,6 +9,7 @@ import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makeModes } from "./modes.js";
 import { makePeople } from "./people.js";
+import { offerNumbers } from "./published_numbers.js";
 import { openPublishedPanels } from "./published_panels.js";
 import { openPublished } from "./published_session.js";
 import { published } from "./published.js";
@@ -103,13 +104,21 @@ const modes = makeModes(command, () => {
   again();
 });
 const start = makeStart(command, modes, again);
-const compare = makeCompare(command, modes, start.open);
+const compare = makeCompare(command, link.answer, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(press);
 const tour = makeTour();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
+if (published) {
+  const run = () => fileName().replace(/-\d+$/, "");
+  offerNumbers(
+    (isRun) => (isRun ? run() : fileName()),
+    () => window.ispom.shown.index,
+    (text) => showNotice({ text, kind: "error" }),
+  );
+}
 const axis = makeAxis((index) => command({ do: "seek", index }), command);
 
 link.open();

@@ -2,13 +2,15 @@
 // images of both with their tracks, and the distance between them. Rerun draws both trajectories.
 import { element } from "./element.js";
 import { drawCurves } from "./compare_curves.js";
+import { published } from "./published.js";
 import { makeSwipe } from "./swipe.js";
 
 const AGAIN_MS = 1000; // between two looks at a run that goes on
 const place = document.getElementById("compare");
 
-// `command` asks the session for something, `openRuns` opens the runs table.
-export function makeCompare(command, modes, openRuns) {
+// `command` asks the session for something, `answer` gives what the server answers at an address, and `openRuns` opens the
+// runs table.
+export function makeCompare(command, answer, modes, openRuns) {
   const head = place.appendChild(element("div", "pair"));
   const first = place.appendChild(element("div", "first"));
   const numbers = place.appendChild(element("div", "scrolled"));
@@ -39,11 +41,7 @@ export function makeCompare(command, modes, openRuns) {
       return;
     }
     [asked, askedAt] = [key, performance.now()];
-    const of = state.compared ? fetch("comparison") : fetch("runs");
-    of.then(
-      (answer) => (answer.ok ? answer.json() : null),
-      () => null,
-    ).then((answer) => answer && key === asked && paint(answer));
+    answer(state.compared ? "comparison" : "runs").then((found) => found && key === asked && paint(found));
   }
 
   function paint(answer) {
@@ -55,7 +53,7 @@ export function makeCompare(command, modes, openRuns) {
     choose(runs, answer.numbers);
     for (const part of [first, numbers, curves]) part.hidden = !found;
     const methods = state.methods.map(({ label, name }) => [name, label]);
-    swipe.show(found !== null || methods.length > 1);
+    swipe.show(!published && (found !== null || methods.length > 1)); // the server draws its images
     swipe.methods(methods, !found);
     if (found) {
       listFirst();
@@ -132,7 +130,7 @@ export function makeCompare(command, modes, openRuns) {
   }
 
   function frame() {
-    swipe.at(found?.numbers ?? [state.branch, state.branch], state.index);
+    if (!published) swipe.at(found?.numbers ?? [state.branch, state.branch], state.index);
     if (found) drawCurves(curves, found.curves, found.total, state.index, (index) => command({ do: "seek", index }));
   }
 

@@ -1,7 +1,8 @@
 // Debug | Compare | Learn: what the page is laid out for. Each page has its own mode; the session knows nothing of it.
 import { element } from "./element.js";
+import { published, runs } from "./published.js";
 
-const MODES = ["debug", "compare", "learn"];
+const MODES = published ? ["debug", "compare"].slice(0, runs) : ["debug", "compare", "learn"];
 const buttons = [...document.querySelectorAll("#modes input")];
 const list = document.getElementById("learn");
 

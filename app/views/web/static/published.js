@@ -1,5 +1,6 @@
 // Whether this page is one that `ispom publish` wrote: a folder of files, without a server. Then its data is in this folder.
 export const published = document.documentElement.dataset.published ?? "";
+export const runs = Number(document.documentElement.dataset.runs ?? 0); // the number of its runs
 
 // The bytes of a compressed file of the folder, as a stream. A server may have unpacked it already: then it is as it comes.
 // `count` is called with the bytes that have come, and the bytes of the whole file (0 where that is unknown).

@@ -1,6 +1,7 @@
 // What the commands that only look mean in a published run: the fields of the state that take new values, or a sentence
 // that says why there is nothing to do. As app/views/web/looking.py does it for a page that looks around by itself.
 const MOST_PLOTS = 12;
+const ONLY_FIRST = "This page has the comparisons of its first run with each of the others: choose the first one as A.";
 const ALARMING = ["warning", "lost"];
 
 export const commandsOf = {
@@ -38,6 +39,10 @@ export const commandsOf = {
     return { plots: [...plots, name].slice(-MOST_PLOTS) };
   },
   set_plots: ({ names }, _, data) => ({ plots: (names ?? data.plots.usual).filter((name) => data.plots.rows[name]).slice(0, MOST_PLOTS) }),
+  compare_runs: ({ a, b }, { compared }, { comparisons }) => {
+    const found = comparisons.find(({ branches, numbers }) => branches[numbers[0]] === a && branches[numbers[1]] === b);
+    return found ? { compared: [found.numbers[0], found.numbers[1], ...compared.slice(2)] } : ONLY_FIRST;
+  },
   open_named: ({ name }, { source }) => (name === source ? {} : `this page has the run ${source}, and no other`),
 };
 

@@ -62,7 +62,8 @@ export function openPublishedPanels(command) {
         shown = frame;
         for (const [name, html] of Object.entries(frame)) if (parts[name].innerHTML !== html) parts[name].innerHTML = html;
       }
-      for (const each of place.querySelectorAll("[data-plot]")) each.setAttribute("aria-pressed", String(plotted.includes(each.dataset.plot)));
+      for (const each of place.querySelectorAll("[data-plot]"))
+        each.setAttribute("aria-pressed", String(plotted.includes(each.dataset.plot)));
       for (const each of parts.events.querySelectorAll("[data-seek]")) {
         const here = Number(each.dataset.seek) === index;
         each.classList.toggle("here", here);

@@ -96,10 +96,14 @@ export function openPublished({ opened, heard, lost }) {
     if (isNew) tell();
   }
 
-  return { open, send };
+  const answer = async (address) => (address === "comparison" ? comparisonOf(session.state, session.data) : null);
+
+  return { open, send, answer };
 }
 
 const refuse = () => REFUSAL;
+
+const comparisonOf = ({ compared }, { comparisons }) => comparisons.find(({ numbers }) => numbers[1] === compared?.[1]) ?? null;
 
 // The message that replaces all plots by these.
 function plotNews({ plots: { choices, rows, values } }, names) {

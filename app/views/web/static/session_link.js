@@ -19,6 +19,12 @@ export function openSocket({ opened, heard, lost }) {
   };
   return {
     open: connect,
+    // What the server answers at an address below the page's own, as JSON; null where it does not.
+    answer: (address) =>
+      fetch(address).then(
+        (found) => (found.ok ? found.json() : null),
+        () => null,
+      ),
     send: (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)),
   };
 }

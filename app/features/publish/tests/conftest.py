@@ -1,0 +1,58 @@
+"""Two short runs on stand-in estimators, and what is published of them with a stand-in for the Rerun viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from ispom_app.cli.main import main
+from ispom_app.features.publish import command
+from ispom_app.views.web.rerun_assets import NAMES
+
+from tests import doubles
+from tests.sequences.kitti_folder import make_drive
+
+FRAMES = 14
+
+
+def build(config, methods, rig):
+    return doubles.ensemble(methods, doubles.FullEstimator)
+
+
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Folders of two finished runs on one source."""
+    place = tmp_path_factory.mktemp("private place")
+    drive = str(make_drive(place / "drive of somebody", FRAMES))
+    found = place / "first", place / "second"
+    for folder, more in zip(found, ([], ["--stereo.max-tracks", "300"]), strict=True):
+        assert main(["run", drive, "--stereo-every", "2", "--out", str(folder), *more], build) == 0
+    return found
+
+
+@pytest.fixture(scope="session")
+def publish(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., int]]:
+    """Calls `ispom publish`; the Rerun viewer's files are short ones."""
+    viewer = tmp_path_factory.mktemp("viewer")
+    for name in NAMES:
+        (viewer / name).write_text("// viewer")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "viewer_assets", lambda: viewer)
+        yield lambda *words: main(["publish", *map(str, words)])
+
+
+@pytest.fixture(scope="session")
+def site(runs: tuple[Path, Path], publish: Callable[..., int], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first run, published."""
+    found = tmp_path_factory.mktemp("sites") / "one"
+    assert publish(runs[0], "--out", found) == 0
+    return found
+
+
+@pytest.fixture(scope="session")
+def pair(runs: tuple[Path, Path], publish: Callable[..., int], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Both runs, published together."""
+    found = tmp_path_factory.mktemp("sites") / "two"
+    assert publish(*runs, "--out", found) == 0
+    return found

@@ -1,0 +1,102 @@
+"""The stage of a published page has what the recording shows of each frame, on one timeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from ispom_app.features.publish.images import BLOB, CHOICES, Images, estimated_bytes
+from ispom_app.features.publish.stage import StageWriter
+from ispom_app.views.rerun.parts import is_part
+from ispom_app.views.rerun.rrd import HEADER, chunk_at, message_starts, messages, uncompressed
+from rerun.chunk import RrdReader
+
+from .read import chunks, pieces
+
+
+@pytest.fixture(scope="module")
+def recording(runs: tuple[Path, Path]) -> Path:
+    return runs[0] / "run.rrd"
+
+
+def rows(found: list) -> dict[tuple[str, int, str], object]:
+    """By entity, frame and component: its value."""
+    values = {}
+    for chunk in found:
+        batch = chunk.to_record_batch()
+        if "exposure" in batch.schema.names:
+            data = [f.name for f in batch.schema if (f.metadata or {}).get(b"rerun:kind") == b"data"]
+            for row, frame in enumerate(batch.column("exposure").to_pylist()):
+                values |= {(str(chunk.entity_path), frame, name): batch.column(name)[row].as_py() for name in data}
+    return values
+
+
+def drawn(recording: Path) -> dict[tuple[str, int, str], object]:
+    found = rows(list(RrdReader(recording).stream().to_chunks()))
+    return {
+        key: value for key, value in found.items() if is_part(key[0]) and key[0] != "/decisions" and value is not None
+    }
+
+
+def test_every_value_of_the_recording_that_the_page_draws_is_there(recording: Path, tmp_path: Path) -> None:
+    stage = StageWriter(recording).stage(Images())
+    found = {key: value for key, value in rows(chunks(stage.content, tmp_path)).items() if value is not None}
+    assert found == drawn(recording)
+
+
+def test_there_are_no_times_of_day(recording: Path, tmp_path: Path) -> None:
+    stage = StageWriter(recording).stage(Images())
+    timelines = {
+        field.name
+        for chunk in chunks(stage.content, tmp_path)
+        for field in chunk.to_record_batch().schema
+        if (field.metadata or {}).get(b"rerun:kind") == b"index"
+    }
+    assert timelines == {"exposure", "stage"}
+
+
+def test_an_image_that_is_not_kept_is_empty_and_not_the_one_before(recording: Path, tmp_path: Path) -> None:
+    found = rows(chunks(StageWriter(recording).stage(Images(every=2)).content, tmp_path))
+    for camera in ("/left/image", "/right/image"):
+        blobs = [value for (path, _, name), value in sorted(found.items()) if path == camera and name == BLOB]
+        assert len(blobs) > 3 and all(bool(blob) == (i % 2 == 0) for i, blob in enumerate(blobs))
+
+
+def test_of_the_images_that_fit_the_best_are_taken(recording: Path) -> None:
+    writer = StageWriter(recording)
+    sizes = [len(writer.stage(images).content) for images in (CHOICES[0], CHOICES[3], CHOICES[-1])]
+    assert sizes == sorted(sizes, reverse=True)
+    assert writer.fitting(round(1.1 * sizes[0])).images == CHOICES[0]
+    smaller = writer.fitting(round(0.95 * sizes[0]))
+    assert smaller.images != CHOICES[0] and len(smaller.content) <= 0.95 * sizes[0]
+    assert writer.fitting(round(1.01 * sizes[-1])).images == CHOICES[-1]
+
+
+def test_messages_without_their_compression_are_the_same(recording: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain.rrd"
+    plain.write_bytes(HEADER + uncompressed(messages(recording.read_bytes())))
+    with recording.open("rb") as a, plain.open("rb") as b:
+        starts = [[at for at, kind in message_starts(file) if kind == 2] for file in (a, b)]
+        assert len(starts[0]) == len(starts[1]) > 10
+        for x, y in zip(*starts, strict=True):
+            assert chunk_at(a, x).equals(chunk_at(b, y))
+
+
+def test_each_piece_is_a_stream_of_its_own(recording: Path) -> None:
+    stage = StageWriter(recording).stage(Images())
+    found = list(pieces(stage.content))
+    assert all(piece.startswith(HEADER) for piece in found) and len(found) == len(stage.frames) + 1
+
+
+def test_the_size_of_images_is_estimated_from_them() -> None:
+    noise = np.random.default_rng(1).integers(0, 256, 5000, np.uint8)
+    schema = pa.schema([pa.field(BLOB, pa.list_(pa.list_(pa.uint8())))])
+    columns = pa.record_batch([pa.array([[noise]], type=schema.field(0).type)], schema)
+    entities = [("/left/image", columns)] * 4 + [("/right/image", columns)] * 4
+    whole = estimated_bytes(entities, Images())
+    assert whole == pytest.approx(8 * 5000, rel=0.01)
+    assert estimated_bytes(entities, Images(right=False)) == pytest.approx(whole / 2, rel=0.01)
+    assert estimated_bytes(entities, Images(every=2)) == pytest.approx(whole / 2, rel=0.01)
+    assert estimated_bytes(entities, Images(every=0)) == 0
