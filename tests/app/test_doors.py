@@ -26,9 +26,13 @@ assert any(key["name"] == "greet" and key["command"] == {{"do": "greet", "times"
 session.post(command_of('{{"do": "greet", "times": 2}}'))
 wait_for(lambda: session.state[Greetings].count == 2, "two greetings")
 assert message_of(session.state)["greetings"] == 2
+from ispom_app.features.agents.agent_session import AgentSession
+from ispom_app.features.agents.tool import tools
+assert tools()["greet"].changes
+assert tools()["greet"].function(AgentSession(session), times=3) == {{"count": 5}}
 screen = Screen(session)
 screen.paint()
-assert [panel.text.content for panel in screen.panels if hasattr(panel, "text")] == ["greeted 2 times"]
+assert [panel.text.content for panel in screen.panels if hasattr(panel, "text")] == ["greeted 5 times"]
 screen.server.stop()
 session.close(5.0)
 print("done")

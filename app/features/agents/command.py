@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from ...engine.options import SourceOptions
 from ...engine.playback import Builder
 from ...session.session import Session
 from ...session.sources.folders import Folders
+from ...views.web.connections import LAST_PORT
 from .agent_session import SIMULATION, AgentSession
 from .options import Mcp
 
@@ -36,6 +36,8 @@ def serve(options: Mcp, builder: Builder) -> int:
         raise InputError("`ispom mcp` takes the extra `agents`: pip install 'ispom[agents]'")
     if options.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {options.history_mb}: give {LEAST_HISTORY_MB} or more")
+    if options.http is not None and not 0 <= options.http <= LAST_PORT:
+        raise InputError(f"--http is {options.http}: give a port from 1 to {LAST_PORT}, or 0 for any free one")
     with _log(options.log) as log, agent_session(options, builder) as agents:
         if options.sources:
             agents.open(options.sources[0])
@@ -48,10 +50,6 @@ def serve(options: Mcp, builder: Builder) -> int:
             from .http import serve_http
 
             asyncio.run(serve_http(server, options.http))
-    if options.http is None:
-        # The thread that waits for standard input would be waited for, whoever ended the server.
-        sys.stderr.flush()
-        os._exit(0)
     return 0
 
 

@@ -47,8 +47,8 @@ def asked(agents: AgentSession, script: Script, log: list[str] | None = None) ->
 
 
 async def first_failing_check(agent: Agent, method: str) -> tuple[str, int]:
-    """What an agent does that knows nothing of the source: from the first loss to the check behind it, and the first frame
-    at which that check failed."""
+    """What an agent does that knows nothing of the source: from the first loss to the check behind it, and the first
+    frame at which that check failed."""
     while not (await agent.ask("compute", seconds=60.0))["done"]:
         pass
     losses = (await agent.ask("events", least_severity="lost", method=method))["rows"]
