@@ -6,10 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ispom.blas import one_thread
-from ispom.estimator import Method
+from ispom.estimator import LeavesOut, Method
 from ispom.methods import Config, in_order, method, require_sensors, with_dependencies
 from ispom.settings import check
+from ispom.solvers.influence.problem import Problem, listening
 from ispom.types import Measurement, Rig, Step, Trajectory
 
 
@@ -51,6 +55,26 @@ class Ensemble:
                 after[name], step = member.estimator.step(after[name], measurement, *member.inputs(steps))
                 steps[name] = replace(step, method=name)
         return after, tuple(steps[name] for name in self.methods if name in steps)
+
+    def told(self, state: Mapping[str, Any], measurement: Measurement) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
+        """By method that uses this measurement: its Step, as `step` gives it, and the problems that it tells."""
+        found = dict[str, tuple[Step, tuple[Problem, ...]]]()
+        for name, member in self.members.items():
+            if member.method.uses(measurement):
+                steps = {other: step for other, (step, _) in found.items()}
+                with listening() as heard:
+                    _, step = member.estimator.step(state[name], measurement, *member.inputs(steps))
+                found[name] = replace(step, method=name), tuple(heard)
+        return found
+
+    def without_tracks(
+        self, state: Mapping[str, Any], measurement: Measurement, name: str, ids: NDArray[np.int64]
+    ) -> Step | None:
+        """Returns the Step of a method from the state without these tracks (M,); None where it cannot be had so."""
+        member = self.members[name]
+        if member.method.asks or not isinstance(member.estimator, LeavesOut):
+            return None
+        return member.estimator.step(member.estimator.without_tracks(state[name], ids), measurement)[1]
 
     def finish(self, state: Mapping[str, Any]) -> dict[str, Trajectory]:
         """Returns the trajectory of each chosen method."""

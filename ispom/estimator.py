@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.types import Check, Frame, Kind, Measurement, Rig, Step, Trajectory
@@ -27,6 +30,16 @@ class Estimator(Protocol):
     def finish(self, state: Any, /) -> Trajectory:
         """Returns the best trajectory of all measurements so far (of `Step.frame`); the state can still be stepped on
         from."""
+        ...
+
+
+@runtime_checkable
+class LeavesOut(Protocol):
+    """An Estimator whose state can be had without some tracks, so that a step can be run again without them."""
+
+    def without_tracks(self, state: Any, ids: NDArray[np.int64], /) -> Any:
+        """Returns the state without the tracks `ids` (M,), their points and their observations. What was marginalised
+        of them stays in priors."""
         ...
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
@@ -18,6 +19,7 @@ from ispom.geometry import Pose, Similarity
 from ispom.methods import STEREO, Config
 from ispom.methods import method as registered
 from ispom.sequences.readable import UNREADABLE_SHARE
+from ispom.solvers.influence.problem import Problem
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
@@ -180,6 +182,20 @@ class Playback:
         self._place(steps)
         steps = tuple(step for step in steps if step.method in self.methods)
         return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
+
+    def told(self) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
+        """By method: its Step at the next frame, and the problems that it solves for it. The run does not step.
+
+        Raises InputError where the frame cannot be read.
+        """
+        self._enter_stage()
+        return self.ensemble.told(self._state, self.sequence[self.position])
+
+    def without_tracks(self, method: str, ids: NDArray[np.int64]) -> Step | None:
+        """The Step of a method at the next frame without these tracks (M,) up to there; None where that is not
+        possible. The run does not step."""
+        self._enter_stage()
+        return self.ensemble.without_tracks(self._state, self.sequence[self.position], method, ids)
 
     def _skip(self, index: int, fault: str) -> Stepped:
         if len(self.skipped) + 1 > UNREADABLE_SHARE * len(self.sequence):

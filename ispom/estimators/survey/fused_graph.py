@@ -9,13 +9,16 @@ that sensor contributes.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from ispom.estimators.survey.fused_factors import DIMENSIONS, ORDER, SIZES, Factors
+from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_values import Node, Prior
 from ispom.geometry import Array, Pose
+from ispom.solvers.influence.problem import tell
 
 ITERATIONS = 12
 BIAS_PRIOR = np.array([0.3] * 3 + [0.02] * 3)
@@ -56,21 +59,29 @@ class Graph(Factors):
 
     def optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
-        import gtsam
-
-        factors, values = self.factors(nodes, prior), self.values(nodes)
-        graph = gtsam.NonlinearFactorGraph()
-        for factor in factors:
-            graph.add(factor.value)
-        parameters = gtsam.LevenbergMarquardtParams()
-        parameters.setMaxIterations(ITERATIONS)
-        values = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters).optimize()
-        found = tuple(self.node(node, values) for node in nodes)
+        found, values = self.solved(nodes, prior, nodes)
+        tell(lambda: GraphProblem(self, nodes, found, prior))
         misfits = dict[str, list[float]]()
-        for f in factors:
+        for f in self.factors(nodes, prior):
             if f.sensor in DIMENSIONS:
                 misfits.setdefault(f.sensor, []).append(f.misfit(values) / DIMENSIONS[f.sensor])
         return found, {sensor: float(np.sqrt(np.mean(some[-6:]))) for sensor, some in misfits.items()}
+
+    def solved(
+        self, nodes: tuple[Node, ...], prior: Prior, start: tuple[Node, ...], without: str = ""
+    ) -> tuple[tuple[Node, ...], Any]:
+        """Returns the most likely nodes, and gtsam's values, from what was measured of `nodes`, beginning at `start`,
+        without the factors of one sensor."""
+        import gtsam
+
+        graph = gtsam.NonlinearFactorGraph()
+        for factor in self.factors(nodes, prior):
+            if factor.sensor != without:
+                graph.add(factor.value)
+        parameters = gtsam.LevenbergMarquardtParams()
+        parameters.setMaxIterations(ITERATIONS)
+        values = gtsam.LevenbergMarquardtOptimizer(graph, self.values(start), parameters).optimize()
+        return tuple(self.node(node, values) for node in start), values
 
     def reduced(self, nodes: tuple[Node, ...], prior: Prior) -> Prior:
         """Returns the prior of the second node once the first one leaves the window."""

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.modern.lens import Lens
@@ -135,6 +136,10 @@ class ModernMonocular:
             after, step = with_loops(setup, state, after, outcome, new, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
+
+    def without_tracks(self, state: ModernMonocularState, ids: NDArray[np.int64]) -> ModernMonocularState:
+        """See LeavesOut."""
+        return state.without_tracks(ids)
 
     @cached_property
     def _size(self) -> TrackedSize:

@@ -66,6 +66,14 @@ class ModernMonocularState:
     before_map: BeforeMap | None = None
     """While the map is young and may be taken back."""
 
+    def without_tracks(self, ids: NDArray[np.int64]) -> ModernMonocularState:
+        """Returns the state without these tracks (M,), see estimator.LeavesOut."""
+        live, ids = self.live.only(~np.isin(self.live.ids, ids)), np.sort(ids)
+        if self.map is None:
+            return replace(self, live=live)
+        keys = tuple(key.without(ids) for key in self.map.keys)
+        return replace(self, live=live, map=replace(self.map.without(ids), keys=keys))
+
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
         """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if it is stored."""
         if self.map is not None:

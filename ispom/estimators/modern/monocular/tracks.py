@@ -58,6 +58,19 @@ class LiveTracks:
             next_id=self.next_id + count,
         )
 
+    def only(self, keep: NDArray[np.bool_]) -> LiveTracks:
+        """Returns the tracks of the mask `keep` (N,)."""
+        return replace(
+            self,
+            ids=self.ids[keep],
+            uv=self.uv[keep],
+            flow=self.flow[keep],
+            speed=self.speed[keep],
+            second=self.second[keep],
+            origin_ns=self.origin_ns[keep],
+            origin_uv=self.origin_uv[keep],
+        )
+
     @property
     def sight(self) -> Sight:
         """The observations in the last image."""

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, require_frame
 from ispom.estimators.modern.second_motion import Follow
@@ -139,6 +140,10 @@ class ModernStereo:
             after, step = with_loops(self._setup, state, outcome, new, step)
             watch.lap("loops")
         return after, self._size.enlarged(replace(step, seconds=watch.seconds))
+
+    def without_tracks(self, state: ModernStereoState, ids: NDArray[np.int64]) -> ModernStereoState:
+        """See LeavesOut."""
+        return state.without_tracks(ids)
 
     def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
         """Runs the steps of the algorithm on one frame."""

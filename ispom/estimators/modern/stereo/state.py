@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.stereo.last_pair import LastPair
@@ -59,6 +62,13 @@ class ModernStereoState:
     """The keyframes that relocalisation compares with."""
     loops: StereoLoops = StereoLoops()
     """Loop closures and their corrections of the poses; all other fields are odometry without them."""
+
+    def without_tracks(self, ids: NDArray[np.int64]) -> ModernStereoState:
+        """Returns the state without these tracks (M,), see estimator.LeavesOut."""
+        points = self.last.points.select(~np.isin(self.last.points.ids, ids))
+        keys = tuple(key.only(~np.isin(key.ids, ids)) for key in self.map.keys)
+        world = replace(self.map, keys=keys).only(points.ids)
+        return replace(self, last=replace(self.last, points=points), map=world)
 
 
 @dataclass(frozen=True, eq=False)

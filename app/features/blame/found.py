@@ -1,0 +1,121 @@
+"""What moved the pose of one frame, with what people call its parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.solvers.influence.blame import Blame, Influence, blame, problem_of
+from ispom.solvers.influence.problem import PartKind, Shift
+from ispom.solvers.influence.resection import ResectionProblem
+from ispom.types import Rig, Sequence, Step, Tracks
+
+from ...engine.playback import Playback
+
+ROWS, COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
+"""Thirds of an image."""
+LISTED: dict[PartKind, int] = {"group": 5, "track": 5, "frame": 4, "prior": 2, "sensor": 5}
+"""How many of each kind people see; blame.csv has all."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseBlame:
+    """Of a method at a frame."""
+
+    method: str
+    index: int
+    step: Step
+    """As the method gave it."""
+    found: Blame
+    sequence: Sequence
+    unit_m: float | None
+    """Of the method's world [m]; None where it is not known."""
+
+    @property
+    def camera(self) -> str:
+        """Whose image the tracks are in."""
+        return self.found.problem.frame
+
+    @property
+    def tracks(self) -> Tracks | None:
+        return self.step.tracks.get(self.camera)
+
+    @property
+    def by_known_points(self) -> bool:
+        """Whether only the tracks of this frame took part, and the points were taken as known."""
+        return isinstance(self.found.problem, ResectionProblem)
+
+    def listed(self) -> tuple[Influence, ...]:
+        """What people see: of each kind the largest, those of which something is known."""
+        some = [each for kind, count in LISTED.items() for each in self.found.of(kind)[:count]]
+        return tuple(each for each in some if np.isfinite(each.shift.size))
+
+    def called(self, each: Influence) -> str:
+        """What people call a part."""
+        part = each.part
+        if part.kind == "frame":
+            return f"keyframe {self.index_of(part.time_ns or 0)}"
+        if part.kind in ("prior", "sensor"):
+            return part.name
+        where = self.where(part.tracks)
+        count = len(part.tracks)
+        name = f"track {part.tracks[0]}" if count == 1 else f"{count} tracks"
+        return f"{name} at the {where}" if where else name
+
+    def where(self, ids: tuple[int, ...]) -> str:
+        """The part of the image that tracks are in; empty where they are not in it."""
+        if self.tracks is None or self.camera not in ("video", "left"):
+            return ""
+        uv = self.tracks.uv[np.isin(self.tracks.ids, ids)]
+        if not len(uv):
+            return ""
+        camera = self.sequence.rig.camera(self.camera)
+        u, v = np.clip(3 * np.median(uv, axis=0) / (camera.width, camera.height), 0, 2.999).astype(int).tolist()
+        return f"{ROWS[v]} {COLUMNS[u]}" if (u, v) != (1, 1) else "centre"
+
+    def index_of(self, time_ns: int) -> int:
+        """The frame at a time."""
+        return int(np.searchsorted(self.sequence.times_ns, time_ns))
+
+    def between(self, other: Step) -> Shift | None:
+        """From where another Step of the frame has the pose to where it is; None where that one has none."""
+        rig, camera = self.sequence.rig, self.camera
+        here, there = (_of_camera(step, rig, camera) for step in (self.step, other))
+        if here is None or there is None:
+            return None
+        turned = (here.inverse() @ there).log()[3:]
+        return Shift(here.translation - there.translation, turned)
+
+
+def pose_blame(playback: Playback, methods: tuple[str, ...], unit_m: float | None = None) -> PoseBlame:
+    """Of the first of these methods that solved for a pose at the frame that the playback comes to next.
+
+    Raises InputError where none did, with the reason, or the frame cannot be read.
+    """
+    index, told, reasons = playback.position, playback.told(), list[str]()
+    for method in methods:
+        if method not in told:
+            kind = playback.sequence.kinds[index]
+            reasons.append(f"{method} does not use frame {index}, which is of the kind {kind}")
+            continue
+        step, heard = told[method]
+        if step.world_from_frame is None:
+            reasons.append(f"{method} has no pose at frame {index}")
+            continue
+        problem = problem_of(heard, step.world_from_frame, step.frame, playback.sequence.rig)
+        if problem is None:
+            reasons.append(f"{method} does not say what it solved at frame {index}")
+            continue
+        unit_m = playback.unit_m(method) if unit_m is None else unit_m
+        return PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m)
+    raise InputError(f"{'; '.join(reasons) or 'no method runs'}: give another frame, or another method by --method")
+
+
+def _of_camera(step: Step, rig: Rig, camera: str) -> Pose | None:
+    """world_from_camera of a step."""
+    if step.world_from_frame is None:
+        return None
+    return step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
