@@ -59,6 +59,20 @@ def adjust(
     return scene, change_of(names, values), cost
 
 
+def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[str, ...], ...]) -> list[float]:
+    """Returns, for each set of numbers, the share of the cost that one step with them free is expected to save.
+
+    The scene must be one that `adjust` has fitted. One linearisation serves all.
+    """
+    names = tuple(dict.fromkeys(name for subset in subsets for name in subset))
+    values = np.zeros(len(names))
+    now = predicted(scene, rig, change_of(names, values), seen)
+    equations = _Equations(scene, rig, seen, names, values, now)
+    cost = float(costs(now.residuals).sum())
+    alone = equations.saved(())
+    return [(equations.saved(tuple(names.index(name) for name in subset)) - alone) / max(cost, 1e-12) for subset in subsets]
+
+
 class _Equations:
     """Normal equations of one iteration, with the points to be eliminated."""
 
@@ -124,6 +138,21 @@ class _Equations:
         rest = self.point_gradient - self.cross.T @ step
         points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
         return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
+
+
+    def saved(self, shared: tuple[int, ...]) -> float:
+        """Returns how much one step with these shared values free lowers the cost, by the linearisation."""
+        blocks = self.point_blocks + np.eye(3) * (1e-6 * np.einsum("pii->p", self.point_blocks) + 1e-9)[:, None, None]
+        width = len(self.matrix)
+        if not hasattr(self, "reduced"):
+            eliminated = np.einsum("cpi,pij->cpj", self.cross.reshape(width, self.points, 3), np.linalg.inv(blocks))
+            eliminated = eliminated.reshape(width, -1)
+            self.reduced = self.matrix - eliminated @ self.cross.T
+            self.reduced_gradient = self.gradient - eliminated @ self.point_gradient
+        free = np.r_[6 : 6 * self.poses, [6 * self.poses + k for k in shared]].astype(int)
+        system = self.reduced[np.ix_(free, free)] + np.diag(1e-6 * np.diag(self.matrix)[free] + 1e-9)
+        step = np.linalg.solve(system, self.reduced_gradient[free])
+        return float(self.reduced_gradient[free] @ step)
 
 
 def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:

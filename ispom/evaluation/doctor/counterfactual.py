@@ -9,7 +9,7 @@ import numpy as np
 from ispom.geometry import Array
 from ispom.types import Rig
 
-from .adjustment import adjust, placed
+from .adjustment import adjust, placed, screened
 from .hypothesis import Change
 from .scene import Observations, Scene, predicted
 from .start import Start
@@ -55,6 +55,12 @@ def baseline(start: Start, rig: Rig) -> Baseline:
     scene, _ = placed(scene, rig, change, held_out)
     scene, costs = placed(scene, rig, change, held_out)  # so that a change is not credited with what was left to do here
     return Baseline(rig, scene, used, held_out, costs, _median(scene, rig, change, held_out))
+
+
+def promising(base: Baseline, subsets: tuple[tuple[str, ...], ...]) -> dict[tuple[str, ...], float]:
+    """Returns the gain that a linearisation at the baseline promises for each set of numbers: a rough upper limit, in a
+    tenth of the time of a test."""
+    return dict(zip(subsets, screened(base.scene, base.rig, base.used, subsets), strict=True))
 
 
 def tested(base: Baseline, names: tuple[str, ...]) -> Outcome:

@@ -83,6 +83,14 @@ class Examination:
 
         return None if self.start is None else baseline(self.start, self.rig)
 
+    @cached_property
+    def promises(self) -> dict[tuple[str, ...], float]:
+        """What freeing each set of numbers promises, by the names of `suspects.calibration`."""
+        from .counterfactual import promising
+        from .suspects.calibration import subsets
+
+        return {} if self.baseline is None else promising(self.baseline, subsets(self.rig))
+
 
 def examination(sequence: Sequence, first: int, last: int, advance: Callable[[], None] = lambda: None) -> Examination:
     """Reads measurements `first` to `last` (both included). Raises InputError where an image is unreadable.

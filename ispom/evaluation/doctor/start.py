@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.types import Rig
 
+from .adjustment import adjust
 from .examination import Examination
 from .scene import CAMERAS, Observations, Scene
 
-KNOTS = 20
+KNOTS = 30
 """Most poses of a scene."""
 LEAST_TRACKS = 30
 LEAST_PARALLAX_PX = 4.0
 """Median residual of a pure rotation [px] between the first two views."""
+FIRST_VIEWS = 3
+"""Pairs of frames from which a scene is tried."""
+REFINEMENTS = 2
 SURE_PX = 2.0
 """Error of an inlier while the scene grows."""
 
@@ -31,6 +35,8 @@ class Start:
     seen: Observations
     held_out: NDArray[np.bool_]
     """(P,)"""
+    knots: NDArray[np.int64]
+    """(K,) main frames of the poses."""
 
 
 def start(seen: Examination) -> Start | None:
@@ -46,10 +52,13 @@ def start(seen: Examination) -> Start | None:
         return None
     camera = seen.rig.camera(seen.main)
     rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
-    grown = _grow(rays, camera.fx)
-    if grown is None:
+    candidates = [grown for views in _first_views(rays, camera.fx) if (grown := _grow(rays, camera.fx, views)) is not None]
+    if not candidates:
         return None
-    poses, points = grown
+    poses, points = max(candidates, key=lambda grown: int(np.isfinite(grown[1][:, 0]).sum()))
+    poses, points = _refined(seen, knots, uv, rays, poses, points)
+    if np.isfinite(points[:, 0]).sum() < LEAST_TRACKS:
+        return None
     rig_from_camera = seen.rig.rig_from(seen.main)
     camera_from_rig = rig_from_camera.inverse()
     rows = np.flatnonzero(np.isfinite(points[:, 0]))
@@ -71,18 +80,18 @@ def start(seen: Examination) -> Start | None:
     every = Observations(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in ("camera", "time_s", "point", "uv"))
     )
-    return Start(scene, every, np.arange(len(rows)) % 2 == 0)
+    return Start(scene, every, np.arange(len(rows)) % 2 == 0, knots)
 
 
 def _knots(seen: Examination) -> NDArray[np.int64]:
-    """Returns the main frames whose poses are sought: those next to each pair, between which the rig moves evenly, and
+    """Returns the main frames whose poses are sought: two before and two after each pair, between which the rig moves evenly, and
     others in even steps."""
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
     chosen = {0, len(times_ns) - 1}
     for pair in seen.pairs:
         after = int(np.searchsorted(times_ns, pair.time_ns))
-        chosen |= {k for k in (after - 1, after) if 0 <= k < len(times_ns)}
-    stride = -(-len(times_ns) // KNOTS) if len(chosen) <= KNOTS else 10
+        chosen |= {k for k in range(after - 2, after + 2) if 0 <= k < len(times_ns)}
+    stride = max(4, -(-len(times_ns) // KNOTS)) if seen.pairs else -(-len(times_ns) // KNOTS)
     every = range(0, len(times_ns), stride) if seen.main == "video" else range(len(times_ns))
     chosen |= {k for k in every if min(abs(k - c) for c in chosen) >= min(stride, 2)}
     return np.array(sorted(chosen))
@@ -93,12 +102,32 @@ def _observed(camera: str, uv: Array, times_s: Array) -> Observations:
     return Observations(np.full(len(point), CAMERAS.index(camera)), times_s[frame], point, uv[point, frame])
 
 
-def _grow(rays: Array, focal_px: float) -> tuple[list[Pose], Array] | None:
+def _refined(
+    seen: Examination, knots: NDArray[np.int64], uv: Array, rays: Array, poses: list[Pose], points: Array
+) -> tuple[list[Pose], Array]:
+    """Adjusts the scene by the main camera alone, and triangulates all tracks again."""
+    camera, shots = seen.rig.camera(seen.main), seen.main_shots
+    times_s = (np.array([shots[k].time_ns for k in knots]) - shots[0].time_ns) * 1e-9
+    alone = Rig.of(**{seen.main: camera})
+    for _ in range(REFINEMENTS):
+        rows = np.flatnonzero(np.isfinite(points[:, 0]))
+        if len(rows) < LEAST_TRACKS:
+            break
+        scene = Scene(
+            times_s, np.array([p.rotation for p in poses]), np.array([p.translation for p in poses]), points[rows]
+        )
+        scene, _, _ = adjust(scene, alone, _observed(seen.main, uv[rows], times_s), (), 10)
+        poses = [Pose(r, t) for r, t in zip(scene.rotations, scene.positions, strict=True)]
+        points = _triangulate(rays, dict(enumerate(poses)), camera.fx)
+    return poses, points
+
+
+def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Pose], Array] | None:
     """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
-    found = _first_views(rays, focal_px)
-    if found is None:
+    a, b = views
+    b_from_a = _two_views(rays[:, a], rays[:, b], focal_px)
+    if b_from_a is None:
         return None
-    a, b, b_from_a = found
     poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
     points = _triangulate(rays, poses, focal_px)
     order = sorted(set(range(rays.shape[1])) - {a, b}, key=lambda k: (max(a - k, k - b, 0), k))
@@ -119,29 +148,29 @@ def _grow(rays: Array, focal_px: float) -> tuple[list[Pose], Array] | None:
     return [poses[k] for k in range(rays.shape[1])], _triangulate(rays, poses, focal_px)
 
 
-def _first_views(rays: Array, focal_px: float) -> tuple[int, int, Pose] | None:
-    """Returns the two frames with the most parallax of many tracks, and b_from_a."""
-    best, chosen = LEAST_PARALLAX_PX, None
+def _first_views(rays: Array, focal_px: float) -> list[tuple[int, int]]:
+    """Returns a few pairs of frames with much parallax of many tracks, the best first."""
+    found: list[tuple[float, int, int]] = []
     count = rays.shape[1]
-    for a in range(0, max(1, count - 3), 2):
-        for b in range(a + 2, count, 2):
+    for a in range(0, max(1, count - 3), 3):
+        for b in range(a + 2, count, 3):
             both = np.isfinite(rays[:, a, 0]) & np.isfinite(rays[:, b, 0])
-            if both.sum() < LEAST_TRACKS + 10:
-                continue
-            parallax = float(np.median(rotation_residuals(rays[both, a], rays[both, b]))) * focal_px
-            if parallax * min(1.0, both.sum() / 80) > best:
-                best, chosen = parallax * min(1.0, both.sum() / 80), (a, b)
-    if chosen is None:
-        return None
-    a, b = chosen
-    both = np.isfinite(rays[:, a, 0]) & np.isfinite(rays[:, b, 0])
-    matrix, inliers = cv2.findEssentialMat(
-        rays[both, a], rays[both, b], np.eye(3), cv2.RANSAC, 0.999, SURE_PX / focal_px
-    )
+            if both.sum() >= LEAST_TRACKS:
+                parallax = float(np.median(rotation_residuals(rays[both, a], rays[both, b]))) * focal_px
+                found.append((parallax * min(1.0, both.sum() / 100) ** 2, a, b))
+    good = sorted((each for each in found if each[0] > LEAST_PARALLAX_PX), reverse=True)
+    return [(a, b) for _, a, b in good[:: max(1, len(good) // FIRST_VIEWS)]][:FIRST_VIEWS]
+
+
+def _two_views(a: Array, b: Array, focal_px: float) -> Pose | None:
+    """Returns b_from_a with a distance of 1, of normalised coordinates (P, 2)."""
+    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
+    a, b, eye = np.ascontiguousarray(a[both]), np.ascontiguousarray(b[both]), np.eye(3)
+    matrix, inliers = cv2.findEssentialMat(a, b, eye, cv2.RANSAC, 0.999, SURE_PX / 2 / focal_px)
     if matrix is None or matrix.shape != (3, 3):
         return None
-    good, rotation, shift, _ = cv2.recoverPose(matrix, rays[both, a], rays[both, b], np.eye(3), mask=inliers)
-    return (a, b, Pose(rotation, shift.ravel())) if good >= LEAST_TRACKS // 2 else None
+    good, rotation, shift, _ = cv2.recoverPose(matrix, a, b, eye, mask=inliers)
+    return Pose(rotation, shift.ravel()) if good >= LEAST_TRACKS // 2 else None
 
 
 def rotation_residuals(a: Array, b: Array) -> Array:
@@ -159,8 +188,9 @@ def rotation_residuals(a: Array, b: Array) -> Array:
     return error
 
 
-def _triangulate(rays: Array, poses: dict[int, Pose], focal_px: float) -> Array:
-    """Returns points (P, 3) by linear least squares; NaN where a point is behind a camera or fits nowhere."""
+def triangulate(rays: Array, poses: dict[int, Pose]) -> tuple[Array, Array]:
+    """Returns points (P, 3) by linear least squares of normalised coordinates (P, K, 2), NaN where fewer than two frames
+    see one, and their median errors (P,) on the plane z = 1, infinite behind a camera."""
     count = len(rays)
     matrix, vector, views = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count, int)
     for k, pose in poses.items():
@@ -171,8 +201,7 @@ def _triangulate(rays: Array, poses: dict[int, Pose], focal_px: float) -> Array:
         matrix[here] += across
         vector[here] += across @ pose.translation
         views[here] += 1
-    points = np.full((count, 3), np.nan)
-    some = views >= 2
+    points, some = np.full((count, 3), np.nan), views >= 2
     points[some] = np.linalg.solve(matrix[some] + 1e-9 * np.eye(3), vector[some][..., None])[..., 0]
     errors = np.full((count, len(poses)), np.nan)
     for n, (k, pose) in enumerate(poses.items()):
@@ -181,9 +210,15 @@ def _triangulate(rays: Array, poses: dict[int, Pose], focal_px: float) -> Array:
         with np.errstate(all="ignore"):
             apart = np.linalg.norm(seen[:, :2] / seen[:, 2:] - rays[here, k], axis=1)
         errors[here, n] = np.where(seen[:, 2] > 0, apart, np.inf)
-    with np.errstate(all="ignore"):
-        typical = np.nanmedian(np.where(np.isnan(errors).all(axis=1, keepdims=True), np.inf, errors), axis=1)
-    points[~(typical * focal_px < 4 * SURE_PX)] = np.nan
+    typical = np.full(count, np.inf)
+    typical[some] = np.nanmedian(errors[some], axis=1)
+    return points, typical
+
+
+def _triangulate(rays: Array, poses: dict[int, Pose], focal_px: float) -> Array:
+    """Returns points (P, 3); NaN where a point is behind a camera or fits nowhere."""
+    points, errors = triangulate(rays, poses)
+    points[~(errors * focal_px < 4 * SURE_PX)] = np.nan
     return points
 
 

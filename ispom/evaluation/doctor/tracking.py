@@ -14,7 +14,7 @@ from ispom.types import Camera, Image
 
 from .examination import Examination, Shot
 
-MOST = 260
+MOST = 200
 """Corners that are followed at a time."""
 APART_PX = 8
 WINDOW = (15, 15)

@@ -6,6 +6,7 @@ from ..finding import Suspect
 from .calibration import CALIBRATION
 from .images import IMAGES
 from .times import TIMES
+from .tracks import TRACKS
 
-SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *CALIBRATION)
+SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *TRACKS, *CALIBRATION)
 """In the order in which they are examined: the quick ones first."""
