@@ -43,15 +43,19 @@ def publish(options: Publish) -> int:
         require_run(folder)
     out = expanded(options.out)
     claim_folder(out, COMMAND)
-    try:
-        files = page_files(len(folders)) | viewer_files(viewer_assets())
-    except OSError as error:
-        raise InputError(str(error)) from None
     with reviewed(folders, _names(folders)) as review:
+        files = _page(len(folders))
         data, stage = _data(review, folders, options.max_mb * MB - sum(map(len, files.values())))
     write_site(out, files | data)
     _report(out, files | data, stage)
     return 0
+
+
+def _page(runs: int) -> dict[str, bytes]:
+    try:
+        return page_files(runs) | viewer_files(viewer_assets())
+    except OSError as error:
+        raise InputError(str(error)) from None
 
 
 def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[str, bytes], Stage]:

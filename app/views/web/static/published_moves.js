@@ -28,9 +28,11 @@ export const commandsOf = {
   },
   speed: ({ factor }) => ({ speed: factor }),
   no_loop: () => ({ loop: null }),
-  loop_edge: ({ edge }, { index, loop }) => {
-    const [start, end] = edge === "start" ? [index, loop?.[1] ?? null] : [loop?.[0] ?? 0, index];
-    return { loop: end !== null && start >= end ? (edge === "start" ? [start, null] : [0, end]) : [start, end] };
+  // An edge on the wrong side of the other one begins another loop.
+  loop_edge: ({ edge }, { index, loop }, { frames }) => {
+    const [before, after] = loop ?? [0, null];
+    const [start, end] = edge === "start" ? [index, after > index ? after : null] : [before < index ? before : 0, index];
+    return start < (end ?? frames.length - 1) ? { loop: [start, end] } : `a loop needs two frames: frame ${index} cannot be its ${edge}`;
   },
   hide: ({ names }, _, data) => ({ hidden: names.filter((name) => data.paths[name]) }),
   plot: ({ name }, { plots }, data) => {
