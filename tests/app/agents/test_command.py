@@ -6,13 +6,16 @@ from pathlib import Path
 
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.agents import command
+from ispom_app.features.agents import required
 from ispom_app.features.agents.server import line
 
 
-def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(command, "find_spec", lambda name: None)
-    assert main(["mcp"]) == 2
+@pytest.mark.parametrize("words", [["mcp"], ["app", "--agents", "0"]])
+def test_a_missing_extra_is_named(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(required, "find_spec", lambda name: None)
+    assert main(words) == 2
     output = capsys.readouterr()
     assert "ispom[agents]" in output.err and output.err.count("\n") == 1 and not output.out
 
