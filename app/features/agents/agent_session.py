@@ -54,16 +54,24 @@ class AgentSession:
         runs: Path | None = None,
         *,
         allow_changes: bool = False,
+        shared: bool = False,
     ) -> None:
         """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations. Unless
-        `allow_changes`, tools that change anything are refused."""
+        `allow_changes`, tools that change anything are refused; where the session is `shared` with a person at a page,
+        those that show something else are refused, too."""
         self.session, self.sources, self.runs = session, sources, runs or session.recordings_dir
-        self.allow_changes = allow_changes
+        self.allow_changes, self.shared = allow_changes, shared
 
     def require_changes(self, what: str) -> None:
         """InputError where nothing may be changed."""
         if not self.allow_changes:
-            raise InputError(f"{what} changes the session, which is read-only: start it with --allow-changes")
+            cure = "ask the person at the page" if self.shared else "start `ispom mcp` with --allow-changes"
+            raise InputError(f"{what} changes the session, which is read-only: {cure}")
+
+    def require_control(self, what: str) -> None:
+        """InputError where a person controls what is shown."""
+        if self.shared:
+            raise InputError(f"{what} would show something else to the person at the page: ask them to do it")
 
     @property
     def state(self) -> State:
@@ -71,10 +79,12 @@ class AgentSession:
 
     @property
     def run(self) -> CurrentRun:
-        """The run that is open. InputError where none is."""
+        """The run that is open; waits for one that is being opened. InputError where none is."""
+        if self.session.run is None and self.state.phase == "opening":
+            self.carry_out(lambda controller: None)
         run = self.session.run
         if run is None:
-            raise InputError("no run is open: call list_runs, then open_run")
+            raise InputError(self.state.failure or "no run is open: call list_runs, then open_run")
         return run
 
     def branch(self, number: int | None) -> CurrentRun:

@@ -6,7 +6,6 @@ import asyncio
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -20,9 +19,9 @@ from ...engine.options import SourceOptions
 from ...engine.playback import Builder
 from ...session.session import Session
 from ...session.sources.folders import Folders
-from ...views.web.connections import LAST_PORT
 from .agent_session import SIMULATION, AgentSession
 from .options import Mcp
+from .required import require_port, require_sdk
 
 CLOSE_S = 2.0
 """For the session to end after the agent has gone."""
@@ -32,12 +31,10 @@ LEAST_HISTORY_MB = 20
 
 def serve(options: Mcp, builder: Builder) -> int:
     """Serves an agent until it goes, and returns the exit code. InputError for a mistake in the options."""
-    if find_spec("mcp") is None:
-        raise InputError("`ispom mcp` takes the extra `agents`: pip install 'ispom[agents]'")
+    require_sdk("`ispom mcp`")
     if options.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {options.history_mb}: give {LEAST_HISTORY_MB} or more")
-    if options.http is not None and not 0 <= options.http <= LAST_PORT:
-        raise InputError(f"--http is {options.http}: give a port from 1 to {LAST_PORT}, or 0 for any free one")
+    require_port("--http", options.http)
     with _log(options.log) as log, agent_session(options, builder) as agents:
         if options.sources:
             agents.open(options.sources[0])

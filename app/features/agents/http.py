@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import secrets
+import asyncio
 import sys
 from collections.abc import Awaitable, Callable, MutableMapping
-from hmac import compare_digest
+from dataclasses import dataclass
+from socket import socket
+from threading import Thread
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -13,7 +15,11 @@ import uvicorn
 from mcp.server.mcpserver import MCPServer
 from mcp.server.transport_security import TransportSecuritySettings
 
+from ...session.session import Session
+from ...views.web.access import Access
 from ...views.web.connections import listener
+from .agent_session import AgentSession
+from .server import AgentServer
 
 HOST, PATH = "127.0.0.1", "/mcp"
 MOST_BYTES = 1 << 20
@@ -26,8 +32,8 @@ Scope = MutableMapping[str, Any]
 App = Callable[[Scope, Callable[[], Awaitable[Any]], Callable[[Any], Awaitable[None]]], Awaitable[None]]
 
 
-def application(server: MCPServer, port: int, token: str) -> App:
-    """The server behind its token, under the names of this machine only."""
+def application(server: MCPServer, port: int, knows: Callable[[str], bool]) -> App:
+    """The server behind a token, which `knows` accepts, under the names of this machine only."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
     security = TransportSecuritySettings(allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names])
     inner = server.streamable_http_app(
@@ -35,7 +41,7 @@ def application(server: MCPServer, port: int, token: str) -> App:
     )
 
     async def checked(scope: Scope, receive: Any, send: Any) -> None:
-        if scope["type"] == "http" and not compare_digest(_token(scope).encode(errors="replace"), token.encode()):
+        if scope["type"] == "http" and not knows(_token(scope)):
             head = [(b"content-type", b"text/plain; charset=utf-8"), (b"cache-control", b"no-store")]
             await send({"type": "http.response.start", "status": 401, "headers": head})
             await send({"type": "http.response.body", "body": _NO_TOKEN})
@@ -56,11 +62,44 @@ def _token(scope: Scope) -> str:
 
 async def serve_http(server: MCPServer, port: int) -> None:
     """Serves until SIGINT or SIGTERM. InputError where no port is free."""
+    access = Access(frozenset())
     listening = listener(HOST, port, _print)
-    port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
-    config = uvicorn.Config(application(server, port, token), access_log=False, log_level="warning")
-    _print(f"ISPOM's tools are at http://{HOST}:{port}{PATH}?token={token}   (Ctrl-C ends it)")
-    await uvicorn.Server(config).serve(sockets=[listening])
+    _print(f"ISPOM's tools are at {_address(listening)}{access.token}   (Ctrl-C ends it)")
+    await _server(server, listening, access).serve(sockets=[listening])
+
+
+@dataclass(frozen=True)
+class BesidePage:
+    """A server that goes on in its own thread."""
+
+    address: str
+    """Without the token, which follows."""
+    server: uvicorn.Server
+
+    def end(self) -> None:
+        """It answers no more, soon."""
+        self.server.should_exit = True
+
+
+def serve_beside_page(session: Session, port: int, access: Access) -> BesidePage:
+    """Serves tools over the session of a page, in a thread of its own, to whoever has a token of the page: they look,
+    and move nothing that people see. InputError where no port is free."""
+    agents = AgentSession(session, shared=True)
+    listening = listener(HOST, port, _print)
+    server = _server(AgentServer(agents, _print), listening, access)
+    Thread(target=lambda: asyncio.run(server.serve(sockets=[listening])), name="agents", daemon=True).start()
+    _print(f"An agent can ask at {_address(listening)}{access.onlookers or access.token}")
+    return BesidePage(_address(listening), server)
+
+
+def _server(server: MCPServer, listening: socket, access: Access) -> uvicorn.Server:
+    app = application(server, listening.getsockname()[1], access.knows)
+    return uvicorn.Server(uvicorn.Config(app, access_log=False, log_level="warning"))
+
+
+def _address(listening: socket) -> str:
+    """Without the token, which follows."""
+    return f"http://{HOST}:{listening.getsockname()[1]}{PATH}?token="
 
 
 def _print(text: str) -> None:

@@ -75,6 +75,8 @@ def served(tool: Tool, agents: AgentSession) -> Served:
         try:
             if tool.changes:
                 agents.require_changes(tool.name)
+            if tool.moves:
+                agents.require_control(tool.name)
             answer = tool.function(agents, **arguments)
         except InputError as mistake:
             raise ToolError(str(mistake)) from None

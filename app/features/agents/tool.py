@@ -29,7 +29,9 @@ class Tool:
     a parameter means, and the docstring what the answer is. It returns a dict of JSON values, or a `Picture`.
     InputError is an answer, too: one sentence that says what to do."""
     changes: bool = False
-    """Whether it changes or computes anything that somebody may miss: refused unless changes are allowed."""
+    """Whether it changes anything that somebody may miss: refused unless changes are allowed."""
+    moves: bool = False
+    """Whether another frame, branch or source is shown afterwards: refused where a person looks at the same session."""
 
     @property
     def name(self) -> str:

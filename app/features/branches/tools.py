@@ -73,4 +73,4 @@ def open_branch(
     return {"branch": number, "computed": len(agents.run.series)}
 
 
-TOOLS = (Tool(fork, changes=True), Tool(open_branch))
+TOOLS = (Tool(fork, changes=True, moves=True), Tool(open_branch, moves=True))

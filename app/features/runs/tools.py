@@ -65,9 +65,9 @@ def open_run(
 
 
 def summary(agents: AgentSession) -> dict[str, Any]:
-    """Says what is open: source, notes, number of frames and how many are computed, cameras, whether there is ground
-    truth, branches (the run and its forks), and for each method its unit, the number of frames at which it was
-    tracked and lost, its status at the last computed frame, and the number of its events by kind."""
+    """Says what is open: source, notes, number of frames, how many are computed and which is shown, cameras, whether
+    there is ground truth, branches (the run and its forks), and for each method its unit, the number of frames at
+    which it was tracked and lost, its status at the last computed frame, and the number of its events by kind."""
     run, state = agents.run, agents.state
     sequence = run.opened.sequence
     events = Counter((event.method, event.kind) for event in run.events.events)
@@ -78,6 +78,7 @@ def summary(agents: AgentSession) -> dict[str, Any]:
         "notes": list(state.notes),
         "frames": run.last + 1,
         "computed": len(run.series),
+        "shown": state.index,
         "computing": state.target is not None or state.playing,
         "stored_run": run.stored is not None,
         "unavailable": "" if run.stored is None else run.stored.unavailable,
@@ -166,4 +167,5 @@ def picture(
     return Picture(found, "jpeg")
 
 
-TOOLS = tuple(map(Tool, (list_runs, open_run, summary, compute, trajectory_errors, picture)))
+LOOKS = tuple(map(Tool, (list_runs, summary, trajectory_errors, picture)))
+TOOLS = (*LOOKS, Tool(open_run, moves=True), Tool(compute, moves=True))

@@ -15,6 +15,7 @@ from ispom.types import Sequence
 from ...engine import warmup
 from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
 from ...engine.playback import Builder, truth_from_start
+from ...features.agents.required import require_port, require_sdk
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
 from ...features.lessons.library import Library, own_lesson
@@ -37,6 +38,9 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
+    if command.agents is not None:
+        require_sdk("--agents")
+        require_port("--agents", command.agents)
     opener, trajectories = command.opener(source), read_options(command.beside, command.beside_alignment)
     if trajectories and not source:
         raise InputError("--beside needs a source to be compared with: give one")
@@ -76,6 +80,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             base=command.base,
             open_browser=command.browser,
             onlookers=command.read_only,
+            agents=command.agents,
             mode="learn" if isinstance(command, Learn) else "debug",
         ),
     )

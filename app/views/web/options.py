@@ -39,6 +39,9 @@ class Serve(Options):
     """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""
     read_only: bool = False
     """Print a second address, for onlookers: whoever opens that one sees everything and can change nothing."""
+    agents: int | None = None
+    """Also serve tools for an agent, as `ispom mcp` does, on this port of 127.0.0.1 (0: any free one), with the token
+    of the page. The agent sees this session, and changes nothing in it."""
     allow_devices: bool = False
     """Let the page open cameras of this machine (camera:0)."""
     allow_network: bool = False

@@ -45,6 +45,8 @@ class Serving:
     open_browser: bool = True
     onlookers: bool = False
     """Whether there is an address for people who may only look."""
+    agents: int | None = None
+    """The port for agents, 0 for any; None: nothing is served to them."""
     mode: str = "debug"
     """In which the page opens: debug, compare or learn."""
 
@@ -89,6 +91,7 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     runner = runner_of(gateway.app)
     await runner.setup()
     gateway.connections = Connections(runner)
+    agents = None
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
@@ -96,6 +99,10 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         _print(f"ISPOM is at {address}{access.token}{mode}   (Ctrl-C ends it)")
         if access.onlookers is not None:
             _print(f"Onlookers see it, and change nothing, at {address}{access.onlookers}")
+        if serving.agents is not None:
+            from ...features.agents.http import serve_beside_page  # brings the SDK of an extra
+
+            agents = await asyncio.to_thread(serve_beside_page, backends.session, serving.agents, access)
         if serving.lets_others_in:
             _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
@@ -106,6 +113,8 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         server.close()
     finally:
         _print("closing …")
+        if agents is not None:
+            agents.end()
         recording = backends.session.state[Recordings].current
         if not await asyncio.to_thread(backends.session.close, CLOSE_S) and recording is not None:
             _print(f"The worker was still busy: {recording.name} ends with what was written so far.")

@@ -12,8 +12,11 @@ from typing import Any
 import pytest
 import uvicorn
 from ispom_app.features.agents.agent_session import AgentSession
-from ispom_app.features.agents.http import PATH, application
+from ispom_app.features.agents.http import PATH, application, serve_beside_page
 from ispom_app.features.agents.server import AgentServer
+from ispom_app.features.branches.state import Branches
+from ispom_app.session import moves
+from ispom_app.views.web.access import Access
 
 from tests.app.agents.asking import Agent, connected
 from tests.app.helpers import started
@@ -36,7 +39,7 @@ def served(agents: AgentSession, script: Callable[[int], Awaitable[Any]], log: l
     async def run() -> Any:
         listening = socket.create_server(("127.0.0.1", 0))
         port = listening.getsockname()[1]
-        app = application(AgentServer(agents, log.append), port, TOKEN)
+        app = application(AgentServer(agents, log.append), port, Access(frozenset(), token=TOKEN).knows)
         server = uvicorn.Server(uvicorn.Config(app, log_level="error", access_log=False))
         serving = asyncio.create_task(server.serve(sockets=[listening]))
         while not server.started:
@@ -90,3 +93,30 @@ def test_nobody_else_is(agents: AgentSession) -> None:
     log: list[str] = []
     found = served(agents, script, log)
     assert list(found.values()) == [401, 401, 401, 401, 401, 421, 403] and not log
+
+
+def test_beside_a_page_an_agent_looks_and_moves_nothing(agents: AgentSession) -> None:
+    """The person's run is there for it, with the token of those who only look, too."""
+    access = Access(frozenset(), onlookers="an onlooker")
+    agents.compute(None, 60.0)
+    agents.carry_out(lambda controller: controller.player.move(*moves.seek(controller.run, 3)))
+    beside = serve_beside_page(agents.session, 0, access)
+
+    async def script(agent: Agent) -> dict[str, Any]:
+        for name, arguments in {
+            "compute": {},
+            "open_run": {"source": "sim:tiny"},
+            "open_branch": {"number": 0},
+            "fork": {"frame": 2, "settings": {}},
+        }.items():
+            assert "person" in await agent.refusal(name, **arguments)
+        await agent.ask("verdict_at", frame=1)
+        return await agent.ask("summary")
+
+    try:
+        address = beside.address + "an onlooker"
+        found = asyncio.run(connected(address, script))
+    finally:
+        beside.end()
+    assert found["shown"] == 3 and found["computed"] == len(agents.run.history)
+    assert agents.state.index == 3 and len(agents.state[Branches].all) == 1
