@@ -106,6 +106,10 @@ class Factors:
             summed.integrateMeasurement(force, rate, dt)
         return [Factor("imu", gtsam.CombinedImuFactor(x[0], v[0], x[1], v[1], *b, summed), j, False)]
 
+    def robust(self, covariance: Array) -> Any:
+        """Returns the noise of a fix."""
+        return _robust(covariance)
+
     def _fix(self, fix: Fix, node: Node) -> Any:
         """Of an antenna at the time of the fix, by the motion of the images from there to the node."""
         import gtsam
@@ -113,7 +117,7 @@ class Factors:
         antenna = self.camera_from_rig.apply(fix.antenna_in_rig)
         antenna = fix.camera_from_then.scaled(np.exp(node.log_scale)).apply(antenna)
         arm = (self.rig_from_body.inverse() @ self.camera_from_rig.inverse()).apply(antenna)
-        return gtsam.GPSFactorArm(gtsam.symbol("x", node.number), fix.xyz_in_local, arm, _robust(fix.covariance))
+        return gtsam.GPSFactorArm(gtsam.symbol("x", node.number), fix.xyz_in_local, arm, self.robust(fix.covariance))
 
     def _relative(self, link: Link, i: int, j: int, robust: bool = True) -> Any:
         import gtsam

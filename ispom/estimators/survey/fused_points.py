@@ -24,6 +24,8 @@ FEWEST_VIEWS = 2
 """Nodes that see a track that takes part."""
 NEAREST = 1e-3
 """A point this near to the plane of a camera, or behind it, has no image there."""
+MOST_TRACKS = 150
+"""Tracks that take part at once, those with the most views first: more cost time, and hardly add to the poses."""
 WORST = 1e3
 """Residual of a point behind the camera [standard deviations]."""
 
@@ -47,13 +49,18 @@ class Linear:
 class Sights:
     """The observations of a window, sorted by track."""
 
-    def __init__(self, nodes: tuple[Node, ...], sigma: float, among: NDArray[np.int64] | None = None) -> None:
-        """`sigma`: standard deviation of a normalised coordinate. Only tracks `among` these ids, where given."""
+    def __init__(
+        self, nodes: tuple[Node, ...], sigma: float, among: NDArray[np.int64] | None = None, most: int = MOST_TRACKS
+    ) -> None:
+        """`sigma`: standard deviation of a normalised coordinate. Of at most so many tracks, only those `among` these
+        ids, where given."""
         ids = np.concatenate([n.points.ids for n in nodes])
         xy = np.concatenate([n.points.xy for n in nodes]).astype(float)
         view = np.repeat(np.arange(len(nodes)), [len(n.points) for n in nodes])
         _, track, counts = np.unique(ids, return_inverse=True, return_counts=True)
-        kept = counts[track] >= FEWEST_VIEWS
+        rank = np.empty(len(counts), np.int64)
+        rank[np.argsort(-counts, kind="stable")] = np.arange(len(counts))
+        kept = (counts[track] >= FEWEST_VIEWS) & (rank[track] < most)
         if among is not None:
             kept &= np.isin(ids, among)
         order = np.flatnonzero(kept)
@@ -98,7 +105,7 @@ class Sights:
             0.5 * LOSS**2 * np.log1p(squared / LOSS**2).sum() + 0.5 * (points[:, 2] ** 2).sum() / INVERSE_DEPTH**2
         )
 
-    def placed(self, turns: Array, places: Array, points: Array, iterations: int = 4) -> Array:
+    def placed(self, turns: Array, places: Array, points: Array, iterations: int = 2) -> Array:
         """Returns the points (T, 3) that fit best to cameras, from first estimates."""
         linear = self.linear(turns, places, points)
         best, damping = self._costs(linear, points), np.full(len(points), 1e-3)

@@ -2,8 +2,8 @@
 
 IMU and fixes are factors of gtsam; points are eliminated by `fused_points`. Both are summed to normal equations and
 solved by Levenberg and Marquardt's method. A node that leaves takes with it what it and its tracks say about the
-others: their joint information on the nodes that stay (Schur complement). Those observations are spent; tracks go on as
-new ones.
+others: their joint information on the nodes that stay (Schur complement). Of tracks that go on, only the observation
+in that node is given up: the others hold the window together.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from scipy.linalg import block_diag
 from scipy.sparse import csc_matrix, csr_matrix, diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
-from ispom.estimators.survey.fused_factors import BLIND, DIMENSIONS, ORDER, SIZES, Factor, Factors
+from ispom.estimators.survey.fused_factors import BLIND, DIMENSIONS, LOSS, ORDER, SIZES, Factor, Factors
 from ispom.estimators.survey.fused_graph import BIAS_PRIOR, GAUGE, SPEED_PRIOR, TILTED, UNPLACED_M, UNTURNED
 from ispom.estimators.survey.fused_links import Link
-from ispom.estimators.survey.fused_points import Sights
+from ispom.estimators.survey.fused_points import MOST_TRACKS, Sights
 from ispom.estimators.survey.fused_values import NO_POINTS, Node, Noise
 from ispom.geometry import Array, Pose
 from ispom.types import Rig
 
-ITERATIONS = 12
-CONVERGED = 1e-4
+ITERATIONS = 8
+CONVERGED = 1e-3
 """Iterations end where the cost, in variances, falls by less than this share."""
 RELAXED = 1e-4
 """Information where nothing holds a parameter: 100 m, m/s or rad."""
@@ -46,6 +46,17 @@ class TightPrior:
     """(K D,) information times the most likely difference."""
     without: Mapping[str, Array]
     """(K D, K D) information without each sensor."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedFactor(Factor):
+    """A factor under Huber's loss: a fix that contradicts pulls on, with bounded force, and is not dropped. Points alone
+    hold the scale of a bend badly, and a graph that drops fixes never comes back."""
+
+    def misfit(self, values: Any) -> float:
+        """Returns the squared residual, in variances, without the loss."""
+        cost = float(self.value.error(values))
+        return 2 * cost if cost <= LOSS**2 / 2 else (cost / LOSS + LOSS / 2) ** 2
 
 
 class TightGraph(Factors):
@@ -83,7 +94,8 @@ class TightGraph(Factors):
 
     def optimised(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
-        problem = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma))
+        most = MOST_TRACKS * (1 + len(nodes) // 16)
+        problem = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma, most=most))
         damping, cost = 1e-5, problem.cost
         for _ in range(ITERATIONS):
             matrix, vector = problem.normal()
@@ -102,13 +114,21 @@ class TightGraph(Factors):
         rms = {sensor: float(np.sqrt(np.mean(some[-6:]))) for sensor, some in misfits.items()}
         return found, {**({"visual": problem.visual_misfit} if len(problem.sights) else {}), **rms}
 
+    def robust(self, covariance: Array) -> Any:
+        import gtsam
+
+        model = gtsam.noiseModel
+        return model.Robust.Create(model.mEstimator.Huber.Create(LOSS), model.Gaussian.Covariance(covariance))
+
     def _pairs(self, nodes: tuple[Node, ...]) -> list[Factor]:
         """Returns the factors of all sensors but the images."""
         return [f for before, now in zip((None, *nodes), nodes, strict=False) for f in self._pair(before, now)]
 
     def _pair(self, before: Node | None, now: Node) -> list[Factor]:
         """Returns the factors from one node to the next, and those of the latter's fixes."""
-        found = [Factor("gnss", self._fix(fix, now), now.number) for fix in now.fixes if "gnss" in self.sensors]
+        found = list[Factor]()
+        if "gnss" in self.sensors:
+            found += [BoundedFactor("gnss", self._fix(fix, now), now.number) for fix in now.fixes]
         if before is not None and self.imu is not None:
             found += self._inertial(before, now, self.imu, (now.time_ns - before.time_ns) * 1e-9)
         if before is not None and (self.imu is None or now.inertial is None):
@@ -118,7 +138,7 @@ class TightGraph(Factors):
 
     def reduced(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[TightPrior, tuple[Node, ...]]:
         """Returns the prior of the others once the first node leaves the window, and those others."""
-        spent = nodes[0].points.ids
+        spent = np.setdiff1d(nodes[0].points.ids, nodes[-1].points.ids)
         factors = [*self._pair(None, nodes[0]), *self._pair(nodes[0], replace(nodes[1], fixes=()))]
         parts = Problem(self, nodes, prior, factors, Sights(nodes, self._sigma, spent)).parts()
         information, vector = _eliminated(*_sum(parts), self.size)
@@ -193,7 +213,7 @@ class Problem:
         self._graph, self._nodes, self._prior, self.factors, self.sights = graph, nodes, prior, factors, sights
         self.values = graph.values(nodes) if values is None else values
         cameras = graph.cameras(nodes, self.values)
-        self._points = sights.placed(*cameras, sights.start, 8) if points is None else sights.placed(*cameras, points)
+        self._points = sights.placed(*cameras, sights.start, 6) if points is None else sights.placed(*cameras, points)
         self._linear = sights.linear(*cameras, self._points)
         place = {node.number: i for i, node in enumerate(nodes)}
         self._of_prior = np.concatenate([graph.size * place[n.number] + np.arange(graph.size) for n in prior.at])
