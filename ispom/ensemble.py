@@ -71,10 +71,10 @@ class Ensemble:
         self, state: Mapping[str, Any], measurement: Measurement, name: str, ids: NDArray[np.int64]
     ) -> Step | None:
         """Returns the Step of a method from the state without these tracks (M,); None where it cannot be had so."""
-        member = self.members[name]
-        if member.method.asks or not isinstance(member.estimator, LeavesOut):
+        member, estimator = self.members[name], self.members[name].estimator
+        if member.method.asks or not isinstance(estimator, LeavesOut):
             return None
-        return member.estimator.step(member.estimator.without_tracks(state[name], ids), measurement)[1]
+        return member.estimator.step(estimator.without_tracks(state[name], ids), measurement)[1]
 
     def finish(self, state: Mapping[str, Any]) -> dict[str, Trajectory]:
         """Returns the trajectory of each chosen method."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import sys
-from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -21,12 +20,11 @@ from ispom.solvers.influence.problem import Shift
 from ...engine import warmup
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder, Playback
-from ...engine.run_folder.placements import placed
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.signals import terminable
 from ...session.review.stored import source_of, source_options
 from ..headless.console import progress, wait_for_compiler
-from .found import PoseBlame, pose_blame
+from .found import PoseBlame, pose_blames, units_m
 from .options import Blame
 from .words import answer, digits, size, unit_of
 
@@ -52,8 +50,7 @@ def blame(options: Blame, builder: Builder = build) -> int:
             while playback.position < options.at:
                 playback.step()
                 advance()
-        of = pose_blame(playback, methods)
-        of = replace(of, unit_m=_unit_m(run, of))
+        of, *_ = pose_blames(playback, methods, units_m(run.placements))
         checked = [_checked(playback, of, each) if options.check else None for each in of.listed()]
     sys.stdout.write("".join(f"{sentence}\n" for sentence in answer(of)))
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH).print(_table(of, checked, options.check))
@@ -69,12 +66,6 @@ def _methods(run: RunFile, options: Blame) -> tuple[str, ...]:
     if options.method not in with_dependencies(run.methods):
         raise InputError(f"the run has no method {options.method}: give one of {', '.join(run.methods)}")
     return (options.method,)
-
-
-def _unit_m(run: RunFile, of: PoseBlame) -> float | None:
-    """As the whole run knew it."""
-    known = [placement.scale for _, method, placement in placed(run.placements) if method == of.method]
-    return next((scale for scale in reversed(known) if scale != 1.0), of.unit_m)
 
 
 def _checked(playback: Playback, of: PoseBlame, each: Influence) -> Shift | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from ispom.solvers.influence.resection import ResectionProblem
 from ispom.types import Rig, Sequence, Step, Tracks
 
 from ...engine.playback import Playback
+from ...engine.run_folder.placements import placed
 
 ROWS, COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
 """Thirds of an image."""
@@ -90,12 +93,13 @@ class PoseBlame:
         return Shift(here.translation - there.translation, turned)
 
 
-def pose_blame(playback: Playback, methods: tuple[str, ...], unit_m: float | None = None) -> PoseBlame:
-    """Of the first of these methods that solved for a pose at the frame that the playback comes to next.
+def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[str, float]) -> list[PoseBlame]:
+    """Of each of these methods that solved for a pose at the frame that the playback comes to next.
 
-    Raises InputError where none did, with the reason, or the frame cannot be read.
+    `units_m` are those of the methods' worlds [m], where more is known than the playback knows by now. Raises
+    InputError where no method did, with the reasons, or the frame cannot be read.
     """
-    index, told, reasons = playback.position, playback.told(), list[str]()
+    index, told, found, reasons = playback.position, playback.told(), list[PoseBlame](), list[str]()
     for method in methods:
         if method not in told:
             kind = playback.sequence.kinds[index]
@@ -109,9 +113,16 @@ def pose_blame(playback: Playback, methods: tuple[str, ...], unit_m: float | Non
         if problem is None:
             reasons.append(f"{method} does not say what it solved at frame {index}")
             continue
-        unit_m = playback.unit_m(method) if unit_m is None else unit_m
-        return PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m)
-    raise InputError(f"{'; '.join(reasons) or 'no method runs'}: give another frame, or another method by --method")
+        unit_m = units_m.get(method, playback.unit_m(method))
+        found.append(PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m))
+    if not found:
+        raise InputError(f"{'; '.join(reasons) or 'no method runs'}: choose another frame or another method")
+    return found
+
+
+def units_m(placements: Iterable[Mapping[str, Any]]) -> dict[str, float]:
+    """By method: the unit of its world [m] as run.yaml has it, of the methods with a unit of their own."""
+    return {method: placement.scale for _, method, placement in placed(placements) if placement.scale != 1.0}
 
 
 def _of_camera(step: Step, rig: Rig, camera: str) -> Pose | None:

@@ -28,23 +28,24 @@ CORNERS = np.linspace(0, 2 * np.pi, 33)
 
 
 def in_images(looked: Looked) -> Iterator[Entry]:
-    """A ring around the selected track, in the image of each camera that sees it in its frame shown."""
+    """A ring around each selected track, in the image of each camera that sees it in its frame shown."""
     selection = looked.selection
-    if selection is None or selection.kind != "track":
+    if selection is None or not selection.tracks:
         return
     for name in looked.cameras:
         kind = "stereo" if name == "left" else "video"
         kinds = looked.sequence.kinds
         index = next((i for i in range(looked.record.index, -1, -1) if kinds[i] == kind), None)
         seen = None if index is None else seen_by(looked.records[index], selection.method, name)
-        rows = np.flatnonzero(seen.tracks.ids == selection.number) if seen is not None else []
+        rows = np.flatnonzero(np.isin(seen.tracks.ids, selection.tracks)) if seen is not None else []
         if seen is not None and len(rows):
             camera = looked.of_camera(name)
             radius = RING_OF_WIDTH * entities.shown_scale(camera.width, camera.height) * camera.width
             circle = radius * np.stack([np.cos(CORNERS), np.sin(CORNERS)], 1)
-            ring = entities.shown_uv(seen.tracks.uv[rows[0]], camera) + circle
-            style = {"colors": SELECTED, "radii": -RING_PX, "labels": f"track {selection.number}", "draw_order": 60}
-            yield Entry(f"{name}/selected", rr.LineStrips2D([ring], **style))
+            rings = [entities.shown_uv(uv, camera) + circle for uv in seen.tracks.uv[rows]]
+            style = {"colors": SELECTED, "radii": -RING_PX, "draw_order": 60}
+            style |= {"labels": f"track {selection.number}"} if len(selection.tracks) == 1 else {}
+            yield Entry(f"{name}/selected", rr.LineStrips2D(rings, **style))
 
 
 def in_world(looked: Looked, *, geometry: bool) -> Iterator[Entry]:

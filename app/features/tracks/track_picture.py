@@ -43,7 +43,7 @@ def track_picture(looked: Looked, views: RecordedViews | None = None) -> str:
             known["moved"] = (pink, dots(moved.uv))
             known["legend"].append((pink, f"{len(moved)} move by themselves, as one rigid thing"))
     title, scale, picked = _title(looked, recorded), _scale(looked), _picked(looked)
-    return render("track_picture.html", **known, title=title, scale=scale, picked=picked)
+    return render("track_picture.html", **known, title=title, scale=scale, picked=picked, rings=_rings(looked))
 
 
 def _image(looked: Looked, views: RecordedViews | None) -> Image | None:
@@ -129,6 +129,14 @@ def _legend(looked: Looked, counts: dict[TrackStatus, int]) -> list[tuple[str, s
         scale = SCALES[looked.colour_by]
         return [(colours.css(c), text) for c, text in zip(palette(), scale.labels(), strict=True)]
     return [(colours.css(colours.TRACK[s]), f"{count} {s.reason}") for s, count in counts.items()]
+
+
+def _rings(looked: Looked) -> list[list[float]]:
+    """Where several selected tracks are in this picture."""
+    selection, seen = looked.selection, looked.seen
+    if selection is None or selection.kind != "tracks" or seen is None:
+        return []
+    return in_view(seen.tracks.uv[np.isin(seen.tracks.ids, selection.tracks)]).tolist()
 
 
 def _picked(looked: Looked) -> dict[str, Any] | None:

@@ -6,7 +6,6 @@ What the sensor said before the window is in its prior, and stays there.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +45,7 @@ class GraphProblem:
     def pose(self) -> Pose:
         return _newest(self.solved)
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Part, ...]:
         told = {factor.sensor for factor in self.graph.factors(self.start, self.prior)}
         return tuple(Part("sensor", name) for sensor, name in NAMES.items() if sensor in told & set(DIMENSIONS))

@@ -16,7 +16,7 @@ TURNED_DEG = 60.0
 """Most angle between the ways that two of them pull [deg]; the mean of two that have nothing in common is 90."""
 LEAST_TRACKS = 3
 """Fewer are no group: two neighbours agree by chance."""
-COUNTING = 0.25
+COUNTING = 0.1
 """Least pull of a track in a group, relative to the median of the strongest tenth."""
 
 

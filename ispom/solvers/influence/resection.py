@@ -6,7 +6,6 @@ As in `window`: tracks by one Newton step of what is left, with the loss's own c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +49,7 @@ class ResectionProblem:
     def pose(self) -> Pose:
         return self.camera_from_world.inverse()
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Part, ...]:
         tracks = [Part("track", tracks=(int(i),)) for i in self.ids]
         priors = [MOTION] * (self.information is not None) + [OPEN_TRACKS] * (self.rays is not None)

@@ -58,7 +58,7 @@ class WindowProblem:
     def pose(self) -> Pose:
         return _newest(self.solved)
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Part, ...]:
         tracks = [Part("track", tracks=(int(i),)) for i in self.ids]
         frames = [Part("frame", time_ns=t) for t in self.times_ns[self._anchors : -1]]

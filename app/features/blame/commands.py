@@ -1,0 +1,18 @@
+"""Asking what moved the pose shown."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ...session.commands import Command
+from ...session.controller import Controller
+from .service import BlameService
+
+
+class AskBlame(Command, frozen=True):
+    """Find out what moved the poses of the frame that is shown, and by how much."""
+
+    newest_only: ClassVar[bool] = True
+
+    def execute(self, session: Controller) -> None:
+        session.service(BlameService).ask()
