@@ -35,6 +35,20 @@ def command_lines(text: str) -> list[list[str]]:
     return found
 
 
+INSTALLED = {
+    "orb/bin/ispom-orbslam3": "examples/orbslam3/ispom_orbslam3.py",
+    "svo/bin/ispom-svo": "examples/svo/ispom_svo.py",
+}
+"""Programs that readers install from examples, and the file that each of them runs."""
+
+
+def installed(word: str) -> str:
+    """Returns a word of a command line, with the files of the examples instead of programs that are not here."""
+    for program, file in INSTALLED.items():
+        word = word.replace(program, shlex.join([Path(sys.executable).as_posix(), (ROOT / file).as_posix()]))
+    return word
+
+
 def main() -> None:
     """Reads command lines as JSON from standard input, and prints what is wrong with each, or nothing."""
     import tyro
@@ -45,7 +59,7 @@ def main() -> None:
     sys.path.insert(0, str(ROOT / "examples" / "own_estimator"))
     from own_estimator import METHOD  # type: ignore[import-not-found]
 
-    lines = json.load(sys.stdin)
+    lines = [[installed(word) for word in words] for words in json.load(sys.stdin)]
     add(METHOD)
     from ispom_app.engine.external import add_programs
 
