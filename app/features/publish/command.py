@@ -114,7 +114,7 @@ def _report(out: Path, files: Mapping[str, bytes], stage: Stage) -> None:
         return sum(len(content) for name, content in files.items() if name.startswith(beginnings))
 
     total = sum(map(len, files.values()))
-    other = size("data/stage") - min(stage.image_bytes, size("data/stage"))
+    other = size("data/stage") - stage.image_bytes
     parts = {
         "Rerun viewer": size("rerun/"),
         f"images ({stage.images})": size("data/stage") - other,
