@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Annotated, Any, get_args, get_origin
 
 from mcp.server.mcpserver import Context, Image, MCPServer
-from mcp.server.mcpserver.exceptions import ToolError
+from mcp.server.mcpserver.exceptions import ToolError, UnexpectedToolError
 from mcp.server.mcpserver.tools.base import Tool as Served
 from mcp_types import CallToolResult, InputRequiredResult, ToolAnnotations
 from pydantic import ConfigDict, Field
@@ -47,7 +47,9 @@ class AgentServer(MCPServer):
         try:
             result = await super().call_tool(name, arguments, context)
         except ToolError as refusal:
-            self._log(line(name, arguments, f"refused: {str(refusal).removeprefix(f'Error executing tool {name}: ')}"))
+            reason = str(refusal).removeprefix(f"Error executing tool {name}: ")
+            crashed = isinstance(refusal, UnexpectedToolError)
+            self._log(line(name, arguments, f"failed: {refusal.__cause__!r}" if crashed else f"refused: {reason}"))
             raise
         self._log(line(name, arguments, f"answered {_size(result)} characters"))
         return result

@@ -115,8 +115,8 @@ def compute(
     seconds: Annotated[float, "Time after which the call returns; the computation goes on."] = 30.0,
 ) -> dict[str, Any]:
     """Computes the frames of the open source up to one of them, and says how far that came. Where `done` is false,
-    call it again. Nothing is written. The first computation of a program version also compiles code, for up to a
-    minute."""
+    call it again; a call with a frame that is computed stops it. Nothing is written. The first computation of a program
+    version also compiles code, for up to a minute."""
     if not 0 < seconds <= LONGEST_S:
         raise InputError(f"seconds is {seconds:g}: give a number up to {LONGEST_S:.0f}")
     agents.compute(frame, seconds)

@@ -7,7 +7,6 @@ import os
 import sys
 from pathlib import Path
 
-import pytest
 from ispom_app.features.agents.command import agent_session
 from ispom_app.features.agents.options import Mcp
 from mcp import StdioServerParameters
@@ -19,6 +18,8 @@ from tests.app.agents.asking import Agent, asked, connected, first_failing_check
 FROM_S = 1.0
 SOURCE = f"sim:tiny?fault=darkness:factor=0.02,from_s={FROM_S}"
 FRAMES = 38
+FIRST_CHECK = {"monocular": "monocular.pose_points", "stereo": "stereo.described_points"}
+"""By method: what it finds no points for in the dark, the pose or the last search."""
 
 
 def first_dark_frame(kind: str) -> int:
@@ -28,16 +29,20 @@ def first_dark_frame(kind: str) -> int:
     return next(i for i in range(len(sequence)) if sequence.kinds[i] == kind and times_s[i] >= FROM_S)
 
 
-@pytest.mark.parametrize(
-    ("method", "kind", "key"),
-    [("monocular", "video", "monocular.pose_points"), ("stereo", "stereo", "stereo.described_points")],
-)
-def test_darkness_is_found_at_its_first_frame(tmp_path: Path, method: str, kind: str, key: str) -> None:
-    options = Mcp(sources=(SOURCE,), runs=tmp_path, methods=(method,), max_exposures=FRAMES)
+def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
+    options = Mcp(sources=(SOURCE,), runs=tmp_path, methods=tuple(FIRST_CHECK), max_exposures=FRAMES)
     with agent_session(options, build) as agents:
         agents.open(SOURCE)
-        found = asked(agents, lambda agent: first_failing_check(agent, method))
-    assert found == (key, first_dark_frame(kind))
+
+        async def script(agent: Agent) -> dict[str, tuple[str, int]]:
+            found = {method: await first_failing_check(agent, method) for method in FIRST_CHECK}
+            earliest = (await agent.ask("first_failures"))["rows"][0]
+            assert (earliest["key"], earliest["first_frame"]) == min(found.values(), key=lambda each: each[1])
+            return found
+
+        found = asked(agents, script)
+    kinds = {"monocular": "video", "stereo": "stereo"}
+    assert found == {m: (key, first_dark_frame(kinds[m])) for m, key in FIRST_CHECK.items()}
 
 
 def test_over_standard_input_and_output(tmp_path: Path) -> None:

@@ -226,3 +226,19 @@ def test_runs_of_a_folder_are_listed_opened_and_compared(runs: Path, tmp_path: P
         asked(agents, script)
     finally:
         session.close(5)
+
+
+def test_a_crash_is_logged_and_no_detail_reaches_the_agent(
+    agents: AgentSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(agents: AgentSession, series: object) -> None:
+        raise RuntimeError("a detail")
+
+    monkeypatch.setattr(AgentSession, "stretch", crash)
+
+    async def script(agent: Agent) -> str:
+        return await agent.refusal("events")
+
+    log: list[str] = []
+    assert "detail" not in asked(agents, script, log)
+    assert "failed" in log[0]
