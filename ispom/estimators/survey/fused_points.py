@@ -15,6 +15,7 @@ from scipy.sparse import csr_matrix
 
 from ispom.estimators.survey.fused_values import Node
 from ispom.geometry import Array
+from ispom.types import LensCorrection
 
 LOSS = 3.0
 """Width of the Cauchy loss of an observation [standard deviations]."""
@@ -50,12 +51,18 @@ class Sights:
     """The observations of a window, sorted by track."""
 
     def __init__(
-        self, nodes: tuple[Node, ...], sigma: float, among: NDArray[np.int64] | None = None, most: int = MOST_TRACKS
+        self,
+        nodes: tuple[Node, ...],
+        sigma: float,
+        among: NDArray[np.int64] | None = None,
+        most: int = MOST_TRACKS,
+        lens: LensCorrection | None = None,
     ) -> None:
         """`sigma`: standard deviation of a normalised coordinate. Of at most so many tracks, only those `among` these
-        ids, where given."""
+        ids, where given. `lens`: what is wrong with the calibration."""
         ids = np.concatenate([n.points.ids for n in nodes])
-        xy = np.concatenate([n.points.xy for n in nodes]).astype(float)
+        points = [n.points if lens is None else n.points.corrected(lens) for n in nodes]
+        xy = np.concatenate([each.xy for each in points]).astype(float)
         view = np.repeat(np.arange(len(nodes)), [len(n.points) for n in nodes])
         _, track, counts = np.unique(ids, return_inverse=True, return_counts=True)
         rank = np.empty(len(counts), np.int64)

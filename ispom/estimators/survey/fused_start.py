@@ -79,7 +79,7 @@ def resting(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose,
     """
     samples = [n.inertial for n in nodes[1:] if n.inertial is not None]
     seconds = sum(float(s.seconds.sum()) for s in samples)
-    if seconds < REST_S or len(samples) < len(nodes) - 1:
+    if seconds < 0.99 * REST_S or len(samples) < len(nodes) - 1:
         return None
     for now in nodes[1:]:
         _, here, there = np.intersect1d(nodes[0].points.ids, now.points.ids, return_indices=True)

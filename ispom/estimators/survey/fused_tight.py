@@ -39,7 +39,7 @@ from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Landmarks, Measurement, Rig, Status, Step, TrackStatus, Trajectory
+from ispom.types import Decision, Landmarks, LensCorrection, Measurement, Rig, Status, Step, TrackStatus, Trajectory
 
 WORST_START = 0.15
 """Standard deviation of the position, as a share of the way, with which a start in motion is accepted."""
@@ -72,6 +72,8 @@ class TightState(FusedState):
     """Of the present image."""
     seen_points: PersistentList[tuple[int, Points]] = PersistentList()
     """By number of the node: all, of which the window has those that are not spent."""
+    lens: LensCorrection | None = None
+    """What `monocular` found to be wrong with the calibration."""
     speed_sigma: float = 0.0
     """Standard deviation of the velocity at the last node [m/s]."""
 
@@ -99,7 +101,8 @@ class Tight(Fused):
         if "visual" in inputs and (tracks := inputs["visual"].tracks.get("video")) is not None:
             alive = tracks.status < TrackStatus.LOST
             xy = self._camera.normalise(tracks.uv[alive]).astype(np.float32)
-            state = replace(state, points=Points(tracks.ids[alive], xy))
+            lens = inputs["visual"].calibration.lens
+            state = replace(state, points=Points(tracks.ids[alive], xy), lens=state.lens if lens is None else lens)
         return super().step(state, measurement, inputs)
 
     def _due(self, state: Any, time_ns: int, sighted: bool) -> bool:
@@ -153,12 +156,12 @@ class Tight(Fused):
             return waiting
         start, still = begin
         prior = self._tight.first_prior(start.nodes[0], still)
-        nodes, misfits = self._tight.optimised(start.nodes, prior)
+        nodes, misfits = self._tight.optimised(start.nodes, prior, state.lens)
         way = sum(
             float(np.linalg.norm(b.local_from_rig.translation - a.local_from_rig.translation))
             for a, b in pairwise(nodes)
         )
-        covariance = self._tight.uncertainty(nodes, prior)[0]
+        covariance = self._tight.uncertainty(nodes, prior, state.lens)[0]
         watch.lap("optimise")
         if not still and np.sqrt(np.trace(covariance[:3, :3])) > WORST_START * way:
             return waiting
@@ -186,7 +189,7 @@ class Tight(Fused):
         sources = sum(each is not None for each in (node.visual, node.inertial))
         watch.lap("measure")
         nodes = revised_nodes((*state.nodes, node), dict(state.seen))
-        nodes, misfits = self._tight.optimised(nodes, state.joint)
+        nodes, misfits = self._tight.optimised(nodes, state.joint, state.lens)
         watch.lap("optimise")
         frames = state.frames.appended((time_ns, node.number, Pose()))
         state = replace(state, nodes=nodes, frames=frames)
@@ -198,11 +201,11 @@ class Tight(Fused):
         """Returns the Step of the last node, and the window without the nodes that are too many."""
         nodes = (*state.nodes[:-1], self._scaled(state.nodes))
         last, prior, settled = nodes[-1], state.joint, state.settled
-        covariance, speed_sigma, gains = self._tight.uncertainty(nodes, prior)
+        covariance, speed_sigma, gains = self._tight.uncertainty(nodes, prior, state.lens)
         revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
         while len(nodes) > self._config.window:
             settled = settled.appended(replace(nodes[0], points=NO_POINTS))
-            prior, nodes = self._tight.reduced(nodes, prior)
+            prior, nodes = self._tight.reduced(nodes, prior, state.lens)
         watch.lap("marginalise")
         fits = [FITS[sensor].of(value, MAX_FIT) for sensor, value in misfits.items()]
         gain = [GAINS[sensor].of(value, MIN_GAIN) for sensor, value in gains.items()]
@@ -247,13 +250,13 @@ class Tight(Fused):
         begin = state.origin.at[0].number
         older = [n for n in nodes if n.number < begin]
         together = tuple(replace(n, points=points[n.number]) for n in nodes if n.number >= begin)
-        nodes = [*older, *self._tight.optimised(together, state.origin)[0]]
+        nodes = [*older, *self._tight.optimised(together, state.origin, state.lens)[0]]
         return Trajectory.of(_filled({n.number: n for n in nodes}, list(state.frames)))
 
     def _with_other_sensors(self, state: Any) -> Any:
         """Goes on from the last pose after a change of the scheme."""
         bare = replace(self.start(), settled=state.settled, frames=state.frames, seen=state.seen, last_ns=state.last_ns)
-        bare = replace(bare, number=state.number, seen_points=state.seen_points, points=state.points)
+        bare = replace(bare, number=state.number, seen_points=state.seen_points, points=state.points, lens=state.lens)
         if state.covariance is None or not state.nodes:
             return bare
         last = replace(state.nodes[-1], fixes=(), bias=np.zeros(6))

@@ -23,7 +23,7 @@ from ispom.estimators.survey.fused_links import Link
 from ispom.estimators.survey.fused_points import MOST_TRACKS, Sights
 from ispom.estimators.survey.fused_values import NO_POINTS, Node, Noise
 from ispom.geometry import Array, Pose
-from ispom.types import Rig
+from ispom.types import LensCorrection, Rig
 
 ITERATIONS = 8
 CONVERGED = 1e-3
@@ -50,8 +50,8 @@ class TightPrior:
 
 @dataclass(frozen=True, eq=False)
 class BoundedFactor(Factor):
-    """A factor under Huber's loss: a fix that contradicts pulls on, with bounded force, and is not dropped. Points alone
-    hold the scale of a bend badly, and a graph that drops fixes never comes back."""
+    """A factor under Huber's loss: a fix that contradicts pulls on, with bounded force, and is not dropped. A graph
+    without a visual scale that drops fixes never comes back."""
 
     def misfit(self, values: Any) -> float:
         """Returns the squared residual, in variances, without the loss."""
@@ -92,10 +92,12 @@ class TightGraph(Factors):
         information = np.asarray(block_diag(*(parts[c] for c in self.letters)), float)
         return TightPrior((node,), information, np.zeros(self.size), dict.fromkeys(sorted(self.sensors), information))
 
-    def optimised(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[tuple[Node, ...], dict[str, float]]:
+    def optimised(
+        self, nodes: tuple[Node, ...], prior: TightPrior, lens: LensCorrection | None
+    ) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
         most = MOST_TRACKS * (1 + len(nodes) // 16)
-        problem = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma, most=most))
+        problem = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma, None, most, lens))
         damping, cost = 1e-5, problem.cost
         for _ in range(ITERATIONS):
             matrix, vector = problem.normal()
@@ -136,11 +138,13 @@ class TightGraph(Factors):
             found.append(Factor("blind", self._relative(link, before.number, now.number, False), now.number, False))
         return found
 
-    def reduced(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[TightPrior, tuple[Node, ...]]:
+    def reduced(
+        self, nodes: tuple[Node, ...], prior: TightPrior, lens: LensCorrection | None
+    ) -> tuple[TightPrior, tuple[Node, ...]]:
         """Returns the prior of the others once the first node leaves the window, and those others."""
         spent = np.setdiff1d(nodes[0].points.ids, nodes[-1].points.ids)
         factors = [*self._pair(None, nodes[0]), *self._pair(nodes[0], replace(nodes[1], fixes=()))]
-        parts = Problem(self, nodes, prior, factors, Sights(nodes, self._sigma, spent)).parts()
+        parts = Problem(self, nodes, prior, factors, Sights(nodes, self._sigma, spent, lens=lens)).parts()
         information, vector = _eliminated(*_sum(parts), self.size)
         without = dict[str, Array]()
         for sensor, start in prior.without.items():
@@ -149,10 +153,12 @@ class TightGraph(Factors):
         at = tuple(replace(n, points=NO_POINTS) for n in others)
         return TightPrior(at, information, vector, without), others
 
-    def uncertainty(self, nodes: tuple[Node, ...], prior: TightPrior) -> tuple[Array, float, dict[str, float]]:
+    def uncertainty(
+        self, nodes: tuple[Node, ...], prior: TightPrior, lens: LensCorrection | None
+    ) -> tuple[Array, float, dict[str, float]]:
         """Returns of the last node the covariance (6, 6) of the rig's pose, the standard deviation of its velocity (0
         without an IMU) [m/s], and by sensor the factor by which its position would be less certain without it."""
-        parts = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma)).parts()
+        parts = Problem(self, nodes, prior, self._pairs(nodes), Sights(nodes, self._sigma, lens=lens)).parts()
         covariance, place = self._last(_sum(parts)[0]), slice(3, 6)
         own, gain = np.sqrt(np.trace(covariance[place, place])), dict[str, float]()
         for sensor, start in prior.without.items():

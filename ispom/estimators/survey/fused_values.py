@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.survey.fused_links import FLOOR_M, FLOOR_RAD, Fix, Inertial, Link
 from ispom.geometry import Array, Pose
+from ispom.types import LensCorrection
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,11 @@ class Points:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def corrected(self, lens: LensCorrection) -> Points:
+        """Returns the points where a right lens would show them."""
+        squared = (self.xy**2).sum(axis=1, keepdims=True)
+        return Points(self.ids, (self.xy / (1 + lens.focal + lens.radial * squared)).astype(np.float32))
 
     def without(self, ids: NDArray[np.int64]) -> Points:
         """Returns the points of other tracks."""
