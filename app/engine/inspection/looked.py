@@ -94,17 +94,25 @@ class Looked:
 
     @cached_property
     def pictured(self) -> FrameName:
-        """The camera whose picture is shown."""
+        """The camera whose picture is shown: the one wanted, or else the first with tracks of the selection's method."""
         cameras = self.cameras or self._recorded_cameras
-        camera = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
-        return "left" if camera == "left" else "video"
+        if self.camera in cameras:
+            return self.camera
+        method = self.selection.method if self.selection else ""
+        return next((name for name in cameras if method and self._sees(method, name)), (*cameras, "video")[0])
 
     @cached_property
     def index(self) -> int | None:
         """The camera's latest frame; None before its first."""
-        kind = "stereo" if self.pictured == "left" else "video"
-        kinds = self.sequence.kinds
+        return self._latest(self.pictured)
+
+    def _latest(self, camera: FrameName) -> int | None:
+        kind, kinds = "stereo" if camera == "left" else "video", self.sequence.kinds
         return next((i for i in range(self.record.index, -1, -1) if kinds[i] == kind), None)
+
+    def _sees(self, method: str, camera: FrameName) -> bool:
+        index = self._latest(camera)
+        return index is not None and seen_by(self.records[index], method, camera) is not None
 
     @cached_property
     def seen(self) -> Seen | None:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.geometry import Pose
 from ispom.solvers.influence.blame import Blame, Influence, blame, problem_of
 from ispom.solvers.influence.problem import PartKind, Shift
 from ispom.solvers.influence.resection import ResectionProblem
-from ispom.types import Rig, Sequence, Step, Tracks
+from ispom.types import Sequence, Step, Tracks
 
+from ...engine.inspection.sightings import camera_pose
 from ...engine.playback import Playback
 from ...engine.run_folder.placements import placed
 
@@ -86,7 +86,7 @@ class PoseBlame:
     def between(self, other: Step) -> Shift | None:
         """From where another Step of the frame has the pose to where it is; None where that one has none."""
         rig, camera = self.sequence.rig, self.camera
-        here, there = (_of_camera(step, rig, camera) for step in (self.step, other))
+        here, there = (camera_pose(step, rig, camera) for step in (self.step, other))
         if here is None or there is None:
             return None
         turned = (here.inverse() @ there).log()[3:]
@@ -123,10 +123,3 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
 def units_m(placements: Iterable[Mapping[str, Any]]) -> dict[str, float]:
     """By method: the unit of its world [m] as run.yaml has it, of the methods with a unit of their own."""
     return {method: placement.scale for _, method, placement in placed(placements) if placement.scale != 1.0}
-
-
-def _of_camera(step: Step, rig: Rig, camera: str) -> Pose | None:
-    """world_from_camera of a step."""
-    if step.world_from_frame is None:
-        return None
-    return step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)

@@ -1,0 +1,52 @@
+"""What moved a pose, in the page: the button answers, and a click on a row shows its tracks in the image."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium"),
+]
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+AT = 12
+"""The second stereo frame."""
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    folder = tmp_path_factory.mktemp("blame")
+    found = launched([sys.executable, "-m", "tests.app.page.serve_tiny", str(folder), "0"], folder)
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.send(f"{{do: 'seek', index: {AT}}}")
+    opened.until(f"state.index === {AT}", "the frame")
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def test_a_click_on_a_row_shows_its_tracks(page: Page):
+    page.controls.get_by_role("tab", name="Explain", exact=True).click()
+    page.controls.get_by_text("What moved this pose", exact=True).click()
+    page.controls.get_by_role("button", name="Find what moved this pose").click()
+    page.until("state.blame.includes('stereo')", "the answer")
+    row = page.controls.locator("[data-select^='tracks:stereo:']").first
+    wanted = row.get_attribute("data-select")
+    row.click()
+    page.until(f"state.selected === '{wanted}'", "the tracks")
+    page.controls.get_by_role("tab", name="Tracks", exact=True).click()
+    page.controls.locator("svg[data-pick] circle").first.wait_for()
+    assert page.controls.locator("svg[data-pick] circle").count() >= 3
