@@ -21,7 +21,7 @@ class Doctor(Programs):
     """Folder that `ispom run` wrote."""
     at: int | None = None
     """Frame in the bad stretch, counted from 0. Default: that of the worst event of the run."""
-    frames: Annotated[int, Range(8, 400)] = 60
+    frames: Annotated[int, Range(8, 400)] = 45
     """Frames of the main camera (video, else stereo) that are examined, most of them before that one."""
     seconds: Annotated[float, Range(1, 3600)] = 60.0
     """No new suspect is examined after so many seconds."""

@@ -29,6 +29,13 @@ def diagnose(
             silent.append(suspect.key)
         else:
             ranked.append(Ranked(suspect, finding))
-    ranked.sort(key=lambda each: -each.finding.strength)  # stable: at the same strength in the table's order
+    ranked.sort(key=_place)  # stable: at the same strength in the table's order
     first, last = (seen.shots[0].index, seen.shots[-1].index) if seen.shots else (0, 0)
     return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left))
+
+
+def _place(each: Ranked) -> tuple[bool, bool, float]:
+    """Causes before the others. What images and times show comes before what tracks and calibrations explain, which are
+    tested fairly on good images only."""
+    plain = each.suspect.how in ("images", "times")
+    return not each.finding.found, each.finding.found and not plain, -each.finding.strength

@@ -14,14 +14,14 @@ from ispom.types import Camera, Image
 
 from .examination import Examination, Shot
 
-MOST = 200
+MOST = 160
 """Corners that are followed at a time."""
 APART_PX = 8
 WINDOW = (15, 15)
 LEVELS = 3
 AGREE_PX = 0.4
 """A corner that is followed forth and back comes back as near as this, or it is lost."""
-GUESSES = (0.0, 0.012, 0.03, 0.06, 0.1, 0.15, 0.22, -0.02, -0.05, -0.1, -0.18)
+GUESSES = (0.01, 0.035, 0.07, 0.12, 0.18, -0.02, -0.05, -0.1)
 """Disparities from which the search in the right image starts, relative to its width; negative ones where left and right
 are exchanged."""
 QUALITY = 0.01

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,11 +14,14 @@ from ..start import rotation_residuals, triangulate
 NEGATIVE_SHARE = 0.5
 """Share of the matches with a negative disparity from which on left and right are exchanged."""
 LEAST_MATCHES = 30
-STATIC_RATIO = 0.6
-"""Mean gradient of all frames over their mean gradient strength, from which on a block shows the same all the time."""
-STATIC_SHARE = 0.04
-"""Share of the blocks that show the same while others change."""
-BLOCK_PX = 10
+BORDER = 0.08
+"""Of the image's size: corners leave the image there."""
+NEAR = 0.035
+"""Places are the same within this, relative to the image's width."""
+AGAIN = 2
+"""Corners lost at a place, from which on it is one where corners are lost again and again."""
+LOST_AGAIN_SHARE = 0.005
+"""Of the corners of a frame, lost at such places."""
 LEAST_FLOW_PX = 25.0
 """Way of the median track in the stretch from which on the scene is said to move through the image."""
 MOVING_PX = 2.0
@@ -52,32 +54,25 @@ def exchanged(seen: Examination) -> Finding | None:
 
 
 def on_lens(seen: Examination) -> Finding | None:
-    """Measures the share of the image with edges that stay while the scene moves."""
-    flow = way_px(seen)
+    """Counts corners that are lost again and again at the same places of the image, away from its border."""
+    flow, camera, uv = way_px(seen), seen.rig.camera(seen.main), seen.tracked.uv
     if flow is None or flow < LEAST_FLOW_PX:
         return None
-    shots = seen.main_shots
-    shape = shots[0].images[seen.main].shape
-    sums, strengths = np.zeros((2, *shape)), np.zeros(shape)
-    for shot in shots:
-        smooth = cv2.GaussianBlur(shot.images[seen.main], (0, 0), 1.0).astype(np.float32)
-        gradient = np.stack([cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
-        sums = sums + gradient
-        strengths = strengths + np.linalg.norm(gradient, axis=0)
-    steady = np.linalg.norm(sums, axis=0)
-    rows, columns = (n // BLOCK_PX for n in steady.shape)
-    tiled = [a[: rows * BLOCK_PX, : columns * BLOCK_PX].reshape(rows, BLOCK_PX, columns, BLOCK_PX) for a in (steady, strengths)]
-    # the strongest steady edge of a block: a drop's rim is thinner than the block
-    flat = [t.transpose(0, 2, 1, 3).reshape(rows * columns, -1) for t in tiled]
-    at = flat[0].argmax(axis=1)
-    top, strength = (f[np.arange(len(at)), at] for f in flat)
-    visible = strength / len(shots) > 12
-    share = float(((top / np.maximum(strength, 1e-6) > STATIC_RATIO) & visible).mean())
+    known = np.isfinite(uv[..., 0])
+    lost = known[:, :-1] & ~known[:, 1:]
+    at = uv[:, :-1][lost]
+    size = np.array([camera.width, camera.height])
+    inside = ((at > BORDER * size) & (at < (1 - BORDER) * size)).all(axis=1)
+    at = at[inside]
+    share = len(at) / max(int(known[:, :-1].sum()), 1)
+    apart = np.linalg.norm(at[:, None] - at[None], axis=2)
+    again = float(((apart < NEAR * camera.width).sum(axis=1) > AGAIN).mean()) if len(at) else 0.0
     return Finding(
-        share / STATIC_SHARE,
-        f"{100 * share:.1f} % of the {seen.main} image has edges that stay in place while the scene moves by {flow:.0f} px.",
-        {"static_share": share},
-        (shots[-1].index,),
+        share * again / LOST_AGAIN_SHARE,
+        f"{100 * share:.1f} % of the corners are lost per frame away from the border, {100 * again:.0f} % of them where "
+        "others were lost before.",
+        {"lost_share": share, "again_share": again},
+        (seen.main_shots[-1].index,),
     )
 
 
@@ -128,7 +123,7 @@ def track_errors_px(seen: Examination) -> tuple[Array, Array] | None:
     rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
     _, errors = triangulate(rays, dict(enumerate(poses)))
     last = np.array([track[np.isfinite(track[:, 0])][-1] for track in uv])
-    return np.minimum(np.nan_to_num(errors, nan=np.inf) * camera.fx, 1e3), last
+    return np.minimum(np.nan_to_num(errors, nan=1.0), 1.0) * camera.fx, last
 
 
 def clustered(uv: Array, chosen: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
