@@ -21,6 +21,7 @@ export function feedPublished(handle, news, control, { recording, frames }) {
   };
   // A frame is whole when the piece that has its end, and those before, were taken in.
   const isThere = (index) => stage.taken >= frames.length || index <= (frames[stage.taken - 1] ?? -1);
+  stage.redraw = () => stage.shown && showFrame(stage.recording, stage.shown.index);
   stage.want = (index) => {
     stage.wanted = index;
     ask();
