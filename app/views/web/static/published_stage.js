@@ -6,7 +6,6 @@ import { showFrame } from "./viewer_control.js";
 
 const RUN = "published"; // name of the channel
 const SETTLED_FRAMES = 3; // in which the viewer makes a layout that it was given its own
-const SETTLE_MS = 10_000; // the longest wait for them
 
 // As feedLive of live.js; `data` says which recording it is, and the last frame of each piece. `control` sends a message to
 // the viewer, and returns whether the viewer took it.
@@ -40,7 +39,6 @@ export function feedPublished(handle, news, control, { recording, frames }) {
       laidOut = () => {};
       afterFrames(() => --left <= 0 && (done() ?? true));
     };
-    setTimeout(done, SETTLE_MS);
   });
   async function ask() {
     const { wanted, shown, unread, recording } = stage;
