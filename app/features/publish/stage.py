@@ -37,6 +37,8 @@ UNSEEN = re.compile(r"/decisions|/.+/coloured/.+")
 """Texts, which the page has as verdicts and checks, and other colours of the tracks, which it cannot choose."""
 STEPS_PER_PX = 16
 """Places in images are rounded to such fractions of a pixel: nobody sees that, and they take a third less."""
+LEAST_SHARE = 0.7
+"""Of the estimated size of images: small ones have more in common. What might fit is tried."""
 LEVEL = 9
 """Of gzip."""
 
@@ -82,7 +84,7 @@ class StageWriter:
         # gzip finds what images have in common
         share = (len(whole.content) - bare) / max(estimated_bytes(self._entities(), CHOICES[0]), 1)
         for images in CHOICES[1:-1]:
-            if bare + share * estimated_bytes(self._entities(), images) <= most_bytes:
+            if bare + LEAST_SHARE * share * estimated_bytes(self._entities(), images) <= most_bytes:
                 found = self.stage(images)
                 if len(found.content) <= most_bytes:
                     return replace(found, image_bytes=len(found.content) - bare)

@@ -78,6 +78,11 @@ def test_keys_move_and_the_stage_follows(page: Page) -> None:
     assert index == max(frame for frame in made if frame < last - 1)
 
 
+def test_a_picture_is_taken_of_the_frame_that_is_shown(page: Page) -> None:
+    asked = "new TextDecoder().decode(window.ispom.viewer.stage.redraw())"
+    assert "exposure" in page.tab.evaluate(asked)
+
+
 def test_the_time_dock_seeks_and_a_reload_returns_there(page: Page, url: str) -> None:
     box = page.tab.locator("#axis").bounding_box()
     page.tab.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 12)

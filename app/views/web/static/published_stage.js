@@ -6,7 +6,6 @@ import { showFrame } from "./viewer_control.js";
 
 const RUN = "published"; // name of the channel
 const SETTLED_FRAMES = 3; // in which the viewer makes a layout that it was given its own
-const SETTLE_MS = 10_000; // the longest wait for them
 
 // As feedLive of live.js; `data` says which recording it is, and the last frame of each piece. `control` sends a message to
 // the viewer, and returns whether the viewer took it.
@@ -21,6 +20,7 @@ export function feedPublished(handle, news, control, { recording, frames }) {
   };
   // A frame is whole when the piece that has its end, and those before, were taken in.
   const isThere = (index) => stage.taken >= frames.length || index <= (frames[stage.taken - 1] ?? -1);
+  stage.redraw = () => stage.shown && showFrame(stage.recording, stage.shown.index);
   stage.want = (index) => {
     stage.wanted = index;
     ask();
@@ -39,7 +39,6 @@ export function feedPublished(handle, news, control, { recording, frames }) {
       laidOut = () => {};
       afterFrames(() => --left <= 0 && (done() ?? true));
     };
-    setTimeout(done, SETTLE_MS);
   });
   async function ask() {
     const { wanted, shown, unread, recording } = stage;

@@ -108,7 +108,7 @@ function say(text, ended = false) {
 
 // A copy of what the viewer shows; null where it shows nothing, or draws nothing for so long.
 async function pictureOf(viewer, canvas, patience = PICTURE_MS) {
-  const { handle, shown } = viewer;
+  const { handle, shown, stage } = viewer;
   if (!handle || handle.has_panicked() || !at("cover").hidden) return null;
   return new Promise((done) => {
     setTimeout(done, patience, null);
@@ -120,7 +120,7 @@ async function pictureOf(viewer, canvas, patience = PICTURE_MS) {
       if (drawn) done(copy);
       return drawn;
     });
-    control(viewer, redraw(shown));
+    control(viewer, stage.redraw?.() ?? redraw(shown));
   });
 }
 
