@@ -6,12 +6,12 @@
    positions of the antenna. No relative pose of a visual method enters, so its scale and drift do not either.
 4. What leaves the window stays as a joint prior on the nodes that its tracks see (`fused_tight_graph`).
 
-The tracks are those of `monocular`, also while it has no map: the IMU and a few points are enough here. Between nodes
-the IMU gives the pose, without one the images do. At the end all nodes and tracks are estimated at once.
+The tracks are those of `monocular`, also while it has no map, and so is the correction of the lens: the IMU and a few
+points are enough here. Between nodes the IMU gives the pose, without one the images do. At the end all nodes and tracks are estimated at once.
 
 Limits: one noise for all points; clocks and places of sensors in the rig are taken as exact; a start while moving
 needs a map of `monocular`. A vehicle that hardly accelerates shows its IMU no scale. Figures are in
-docs/methods/notes/fused.tight.md.
+docs/methods/notes/fused_tight.md.
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ class FusedTightConfig(FusedConfig):
     scheme: Literal["auto", "1", "2", "4", "6"] = "auto"
     """Which sensors take part, by the scheme of Table 2: 1, 2 GNSS and IMU; 4 GNSS; 6 IMU; auto: those that the
     recording has."""
+    node_s: Annotated[float, Range(0.05, 2)] = 0.2
+    """Time from one node of the graph to the next [s]."""
     noise_px: Annotated[float, Range(0.05, 10)] = 0.5
     """Standard deviation of a tracked point [px]."""
 
