@@ -2,16 +2,18 @@
 
 1. Nodes: as in `fused`, every `node_s` seconds and at each fix. Each has the tracked points of its image.
 2. Start: from a rig that stands, gravity and the gyroscope's bias; else as `fused`, by the poses of `monocular`.
-3. Graph: a smart factor for each track (Carlone et al. 2014), preintegrated IMU with biases (Forster et al. 2017),
-   positions of the antenna. No relative pose of a visual method enters, so its scale and drift do not either.
+3. Graph: the points of tracks by inverse depth (Civera et al. 2008), eliminated as in smart factors (Carlone et al.
+   2014); preintegrated IMU with biases (Forster et al. 2017), positions of the antenna. No relative pose of a visual
+   method enters, so its scale and drift do not either.
 4. What leaves the window stays as a joint prior on the nodes that its tracks see (`fused_tight_graph`).
 
-The tracks are those of `monocular`, also while it has no map: the IMU and a few points are enough here. Between nodes
-the IMU gives the pose, without one the images do. At the end all nodes and tracks are estimated at once.
+The tracks are those of `monocular`, also while it has no map, and so is the correction of the lens: the IMU and a few
+points are enough here. Between nodes the IMU gives the pose, without one the images do. At the end all nodes and tracks
+are estimated at once.
 
 Limits: one noise for all points; clocks and places of sensors in the rig are taken as exact; a start while moving
 needs a map of `monocular`. A vehicle that hardly accelerates shows its IMU no scale. Figures are in
-docs/methods/notes/fused.tight.md.
+docs/methods/notes/fused_tight.md.
 """
 
 from __future__ import annotations
@@ -52,6 +54,8 @@ class FusedTightConfig(FusedConfig):
     scheme: Literal["auto", "1", "2", "4", "6"] = "auto"
     """Which sensors take part, by the scheme of Table 2: 1, 2 GNSS and IMU; 4 GNSS; 6 IMU; auto: those that the
     recording has."""
+    node_s: Annotated[float, Range(0.05, 2)] = 0.2
+    """Time from one node of the graph to the next [s]."""
     noise_px: Annotated[float, Range(0.05, 10)] = 0.5
     """Standard deviation of a tracked point [px]."""
 
@@ -276,13 +280,7 @@ class Tight(Fused):
 
 def _filled(nodes: dict[int, Node], frames: list[tuple[int, int, Pose]]) -> list[tuple[int, Pose]]:
     """Returns the poses of all frames: (time_ns, number of the node before, motion from there as known live)."""
-    found = list[tuple[int, Pose]]()
-    for time_ns, number, moved in frames:
-        if (node := nodes.get(number)) is None:
-            continue
-        pose = node.local_from_rig @ moved
-        found.append((time_ns, WORLD_FROM_LOCAL @ pose))
-    return found
+    return [(t, WORLD_FROM_LOCAL @ nodes[n].local_from_rig @ moved) for t, n, moved in frames if n in nodes]
 
 
 METHOD = Method(

@@ -49,15 +49,17 @@ def departure(time_ns: int) -> Pose:
 @cache
 def landmarks() -> np.ndarray:
     """Returns points (N, 3) around the paths."""
-    return np.random.default_rng(3).uniform([-25, -4, -5], [25, 3, 60], (300, 3))
+    return np.random.default_rng(3).uniform([-25, -4, -5], [25, 3, 60], (200, 3))
 
 
 class Run:
     """A run over 5 s, with images at 10 Hz."""
 
-    def __init__(self, config: FusedTightConfig, path: Any, poses: bool, noise_px: float = 0.0, **sensors: Any) -> None:
+    def __init__(
+        self, config: FusedTightConfig, path: Any, poses: bool, noise_px: float = 0.0, seed: int = 0, **sensors: Any
+    ) -> None:
         times_ns = np.arange(0, 5_000_000_000, 100_000_000)
-        around = Scenery(path, times_ns, lambda: build_city(0), 0)
+        around = Scenery(path, times_ns, lambda: build_city(0), seed)
         self.rig = Rig.of(video=CAMERA, rig_from_video=RIG_FROM_VIDEO)
         self.rig = self.rig.changed(**{name: each.sensor() for name, each in sensors.items()})
         self.truth = Trajectory.of([(int(t), path(int(t))) for t in times_ns])
@@ -65,7 +67,7 @@ class Run:
         frames = [Frame.video(int(t), np.zeros((4, 4), np.uint8)) for t in times_ns]
         self.measurements = sorted((*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame)))
         self.visual, found = dict[int, Step](), list[tuple[int, Pose]]()
-        rng, start = np.random.default_rng(0), path(0) @ RIG_FROM_VIDEO
+        rng, start = np.random.default_rng(seed), path(0) @ RIG_FROM_VIDEO
         for time_ns in times_ns.tolist():
             camera = path(time_ns) @ RIG_FROM_VIDEO
             seen = camera.inverse().apply(landmarks())
@@ -103,7 +105,12 @@ def config(scheme: Any, **values: Any) -> FusedTightConfig:
 
 
 @pytest.mark.parametrize(
-    ("scheme", "sensors"), [("2", {"imu": IMU, "gnss": GNSS}), ("4", {"gnss": GNSS}), ("6", {"imu": IMU})]
+    ("scheme", "sensors"),
+    [
+        pytest.param("2", {"imu": IMU, "gnss": GNSS}, marks=pytest.mark.slow),
+        ("4", {"gnss": GNSS}),
+        pytest.param("6", {"imu": IMU}, marks=pytest.mark.slow),
+    ],
 )
 def test_exact_points_give_the_exact_path(scheme: str, sensors: dict[str, Any]) -> None:
     run = Run(config(scheme), drive, True, **sensors)
@@ -123,6 +130,7 @@ def test_a_rig_that_stands_needs_no_map() -> None:
     assert run.final.length == pytest.approx(run.truth.length, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_from_any_state_to_the_same_end() -> None:
     once = Run(config("2", node_s=0.5, window=4), drive, True, imu=IMU, gnss=GNSS)
     half = len(once.measurements) // 2
