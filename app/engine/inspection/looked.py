@@ -94,7 +94,7 @@ class Looked:
 
     @cached_property
     def pictured(self) -> FrameName:
-        """The camera whose picture is shown: the one wanted, or else the first with tracks of the selection's method."""
+        """The camera whose picture is shown: the one wanted, else the first with tracks of the selection's method."""
         cameras = self.cameras or self._recorded_cameras
         if self.camera in cameras:
             return self.camera

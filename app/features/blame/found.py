@@ -51,6 +51,12 @@ class PoseBlame:
         """Whether only the tracks of this frame took part, and the points were taken as known."""
         return isinstance(self.found.problem, ResectionProblem)
 
+    @property
+    def changed_since(self) -> float:
+        """How far the method moved the camera after it had solved, by what is not told: a rolling shutter, a loop."""
+        given = camera_pose(self.step, self.sequence.rig, self.camera)
+        return 0.0 if given is None else float(np.linalg.norm(given.translation - self.found.problem.pose.translation))
+
     def listed(self) -> tuple[Influence, ...]:
         """What people see: of each kind the largest, those of which something is known."""
         some = [each for kind, count in LISTED.items() for each in self.found.of(kind)[:count]]
@@ -66,11 +72,11 @@ class PoseBlame:
         where = self.where(part.tracks)
         count = len(part.tracks)
         name = f"track {part.tracks[0]}" if count == 1 else f"{count} tracks"
-        return f"{name} at the {where}" if where else name
+        return f"{name} at the {where}" if where else f"{name}, no longer in the image"
 
     def where(self, ids: tuple[int, ...]) -> str:
         """The part of the image that tracks are in; empty where they are not in it."""
-        if self.tracks is None or self.camera not in ("video", "left"):
+        if self.tracks is None:
             return ""
         uv = self.tracks.uv[np.isin(self.tracks.ids, ids)]
         if not len(uv):

@@ -11,6 +11,9 @@ from ispom.solvers.influence.blame import Influence
 from ...presentation.texts import Unit, digits, length, length_unit
 from .found import PoseBlame
 
+COUNTS = 0.01
+"""What moved the pose less than this share of the largest part is not worth a sentence."""
+
 
 def answer(of: PoseBlame) -> list[str]:
     """Sentences, the answer first."""
@@ -28,6 +31,10 @@ def answer(of: PoseBlame) -> list[str]:
         return ["Nothing that can be left out moved this pose."]
     if of.by_known_points:
         said.append("Frame by frame the pose follows from points of the map, which are taken as known here.")
+    largest = max((each.shift.size for each in known), default=0.0)
+    if of.changed_since > COUNTS * largest:
+        beyond = size(of, of.changed_since, unit)
+        said.append(f"What the method did afterwards moved the pose by {beyond} more, and is not taken apart.")
     return said
 
 

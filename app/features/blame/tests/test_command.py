@@ -19,6 +19,8 @@ from ispom.sequences import open_sequence
 
 AT = 12
 """The second stereo frame, and the second keyframe of `stereo`."""
+LATER = 32
+"""A frame at which `monocular` has a map."""
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,19 @@ def test_a_rerun_without_the_tracks_of_a_group_agrees(playback: Playback, found:
         step = playback.without_tracks("stereo", np.array(each.part.tracks))
         assert step is not None and (again := found.between(step)) is not None
         assert np.linalg.norm(each.shift.position - again.position) < 0.2 * again.size
+
+
+def test_a_rerun_of_one_camera_without_the_tracks_of_a_group_agrees() -> None:
+    one = Playback(open_sequence("sim:tiny"), ("monocular",), Config())
+    while one.position < LATER:
+        one.step()
+    (found,) = pose_blames(one, ("monocular",), {})
+    group = found.found.of("group")[0]
+    ids = np.array(group.part.tracks)
+    step = one.without_tracks("monocular", ids)
+    assert step is not None and not np.isin(step.tracks["video"].ids, ids).any()
+    again = found.between(step)
+    assert again is not None and np.linalg.norm(group.shift.position - again.position) < 0.2 * again.size
 
 
 def test_a_frame_without_a_pose_is_refused() -> None:
