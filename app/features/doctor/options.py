@@ -12,6 +12,9 @@ from ispom.settings import Range
 
 from ...engine.options import Programs
 
+FRAMES, SECONDS = 45, 60.0
+"""Of an examination, where a person says nothing else."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor(Programs):
@@ -21,9 +24,9 @@ class Doctor(Programs):
     """Folder that `ispom run` wrote."""
     at: int | None = None
     """Frame in the bad stretch, counted from 0. Default: that of the worst event of the run."""
-    frames: Annotated[int, Range(8, 400)] = 45
+    frames: Annotated[int, Range(8, 400)] = FRAMES
     """Frames of the main camera (video, else stereo) that are examined, most of them before that one."""
-    seconds: Annotated[float, Range(1, 3600)] = 60.0
+    seconds: Annotated[float, Range(1, 3600)] = SECONDS
     """No new suspect is examined after so many seconds."""
     source: str | None = None
     """Where the run's source is now, if it has been moved."""

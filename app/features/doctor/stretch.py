@@ -38,6 +38,11 @@ def worst_event(events: Iterable[RunEvent]) -> RunEvent | None:
     return max(found, key=lambda e: (order.index(e.severity), lengths[id(e)], -e.frame), default=None)
 
 
+def event_at(events: Iterable[RunEvent], frame: int) -> list[RunEvent]:
+    """Returns the warnings and losses that hold at a frame."""
+    return [e for e in events if e.severity.alarming and (e.frame == frame or e.frame < frame < (e.until or frame + 1))]
+
+
 def events_in(folder: Path) -> list[RunEvent]:
     """Returns the events of a run's folder; none where it has no events.csv."""
     return read_events(folder / EVENTS) if exists(folder / EVENTS) else []
@@ -52,10 +57,10 @@ def stretch_of(sequence: Sequence, at: int | None, frames: int, events: Iterable
     own = [i for i, kind in enumerate(sequence.kinds) if kind == main]
     if len(own) < 4:
         raise InputError(f"{sequence.name} has {len(own)} {main} frames, and the doctor needs 4: give a longer run")
-    event = worst_event(events) if at is None else None
+    event = worst_event(events if at is None else event_at(events, at))
     frame = at if at is not None else event.frame if event is not None else len(sequence) // 2
     if not 0 <= frame < len(sequence):
-        raise InputError(f"--at is {frame}: the run has the frames 0 to {len(sequence) - 1}")
+        raise InputError(f"frame {frame} is not in the run: give one from 0 to {len(sequence) - 1}")
     here = sum(i <= frame for i in own) - 1
     start = max(0, min(here - round(BEFORE * frames), len(own) - frames))
     end = min(len(own) - 1, start + frames - 1)

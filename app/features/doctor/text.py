@@ -16,7 +16,7 @@ SHOWN = 5
 def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
     """Returns the answer, its remedy, the next suspects, and what was not tested."""
     event = stretch.event
-    why = f"frame {stretch.at}" if event is None else f"the worst event, at frame {event.frame}: {event.sentence}"
+    why = f"frame {stretch.at}" if event is None else f"the worst event there, at frame {event.frame}: {event.sentence}"
     text = [f"Frames {stretch.first} to {stretch.last}, for {why}", found.answer]
     if found.causes:
         text.append(f"What to do: {found.causes[0].suspect.remedy}")

@@ -70,7 +70,9 @@ def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[st
     equations = _Equations(scene, rig, seen, names, values, now)
     cost = float(costs(now.residuals).sum())
     alone = equations.saved(())
-    return [(equations.saved(tuple(names.index(name) for name in subset)) - alone) / max(cost, 1e-12) for subset in subsets]
+    return [
+        (equations.saved(tuple(names.index(name) for name in subset)) - alone) / max(cost, 1e-12) for subset in subsets
+    ]
 
 
 class _Equations:
@@ -92,7 +94,11 @@ class _Equations:
         after = now.weight[:, None, None] * by_twist
         columns = [6 * (now.knot + k)[:, None, None] + np.arange(6) for k in (0, 1)]
         self.jacobian = self._sparse(
-            [(rows, columns[0], before), (rows, columns[1], after), *self._by_shared(scene, rig, seen, names, values, now, root)],
+            [
+                (rows, columns[0], before),
+                (rows, columns[1], after),
+                *self._by_shared(scene, rig, seen, names, values, now, root),
+            ],
             6 * self.poses + self.shared,
         )
         of_point = 3 * seen.point[:, None, None] + np.arange(3)
@@ -124,7 +130,9 @@ class _Equations:
 
     def solve(self, damping: float) -> tuple[Array, Array, Array]:
         """Returns the changes of poses (K, 6), points (P, 3) and shared values."""
-        blocks = self.point_blocks + np.eye(3) * (damping * np.einsum("pii->p", self.point_blocks) / 3 + 1e-9)[:, None, None]
+        blocks = (
+            self.point_blocks + np.eye(3) * (damping * np.einsum("pii->p", self.point_blocks) / 3 + 1e-9)[:, None, None]
+        )
         inverse = np.linalg.inv(blocks)
         width = len(self.matrix)
         cross = self.cross.reshape(width, self.points, 3)
@@ -138,7 +146,6 @@ class _Equations:
         rest = self.point_gradient - self.cross.T @ step
         points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
         return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
-
 
     def saved(self, shared: tuple[int, ...]) -> float:
         """Returns how much one step with these shared values free lowers the cost, by the linearisation."""
@@ -178,7 +185,9 @@ def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[
         np.add.at(blocks, seen.point, weights[:, None, None] * np.einsum("nki,nkj->nij", by_point, by_point))
         np.add.at(gradients, seen.point, weights[:, None] * np.einsum("nki,nk->ni", by_point, residuals))
         trace = np.einsum("pii->p", blocks)
-        steps = np.linalg.solve(blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None], gradients[..., None])[..., 0]
+        steps = np.linalg.solve(blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None], gradients[..., None])[
+            ..., 0
+        ]
         tried = replace(scene, points=scene.points + steps)
         after = predicted(tried, rig, change, seen)
         better = total(after) < cost

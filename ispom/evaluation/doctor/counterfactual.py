@@ -53,7 +53,9 @@ def baseline(start: Start, rig: Rig) -> Baseline:
     used, held_out = start.seen.select(~out), start.seen.select(out)
     scene, change, _ = adjust(start.scene, rig, used, (), ROUGH_ITERATIONS)
     scene, _ = placed(scene, rig, change, held_out)
-    scene, costs = placed(scene, rig, change, held_out)  # so that a change is not credited with what was left to do here
+    scene, costs = placed(
+        scene, rig, change, held_out
+    )  # so that a change is not credited with what was left to do here
     return Baseline(rig, scene, used, held_out, costs, _median(scene, rig, change, held_out))
 
 
@@ -84,4 +86,3 @@ def _outcome(base: Baseline, change: Change, before: Array, after: Array, residu
 def _median(scene: Scene, rig: Rig, change: Change, seen: Observations) -> float:
     residuals = predicted(scene, rig, change, seen, derivatives=False).residuals
     return float(np.nanmedian(np.linalg.norm(residuals, axis=1)))
-

@@ -52,7 +52,9 @@ def start(seen: Examination) -> Start | None:
         return None
     camera = seen.rig.camera(seen.main)
     rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
-    candidates = [grown for views in _first_views(rays, camera.fx) if (grown := _grow(rays, camera.fx, views)) is not None]
+    candidates = [
+        grown for views in _first_views(rays, camera.fx) if (grown := _grow(rays, camera.fx, views)) is not None
+    ]
     if not candidates:
         return None
     poses, points = max(candidates, key=lambda grown: int(np.isfinite(grown[1][:, 0]).sum()))
@@ -70,7 +72,10 @@ def start(seen: Examination) -> Start | None:
     factor = 1.0 if scale is None else scale
     rig_poses = [Pose(p.rotation, factor * p.translation) @ camera_from_rig for p in poses]
     scene = Scene(
-        times_s, np.array([p.rotation for p in rig_poses]), np.array([p.translation for p in rig_poses]), factor * points[rows]
+        times_s,
+        np.array([p.rotation for p in rig_poses]),
+        np.array([p.translation for p in rig_poses]),
+        factor * points[rows],
     )
     parts = [_observed(seen.main, uv[rows], times_s)]
     if scale is not None:
@@ -84,8 +89,7 @@ def start(seen: Examination) -> Start | None:
 
 
 def _knots(seen: Examination) -> NDArray[np.int64]:
-    """Returns the main frames whose poses are sought: two before and two after each pair, between which the rig moves evenly, and
-    others in even steps."""
+    """Returns the main frames whose poses are sought: two before and two after each pair, and others in even steps."""
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
     chosen = {0, len(times_ns) - 1}
     for pair in seen.pairs:
@@ -189,8 +193,8 @@ def rotation_residuals(a: Array, b: Array) -> Array:
 
 
 def triangulate(rays: Array, poses: dict[int, Pose]) -> tuple[Array, Array]:
-    """Returns points (P, 3) by linear least squares of normalised coordinates (P, K, 2), NaN where fewer than two frames
-    see one, and their median errors (P,) on the plane z = 1, infinite behind a camera."""
+    """Returns points (P, 3) by linear least squares of normalised coordinates (P, K, 2), NaN where fewer than two
+    frames see one, and their median errors (P,) on the plane z = 1, infinite behind a camera."""
     count = len(rays)
     matrix, vector, views = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count, int)
     for k, pose in poses.items():

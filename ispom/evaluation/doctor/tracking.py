@@ -22,8 +22,8 @@ LEVELS = 3
 AGREE_PX = 0.4
 """A corner that is followed forth and back comes back as near as this, or it is lost."""
 GUESSES = (0.01, 0.035, 0.07, 0.12, 0.18, -0.02, -0.05, -0.1)
-"""Disparities from which the search in the right image starts, relative to its width; negative ones where left and right
-are exchanged."""
+"""Disparities from which the search in the right image starts, relative to its width; negative ones where left and
+right are exchanged."""
 QUALITY = 0.01
 """Of corners, relative to the best one (Shi and Tomasi)."""
 MEAN, STD = 110.0, 45.0

@@ -1,7 +1,7 @@
 // What is drawn anew is new HTML: the element that had the focus in the old one keeps it. Where it is gone, the one in its place among its
 // like has the focus until it is back; but no other check, as those of video and stereo take turns. Elements are told apart by what they ask
 // for, or lead to.
-const ASK = ["data-plot", "data-select", "data-seek", "data-camera", "data-view", "href"];
+const ASK = ["data-plot", "data-doctor", "data-select", "data-seek", "data-camera", "data-view", "href"];
 
 const named = (element) => ASK.find((name) => element.hasAttribute(name));
 const alike = (page, name) => [...page.querySelectorAll(`[${name}]`)].filter((each) => each.tabIndex >= 0);

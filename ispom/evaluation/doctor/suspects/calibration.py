@@ -24,13 +24,15 @@ LEAST_TRACKS = 25
 """Fewer held-out tracks say nothing."""
 
 
-def freed(names: tuple[str, ...], least: tuple[float, ...], possible: Callable[[Rig], bool], seen: Examination) -> Finding | None:
+def freed(
+    names: tuple[str, ...], least: tuple[float, ...], possible: Callable[[Rig], bool], seen: Examination
+) -> Finding | None:
     """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters."""
     if not possible(seen.rig) or (base := seen.baseline) is None:
         return None
     promise = seen.promises.get(names, 1.0)
     if promise < PROMISE:
-        text = f"Freeing it promises to explain {100 * max(promise, 0):.1f} % of the error, too little to be tested further."
+        text = f"Freeing it promises to explain {100 * max(promise, 0):.1f} % of the error, too little for a test."
         return Finding(max(0.0, min(0.9, promise / GAIN)), text, {"promise": promise})
     outcome = tested(base, names)
     if outcome.tracks < LEAST_TRACKS:
@@ -55,7 +57,8 @@ def sentence(before_px: float, outcome: Outcome, values: dict[str, float]) -> st
     changes = ", ".join(f"{name.replace('_', ' ')} {v:+.3g}" for name, v in values.items())
     return (
         f"With {changes}, {outcome.tracks} tracks that had no part in the fit cost {100 * outcome.gain:.0f} % less "
-        f"({outcome.z:.0f} standard errors); their median error goes from {before_px:.2f} to {outcome.residual_px:.2f} px."
+        f"({outcome.z:.0f} standard errors); their median error goes from {before_px:.2f} to "
+        f"{outcome.residual_px:.2f} px."
     )
 
 
@@ -78,9 +81,7 @@ def _any(rig: Rig) -> bool:
 _FREED: list[tuple[tuple[str, ...], Callable[[Rig], bool]]] = []
 
 
-def _suspect(
-    key: str, name: str, remedy: str, possible: Callable[[Rig], bool], **least: float
-) -> Suspect:
+def _suspect(key: str, name: str, remedy: str, possible: Callable[[Rig], bool], **least: float) -> Suspect:
     _FREED.append((tuple(least), possible))
     return Suspect(key, name, "counterfactual", remedy, partial(freed, tuple(least), tuple(least.values()), possible))
 
@@ -110,9 +111,7 @@ CALIBRATION = (
         video_centre_x_px=0.8,
         video_centre_y_px=0.8,
     ),
-    _suspect(
-        "distortion", "the distortion of the lens is wrong", RECALIBRATE, _any, k1=0.01
-    ),
+    _suspect("distortion", "the distortion of the lens is wrong", RECALIBRATE, _any, k1=0.01),
     _suspect(
         "rolling-shutter",
         "the line delay of the rolling shutter is wrong",
@@ -120,9 +119,7 @@ CALIBRATION = (
         _any,
         line_delay_us=4.0,
     ),
-    _suspect(
-        "pair-focal", "the focal length of the pair is wrong", RECALIBRATE, _pair, pair_focal_percent=0.3
-    ),
+    _suspect("pair-focal", "the focal length of the pair is wrong", RECALIBRATE, _pair, pair_focal_percent=0.3),
     _suspect(
         "pair-centre",
         "the principal point of the pair is wrong",

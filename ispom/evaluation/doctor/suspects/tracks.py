@@ -69,8 +69,8 @@ def on_lens(seen: Examination) -> Finding | None:
     again = float(((apart < NEAR * camera.width).sum(axis=1) > AGAIN).mean()) if len(at) else 0.0
     return Finding(
         share * again / LOST_AGAIN_SHARE,
-        f"{100 * share:.1f} % of the corners are lost per frame away from the border, {100 * again:.0f} % of them where "
-        "others were lost before.",
+        f"{100 * share:.1f} % of the corners are lost per frame away from the border, {100 * again:.0f} % of them "
+        "where others were lost before.",
         {"lost_share": share, "again_share": again},
         (seen.main_shots[-1].index,),
     )
@@ -167,8 +167,8 @@ def too_fast(seen: Examination) -> Finding | None:
     lost = 1 - float(np.percentile(seen.tracked.survived, 10))
     return Finding(
         fast / FAST_SHARE,
-        f"The scene moves by {100 * fast:.1f} % of the image's width from frame to frame, and up to {100 * lost:.0f} % of "
-        "the corners are lost on the way.",
+        f"The scene moves by {100 * fast:.1f} % of the image's width from frame to frame, and up to {100 * lost:.0f} % "
+        "of the corners are lost on the way.",
         {"motion_share": fast, "lost_share": lost},
         (seen.main_shots[int(np.argmax(steps)) + 1].index,),
     )
@@ -182,7 +182,9 @@ TRACKS = (
         "Exchange the two folders or topics of the images, or the two cameras in the rig's file.",
         exchanged,
     ),
-    Suspect("on-lens", "something is on the lens", "images", "Clean and dry the lens, or mask what stays in place.", on_lens),
+    Suspect(
+        "on-lens", "something is on the lens", "images", "Clean and dry the lens, or mask what stays in place.", on_lens
+    ),
     Suspect(
         "too-fast",
         "the camera moves too fast for its frame rate",

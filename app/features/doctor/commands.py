@@ -1,0 +1,23 @@
+"""Asking for the cause of what went wrong at a frame, and cancelling that."""
+
+from __future__ import annotations
+
+from ...session.commands import PageCommand
+from ...session.controller import Controller
+from .service import DoctorService
+
+
+class Examine(PageCommand, frozen=True):
+    """Examines the stretch around a frame of the run that is shown; None: around the frame that is shown."""
+
+    at: int | None = None
+
+    def execute(self, session: Controller) -> None:
+        session.service(DoctorService).start(self.at)
+
+
+class CancelExamination(PageCommand, frozen=True):
+    """Ends the examination without an answer."""
+
+    def execute(self, session: Controller) -> None:
+        session.service(DoctorService).cancel()

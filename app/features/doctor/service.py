@@ -1,0 +1,112 @@
+"""Runs one examination at a time in a thread of its own, so that the page stays usable meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from threading import Event, Thread
+
+from ispom.errors import InputError
+from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.types import Sequence
+
+from ...session.controller import Controller
+from ...session.current_run import CurrentRun
+from ...session.service import Service
+from .job import Progress, examine
+from .options import FRAMES, SECONDS
+from .state import Examined
+from .stretch import Stretch, stretch_of
+
+CANCELLED = "cancelled"
+
+
+class _Cancelled(Exception):
+    """Ends the thread's work."""
+
+
+@dataclass(eq=False)
+class _Work:
+    """What the worker's thread and the examination's share. The fields are only ever replaced."""
+
+    stop: Event = field(default_factory=Event)
+    progress: Progress | None = None
+    diagnosis: Diagnosis | None = None
+    problem: str = ""
+    thread: Thread | None = None
+
+    def run(self, sequence: Sequence, stretch: Stretch) -> None:
+        try:
+            self.diagnosis = examine(sequence, stretch, SECONDS, self.report)
+        except _Cancelled:
+            self.problem = CANCELLED
+        except InputError as fault:
+            self.problem = str(fault)
+        except Exception as fault:  # a thread has nobody to raise to; the page says it
+            self.problem = f"the examination failed ({type(fault).__name__}: {fault})"
+
+    def report(self, progress: Progress) -> None:
+        self.progress = progress
+        if self.stop.is_set():
+            raise _Cancelled
+
+
+class DoctorService(Service):
+    """Examines the run that is shown."""
+
+    place = 70
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
+        self._work: _Work | None = None
+
+    @property
+    def busy(self) -> bool:
+        return self._work is not None
+
+    def start(self, at: int | None) -> None:
+        """Begins an examination. InputError where there is no run, its source is gone or live, or one goes on."""
+        run = self.run
+        if run is None:
+            raise InputError("there is no run yet: open a source first")
+        if run.live:
+            raise InputError("a live source is still recording: wait for its end")
+        if self._work is not None:
+            raise InputError("an examination goes on already: cancel it first")
+        run.require_source()
+        sequence = run.playback.sequence
+        frame = max(self.state.index, 0) if at is None else at
+        stretch = stretch_of(sequence, frame, FRAMES, run.events.events)
+        work = self._work = _Work()
+        work.thread = Thread(target=work.run, args=(sequence, stretch), name="doctor", daemon=True)
+        work.thread.start()
+        self.store.put(Examined(stretch, Progress(0, stretch.last - stretch.first + 1, "reading images")))
+
+    def cancel(self) -> None:
+        """Ends the examination between two pieces of its work; nothing happens where there is none."""
+        if self._work is not None:
+            self._work.stop.set()
+
+    def leave(self, run: CurrentRun | None) -> None:
+        self.cancel()
+
+    def watch(self) -> None:
+        """Takes over how far the examination is."""
+        work, shown = self._work, self.state[Examined]
+        if work is None or work.thread is None:
+            return
+        if work.thread.is_alive():
+            if work.progress is not None and work.progress != shown.progress:
+                self.store.put(Examined(shown.stretch, work.progress))
+            return
+        self._work = None
+        self.store.put(Examined(shown.stretch, None, work.diagnosis, work.problem))
+
+    def close(self) -> None:
+        work = self._work
+        if work is not None and work.thread is not None:
+            work.stop.set()
+            work.thread.join(PATIENCE_S)
+
+
+PATIENCE_S = 2.0
+"""How long a cancelled examination is waited for at the end of the session; its thread ends with the process."""

@@ -1,0 +1,52 @@
+"""The doctor in a session: it answers for the run that is shown, shows its progress, and can be cancelled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from ispom_app.features.doctor.commands import CancelExamination, Examine
+from ispom_app.features.doctor.service import CANCELLED
+from ispom_app.features.doctor.state import Examined
+from ispom_app.session.session import Session
+
+from ispom.ensemble import build
+from ispom.sequences import open_sequence
+from tests.app.helpers import started, wait_for
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    found = started(
+        tmp_path_factory.mktemp("doctor"), "sim:tiny?fault=darkness",
+        opener=lambda source, _=None: open_sequence(source), builder=build, methods=("stereo",), autoplay=False,
+    )  # fmt: skip
+    wait_for(lambda: found.state.phase == "ready", "opening")
+    yield found
+    found.close(5.0)
+
+
+def examined(session: Session) -> Examined:
+    return session.state[Examined]
+
+
+def test_a_frame_is_examined_and_the_cause_is_shown(session: Session) -> None:
+    session.post(Examine(30))
+    wait_for(lambda: examined(session).progress is not None, "the beginning")
+    wait_for(lambda: examined(session).diagnosis is not None, "the answer", 120.0)
+    found = examined(session).diagnosis
+    assert found is not None and found.causes[0].suspect.key == "darkness"
+    stretch = examined(session).stretch
+    assert stretch is not None and stretch.first < 30 < stretch.last
+
+
+def test_an_examination_is_cancelled(session: Session) -> None:
+    session.post(Examine(60))
+    session.post(CancelExamination())
+    wait_for(lambda: examined(session).problem == CANCELLED, "the end", 60.0)
+    assert examined(session).diagnosis is None and examined(session).progress is None
+
+
+def test_a_frame_beyond_the_end_is_refused(session: Session) -> None:
+    session.post(Examine(10_000))
+    wait_for(lambda: session.state.notices and "--at" not in session.state.notices[-1].text, "the refusal")
