@@ -196,7 +196,7 @@ def serve(options, requests, answers):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="ORB-SLAM3 as an external program of ISPOM")
     parser.add_argument("--vocabulary", help="default: that of pyorbslam3, which it downloads once")
     parser.add_argument("--monocular", action="store_true", help="the video camera instead of the stereo pair")
     parser.add_argument("--features", type=int, default=2000, help="ORB features per image")

@@ -79,5 +79,5 @@ def main(target, paths):
 
 if __name__ == "__main__":
     if len(sys.argv) < 3:
-        sys.exit(__doc__.strip())
+        sys.exit("give the vocabulary to write, and images: make_vocabulary.py VOCABULARY.txt IMAGE [IMAGE ...]")
     main(sys.argv[1], sys.argv[2:])

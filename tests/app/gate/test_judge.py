@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from ispom_app.features.experiments.plan import Line
+from ispom_app.features.experiments.plan import Line, Run
 from ispom_app.features.experiments.row import Row
 from ispom_app.features.gate.judge import Judgement, Rules, judged, overall, rules_of
 from ispom_app.features.gate.pairs import Pair, paired
@@ -30,13 +30,10 @@ def pair(before: Row, after: Row) -> Pair:
 def pairs_of(line: Line = A, factor: float = 1.0, **changes: float) -> list[Pair]:
     """Ten runs whose errors all change by the same factor, with other values after than before."""
     values = {"located_percent": 100.0, "segments": 1.0, "lost": 0.0}
-    return [
-        pair(
-            row(line, seed, ate_m=0.1 + 0.01 * seed, **values),
-            row(line, seed, ate_m=factor * (0.1 + 0.01 * seed), **(values | changes)),
-        )
-        for seed in SEEDS
-    ]
+    errors = [0.1 + 0.01 * seed for seed in SEEDS]
+    before = [Row(Run(line, "sim:tiny", seed), None, {"ate_m": errors[seed], **values}) for seed in SEEDS]
+    after = [Row(r.run, None, {"ate_m": factor * errors[r.run.seed], **values, **changes}) for r in before]
+    return [pair(a, b) for a, b in zip(before, after, strict=True)]
 
 
 def one(pairs: Sequence[Pair], rules: Rules = RULES) -> Judgement:
@@ -109,6 +106,6 @@ def test_runs_without_the_error_are_refused() -> None:
 
 
 def test_pairs_are_of_the_same_images() -> None:
-    before, after = (Row(PLAN.runs().__next__(), None, {"ate_m": 1.0}, images) for images in "ab")
+    before, after = (Row(next(PLAN.runs()), None, {"ate_m": 1.0}, images) for images in "ab")
     with pytest.raises(InputError, match="other images"):
         paired([before], [after], (NOWHERE, NOWHERE))
