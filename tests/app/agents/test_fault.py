@@ -6,6 +6,7 @@ import asyncio
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from ispom_app.features.agents.command import agent_session
 from ispom_app.features.agents.options import Mcp
@@ -34,15 +35,19 @@ def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
     with agent_session(options, build) as agents:
         agents.open(SOURCE)
 
-        async def script(agent: Agent) -> dict[str, tuple[str, int]]:
+        async def script(agent: Agent) -> tuple[dict[str, tuple[str, int]], dict[str, Any], dict[str, Any]]:
             found = {method: await first_failing_check(agent, method) for method in FIRST_CHECK}
             earliest = (await agent.ask("first_failures"))["rows"][0]
             assert (earliest["key"], earliest["first_frame"]) == min(found.values(), key=lambda each: each[1])
-            return found
+            bright = first_dark_frame("video") - 2
+            return found, await agent.ask("doctor"), await agent.ask("blame", frame=bright, method="monocular")
 
-        found = asked(agents, script)
+        found, diagnosis, blamed = asked(agents, script)
     kinds = {"monocular": "video", "stereo": "stereo"}
     assert found == {m: (key, first_dark_frame(kinds[m])) for m, key in FIRST_CHECK.items()}
+    assert diagnosis["causes"][0] == "darkness"
+    (row,) = blamed["methods"]
+    assert row["method"] == "monocular" and {"track", "group"} & {part["kind"] for part in row["parts"]}
 
 
 def test_over_standard_input_and_output(tmp_path: Path) -> None:

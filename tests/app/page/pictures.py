@@ -73,6 +73,7 @@ METHODS = {
     "multicamera": method("multicamera", "sim:ring6", 40),
     "fused": method("fused", SENSORS),
     "fused_stereo": method("fused.stereo", SENSORS),
+    "fused_tight": method("fused.tight", SENSORS),
 }
 TARGET = ("--target", "aprilgrid:6x6:0.03:0.3")
 PICTURES: dict[str, Shown | Written] = {

@@ -13,6 +13,8 @@ from ..finding import Finding, Suspect
 
 DARK_LEVELS = 36.0
 """Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
+IN_A_ROW = 3
+"""Dark images that stop the tracks: one or two are passed over by most methods."""
 BLOCK_PX = 20
 COVERED_LEVELS, COVERED_STD = 45.0, 4.0
 """Grey level and its standard deviation in a block of an image, of something dark before the lens."""
@@ -35,17 +37,19 @@ GAIN_JUMPS = 1
 
 
 def darkness(seen: Examination) -> Finding | None:
-    """Compares the mean grey level of the images with that of a dark one."""
+    """Compares the mean grey level of the darkest few images in a row with that of a dark one."""
     shots = [(shot.index, float(np.mean([image.mean() for image in shot.images.values()]))) for shot in seen.shots]
-    if not shots:
+    if len(shots) < IN_A_ROW:
         return None
-    level = float(np.median([mean for _, mean in shots]))
-    low = min(shots, key=lambda each: each[1])
+    levels = np.array([mean for _, mean in shots])
+    brightest = np.lib.stride_tricks.sliding_window_view(levels, IN_A_ROW).max(axis=1)
+    level, dark = float(brightest.min()), np.flatnonzero(levels < DARK_LEVELS)
+    where = f"{len(dark)} of {len(levels)} images are" if len(dark) else "no image is"
     return Finding(
         DARK_LEVELS / max(level, 1.0),
-        f"The images have a mean grey level of {level:.0f} of 255 (dark below {DARK_LEVELS:.0f}).",
-        {"mean_grey": level},
-        (low[0],),
+        f"The darkest images in a row have a grey level of {level:.0f} of 255; {where} dark (below {DARK_LEVELS:.0f}).",
+        {"mean_grey": level, "dark_images": float(len(dark))},
+        (shots[int(dark[0]) if len(dark) else int(levels.argmin())][0],),
     )
 
 

@@ -1,0 +1,44 @@
+"""The doctor, for agents."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from ispom.errors import InputError
+
+from ..agents.agent_session import AgentSession
+from ..agents.tool import Tool, brief
+from .job import examine
+from .options import FRAMES, SECONDS
+from .stretch import stretch_of
+from .text import plain
+
+
+def doctor(
+    agents: AgentSession,
+    at: Annotated[int | None, "Frame that went wrong; null for the worst event."] = None,
+    seconds: Annotated[float, f"After this time no new suspect is examined, at most {SECONDS:g}."] = SECONDS,
+) -> dict[str, Any]:
+    """Says which cause explains a bad stretch of the run, by its images, times and tracks; ground truth is not used.
+    `answer` is a sentence, `causes` are keys of what was found, the strongest first, and `ranked` has for each suspect
+    the evidence, its strength (from 1 on it is found), frames to look at, and what to do. It takes about a minute."""
+    run = agents.run
+    if run.live:
+        raise InputError("a live source is still recording: wait for its end")
+    run.require_source()
+    if at is not None:
+        agents.frame(at)
+    if not 0 < seconds <= SECONDS:
+        raise InputError(f"seconds is {seconds:g}: give more than 0 and at most {SECONDS:g}")
+    sequence = run.playback.sequence
+    stretch = stretch_of(sequence, at, FRAMES, run.events.events)
+    found = plain(examine(sequence, stretch, seconds), stretch)
+    ranked = [row | {"strength": brief(row["strength"]), "values": _brief(row["values"])} for row in found["ranked"]]
+    return found | {"ranked": ranked}
+
+
+def _brief(values: dict[str, float]) -> dict[str, Any]:
+    return {name: brief(value) for name, value in values.items()}
+
+
+TOOLS = (Tool(doctor),)
