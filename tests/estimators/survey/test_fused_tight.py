@@ -183,12 +183,14 @@ EUROC = Path(__file__).parents[4] / "shared" / "data" / "sensors" / "euroc_v1_01
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_the_contract() -> None:
-    settings = FusedTightConfig(start_m=1.0, node_s=0.1)
+    settings = FusedTightConfig(start_m=1.0, node_s=0.2, window=4)
     check_estimator("fused.tight", settings=settings, sequence=with_all_sensors())
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.skipif(not EUROC.is_dir(), reason="../shared/data/sensors/euroc_v1_01_features is absent")
 def test_tracked_points_and_imu_of_euroc() -> None:
     from ispom.ensemble import build
