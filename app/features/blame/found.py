@@ -106,14 +106,14 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
     InputError where no method did, with the reasons, or the frame cannot be read.
     """
     index, told, found, reasons = playback.position, playback.told(), list[PoseBlame](), list[str]()
+    kind = playback.sequence.kinds[index]
     for method in methods:
         if method not in told:
-            kind = playback.sequence.kinds[index]
             reasons.append(f"{method} does not use frame {index}, which is of the kind {kind}")
             continue
         step, heard = told[method]
         if step.world_from_frame is None:
-            reasons.append(f"{method} has no pose at frame {index}")
+            reasons.append(f"{method} has no pose at frame {index}, which is of the kind {kind}")
             continue
         problem = problem_of(heard, step.world_from_frame, step.frame, playback.sequence.rig)
         if problem is None:

@@ -21,11 +21,12 @@ def answer(of: PoseBlame) -> list[str]:
     known = [each for each in found.influences if np.isfinite(each.shift.size)]
     tracks = next((each for each in known if each.part.kind in ("group", "track")), None)
     others = next((each for each in known if each.part.kind in ("frame", "prior", "sensor")), None)
+    of_others = "more than anything else" + (" that is no track" if tracks is not None else "")
     said = []
     for each in filter(None, (tracks, others)):
         name = of.called(each)
         subject = name[:1].upper() + name[1:] if not name.startswith("IMU") else name
-        beyond = "more than any other tracks" if each is tracks else "more than anything else that is no track"
+        beyond = "more than any other tracks" if each is tracks else of_others
         said.append(f"{subject} moved this pose by {moved(of, each, unit)}, {beyond}.")
     if not said:
         return ["Nothing that can be left out moved this pose."]

@@ -42,5 +42,5 @@ def test_fixes_that_are_wrong_moved_the_pose_from_where_the_others_have_it() -> 
     moved = wrong.problem.pose.translation - right.problem.pose.translation
     first = next(each for each in wrong.influences if each.part.name == "GNSS")
     assert np.linalg.norm(moved) > 0.01
-    np.testing.assert_allclose(first.shift.position, moved, atol=0.2 * np.linalg.norm(moved))
+    np.testing.assert_allclose(first.shift.position, moved, atol=0.2 * float(np.linalg.norm(moved)))
     assert wrong.problem.really(first.part).size == pytest.approx(first.shift.size, rel=0.05)

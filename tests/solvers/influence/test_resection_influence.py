@@ -36,7 +36,7 @@ def test_without_the_bus_the_pose_is_the_true_one() -> None:
         wrong = made.pose.translation - TRUTH.inverse().translation
         part = Part("group", tracks=tuple(100 + number for number in BUS))
         for found in (*made.shifts((part,)), made.really(part)):
-            np.testing.assert_allclose(found.position, wrong, atol=0.02 * np.linalg.norm(wrong))
+            np.testing.assert_allclose(found.position, wrong, atol=0.02 * float(np.linalg.norm(wrong)))
         assert set(blame(made).of("group")[0].part.tracks) == set(part.tracks)
 
 
@@ -53,7 +53,7 @@ def test_without_the_prediction_that_pulls_the_pose_is_the_true_one() -> None:
     wrong = made.pose.translation - TRUTH.inverse().translation
     assert np.linalg.norm(wrong) > 1e-4
     (shift,) = made.shifts((Part("prior", MOTION),))
-    np.testing.assert_allclose(shift.position, wrong, atol=0.01 * np.linalg.norm(wrong))
+    np.testing.assert_allclose(shift.position, wrong, atol=0.01 * float(np.linalg.norm(wrong)))
 
 
 def test_too_few_points_give_no_answer() -> None:

@@ -22,9 +22,9 @@ def test_without_the_bus_the_pose_is_the_true_one() -> None:
     part = Part("group", tracks=BUS)
     (shift,) = problem.shifts((part,))
     for found in (shift, problem.really(part)):
-        np.testing.assert_allclose(found.position, wrong, atol=0.01 * np.linalg.norm(wrong))
+        np.testing.assert_allclose(found.position, wrong, atol=0.01 * float(np.linalg.norm(wrong)))
         turned = (problem.pose.inverse() @ truth()).log()[3:]
-        np.testing.assert_allclose(found.rotation, turned, atol=0.01 * np.linalg.norm(turned))
+        np.testing.assert_allclose(found.rotation, turned, atol=0.01 * float(np.linalg.norm(turned)))
 
 
 def test_the_bus_is_found_and_moved_the_pose_most() -> None:
