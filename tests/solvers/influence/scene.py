@@ -17,7 +17,7 @@ BUS = tuple(range(40, 47))
 
 def poses() -> tuple[Array, Array]:
     """True camera_from_world (C, 3, 3) and (C, 3): ahead, turning slowly."""
-    k = np.arange(POSES)[:, None]
+    k = np.arange(float(POSES))[:, None]
     return so3_exp(k * np.array([0.002, 0.01, 0.0])), k * np.array([0.02, 0.0, -0.4])
 
 
