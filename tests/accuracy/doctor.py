@@ -132,8 +132,7 @@ def main(arguments: list[str] | None = None) -> int:
             rows.append(case(name, seed))
             sys.stderr.write(f"{seed} {name}: {rows[-1]['causes'][:3]}\n")
             if given.rows is not None:
-                with given.rows.open("a") as file:
-                    file.write(json.dumps(rows[-1]) + "\n")
+                given.rows.write_text("".join(json.dumps(row) + "\n" for row in rows))
     sys.stdout.write(table(rows))
     if given.out is not None:
         given.out.write_text(table(rows))

@@ -82,7 +82,7 @@ class _Equations:
         self, scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], values: Array, now: Predicted
     ) -> None:
         self.poses, self.points, self.shared = len(scene.times_s), len(scene.points), len(names)
-        good = np.isfinite(now.residuals).all(axis=1)
+        good = np.asarray(np.isfinite(now.residuals).all(axis=1))
         residuals = np.where(good[:, None], now.residuals, 0.0)
         weights = np.where(good, 1 / (LOSS_PX**2 + (residuals**2).sum(axis=1)), 0.0)
         root = np.sqrt(weights)[:, None]
@@ -172,12 +172,12 @@ def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[
     observed = np.bincount(seen.point, minlength=count)
 
     def total(now: Predicted) -> Array:
-        return np.bincount(seen.point, costs(now.residuals), minlength=count)
+        return np.asarray(np.bincount(seen.point, costs(now.residuals), minlength=count), float)
 
     now = predicted(scene, rig, change, seen)
     cost = total(now)
     for _ in range(POINT_ITERATIONS):
-        good = np.isfinite(now.residuals).all(axis=1)
+        good = np.asarray(np.isfinite(now.residuals).all(axis=1))
         residuals = np.where(good[:, None], now.residuals, 0.0)
         by_point = np.where(good[:, None, None], now.by_point, 0.0)
         weights = good / (LOSS_PX**2 + (residuals**2).sum(axis=1))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from ispom.blas import one_thread
+
 from .examination import Examination
 from .finding import Diagnosis, Ranked, Suspect
 from .suspects import SUSPECTS
@@ -19,6 +21,7 @@ def diagnose(
     `advance` is called before each suspect with its name; where it returns False, no time is left for it and for those
     after it. It may raise to end the work.
     """
+    one_thread()
     ranked, silent, left = [], [], []
     for suspect in suspects:
         if left or not advance(suspect.name):

@@ -11,6 +11,9 @@ from .examination import Examination
 How = Literal["images", "times", "tracks", "counterfactual"]
 """Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it."""
 
+DIGITS = 5
+"""Significant digits of figures."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -25,9 +28,18 @@ class Finding:
     frames: tuple[int, ...] = ()
     """Measurements of the sequence that show it best, a few."""
 
+    def __post_init__(self) -> None:
+        """Rounds the figures: sums of a BLAS depend, in their last digits, on where its arrays lie in memory."""
+        object.__setattr__(self, "strength", _rounded(self.strength))
+        object.__setattr__(self, "values", {name: _rounded(value) for name, value in self.values.items()})
+
     @property
     def found(self) -> bool:
         return self.strength >= 1
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
 
 
 @dataclass(frozen=True)

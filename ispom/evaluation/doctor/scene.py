@@ -31,7 +31,7 @@ class Observations:
     def __len__(self) -> int:
         return len(self.uv)
 
-    def select(self, chosen: Array) -> Observations:
+    def select(self, chosen: NDArray[np.bool_]) -> Observations:
         """Returns some of them."""
         return Observations(self.camera[chosen], self.time_s[chosen], self.point[chosen], self.uv[chosen])
 

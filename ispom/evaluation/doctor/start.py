@@ -147,7 +147,7 @@ def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Po
         )  # fmt: skip
         if not ok or inliers is None or len(inliers) < 8:
             return None
-        poses[k] = Pose.from_rotvec(turn.ravel(), shift.ravel()).inverse()
+        poses[k] = Pose.from_rotvec(np.asarray(turn, float).ravel(), np.asarray(shift, float).ravel()).inverse()
         points = np.where(np.isfinite(points), points, _triangulate(rays, poses, focal_px))
     return [poses[k] for k in range(rays.shape[1])], _triangulate(rays, poses, focal_px)
 
@@ -174,7 +174,7 @@ def _two_views(a: Array, b: Array, focal_px: float) -> Pose | None:
     if matrix is None or matrix.shape != (3, 3):
         return None
     good, rotation, shift, _ = cv2.recoverPose(matrix, a, b, eye, mask=inliers)
-    return Pose(rotation, shift.ravel()) if good >= LEAST_TRACKS // 2 else None
+    return Pose(np.asarray(rotation, float), np.asarray(shift, float).ravel()) if good >= LEAST_TRACKS // 2 else None
 
 
 def rotation_residuals(a: Array, b: Array) -> Array:

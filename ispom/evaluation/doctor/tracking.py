@@ -90,7 +90,7 @@ def corners(image: Image, known: Array, count: int) -> Array:
     for x, y in known:
         cv2.circle(mask, (round(float(x)), round(float(y))), APART_PX, 0, -1)
     found = cv2.goodFeaturesToTrack(image, max(count, 1), QUALITY, APART_PX, mask=mask)
-    return np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2)
+    return np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
 
 
 def follow(a: Image, b: Image, uv: Array, start: Array, levels: int = LEVELS) -> tuple[Array, NDArray[np.bool_]]:
@@ -108,7 +108,7 @@ def follow(a: Image, b: Image, uv: Array, start: Array, levels: int = LEVELS) ->
     height, width = b.shape
     inside = (there > 2).all(axis=1) & (there[:, 0] < width - 3) & (there[:, 1] < height - 3)
     close = np.linalg.norm(back - uv, axis=1) < AGREE_PX
-    return there, (ok.ravel() == 1) & (ok2.ravel() == 1) & inside & close
+    return np.asarray(there, np.float32), (ok.ravel() == 1) & (ok2.ravel() == 1) & inside & close
 
 
 def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:

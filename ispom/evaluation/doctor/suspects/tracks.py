@@ -16,10 +16,13 @@ NEGATIVE_SHARE = 0.5
 LEAST_MATCHES = 30
 BORDER = 0.08
 """Of the image's size: corners leave the image there."""
-NEAR = 0.035
+NEAR = 0.025
 """Places are the same within this, relative to the image's width."""
-AGAIN = 2
-"""Corners lost at a place, from which on it is one where corners are lost again and again."""
+AGAIN, CHANCE = 1, 2.0
+"""More other corners lost at a place than this, and so many times the usual share of those that were followed there,
+make it one where corners are lost again and again."""
+AGAIN_SHARE = 0.33
+"""Of all lost corners, lost at such places."""
 LOST_AGAIN_SHARE = 0.005
 """Of the corners of a frame, lost at such places."""
 LEAST_FLOW_PX = 25.0
@@ -66,9 +69,12 @@ def on_lens(seen: Examination) -> Finding | None:
     at = at[inside]
     share = len(at) / max(int(known[:, :-1].sum()), 1)
     apart = np.linalg.norm(at[:, None] - at[None], axis=2)
-    again = float(((apart < NEAR * camera.width).sum(axis=1) > AGAIN).mean()) if len(at) else 0.0
+    near_px = NEAR * camera.width
+    everywhere = uv[:, :-1][known[:, :-1]]
+    visits = (np.linalg.norm(at[:, None] - everywhere[None], axis=2) < near_px).sum(axis=1)
+    again = float(((apart < near_px).sum(axis=1) - 1 > AGAIN + CHANCE * share * visits).mean()) if len(at) else 0.0
     return Finding(
-        share * again / LOST_AGAIN_SHARE,
+        min(share * again / LOST_AGAIN_SHARE, again / AGAIN_SHARE),
         f"{100 * share:.1f} % of the corners are lost per frame away from the border, {100 * again:.0f} % of them "
         "where others were lost before.",
         {"lost_share": share, "again_share": again},
