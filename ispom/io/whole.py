@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from contextlib import suppress
 from io import FileIO
@@ -10,6 +11,9 @@ from pathlib import Path
 from ispom.errors import InputError
 
 PART = ".part-"
+WRITING = os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+WRITING |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""How a file is opened that is made where it is missing, and never through a link."""
 
 
 def part_of(path: Path) -> Path:
@@ -28,9 +32,18 @@ def create_file(path: Path) -> FileIO:
     A link is replaced, never followed: a folder from others may hold links to the user's own files.
     """
     path.unlink(missing_ok=True)
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
-    flags |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-    return FileIO(os.open(path, flags, 0o666), "wb")
+    return FileIO(os.open(path, os.O_EXCL | WRITING, 0o666), "wb")
+
+
+def append_to_file(path: Path) -> FileIO:
+    """Returns a file, made where it is missing, to write to after what it has: a log. Raises InputError where it cannot
+    be opened, or is a link."""
+    try:
+        if path.is_symlink():  # Windows has no O_NOFOLLOW
+            raise OSError(errno.ELOOP, "it is a link")
+        return FileIO(os.open(path, os.O_APPEND | WRITING, 0o666), "ab")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}): give another file") from None
 
 
 def require_no_links(folder: Path, path: Path) -> None:

@@ -25,7 +25,7 @@ GROWN = 1.1
 STANDING = ("still", "stops", "pairs end", "goes blank", "video goes blank")
 """Of the scenarios those in which most could pile up."""
 RUNS = [
-    pytest.param(name, s, marks=pytest.mark.slow if name not in METHODS else ())
+    pytest.param(name, s, marks=pytest.mark.slow if name not in METHODS or s.name not in STANDING[:2] else ())
     for name in ALL
     for s in SCENARIOS
     if s.name in (STANDING[:1] if name in SURVEY else STANDING) and s.kinds == registered(name).sensors

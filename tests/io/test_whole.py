@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ispom.errors import InputError
-from ispom.io.whole import create_file, part_of, require_no_links, write_whole
+from ispom.io.whole import append_to_file, create_file, part_of, require_no_links, write_whole
 
 ROOT = Path(__file__).parents[2]
 OWN_WRITERS = {
@@ -20,6 +20,16 @@ OWN_WRITERS = {
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
     "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made
 }
+
+
+def test_a_log_goes_on_and_a_link_is_refused(tmp_path: Path) -> None:
+    for line in (b"one\n", b"two\n"):
+        with append_to_file(tmp_path / "calls.log") as file:
+            file.write(line)
+    assert (tmp_path / "calls.log").read_bytes() == b"one\ntwo\n"
+    (tmp_path / "link").symlink_to(tmp_path / "calls.log")
+    with pytest.raises(InputError):
+        append_to_file(tmp_path / "link")
 
 
 def test_a_planted_link_is_replaced_and_not_followed(tmp_path: Path) -> None:

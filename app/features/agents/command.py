@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ispom.errors import InputError
 from ispom.io.files import expanded, is_folder
+from ispom.io.whole import append_to_file
 from ispom.methods import in_order
 from ispom.sequences.policy import SourcePolicy
 from ispom.types import Sequence
@@ -97,12 +98,9 @@ def _log(path: Path | None) -> Iterator[Callable[[str], None]]:
     if path is None:
         yield lambda text: print(text, file=sys.stderr, flush=True)  # noqa: T201
         return
-    if path.is_symlink():
-        raise InputError(f"--log {path} is a link: give the file itself")
-    with path.expanduser().open("a", encoding="utf-8") as file:
+    with append_to_file(path.expanduser()) as file:
 
         def write(text: str) -> None:
-            file.write(f"{text}\n")
-            file.flush()
+            file.write(f"{text}\n".encode())
 
         yield write

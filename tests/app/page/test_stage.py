@@ -129,7 +129,10 @@ def views(stage: Stage) -> dict[str, View]:
     return stage.views()
 
 
-@pytest.mark.parametrize("index", [43, 12, 34, 5, 1, 22])
+SLOW = (pytest.param(index, marks=pytest.mark.slow) for index in (34, 5, 22))
+
+
+@pytest.mark.parametrize("index", [43, 12, 1, *SLOW])
 def test_any_exposure_is_drawn_when_it_is_sought_however_little_memory_the_viewer_has(stage, views, index):
     assert_drawn(stage, views, index)
 
