@@ -28,7 +28,8 @@ SETTLED_MS = 6000
 DARK = "sim:tiny?fault=darkness:factor=0.02,from_s=1,until_s=1.6"
 PAN = "sim:tiny?motion=pan&duration_s=10"
 TAGS = "sim:tiny?place=tags&motion=sideways"
-SENSORS = "sim:city?sensor=imu&sensor=gnss"
+DRIVE = "sim:city?motion=drive"
+SENSORS = f"{DRIVE}&sensor=imu&sensor=gnss"
 
 
 @dataclass(frozen=True)
@@ -67,13 +68,13 @@ METHODS = {
     "hybrid_monocular": method("hybrid.monocular"),
     "panorama": method("panorama", PAN),
     "tags": method("tags", TAGS, 60, ("--tags.side-m", "1.2")),
-    "planar": method("planar"),
+    "planar": method("planar", DRIVE),
     "sfm": method("sfm"),
     "trifocal": method("trifocal"),
     "multicamera": method("multicamera", "sim:ring6", 40),
-    "fused": method("fused", SENSORS),
-    "fused_stereo": method("fused.stereo", SENSORS),
-    "fused_tight": method("fused.tight", SENSORS),
+    "fused": method("fused", SENSORS, 900),
+    "fused_stereo": method("fused.stereo", SENSORS, 900),
+    "fused_tight": method("fused.tight", SENSORS, 900),
 }
 TARGET = ("--target", "aprilgrid:6x6:0.03:0.3")
 PICTURES: dict[str, Shown | Written] = {
