@@ -15,8 +15,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ispom.estimator import STEREO, VIDEO
 from ispom.geometry import Array
-from ispom.methods import STEREO, method
+from ispom.methods import method
 from ispom.types import Camera
 
 from ...engine.events import Opened
@@ -75,10 +76,9 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
 
 
 def _first_tab(opened: Opened, cameras: tuple[str, ...]) -> int:
-    """The image that is shown first: the left one where all methods use nothing but the pair, else the first."""
-    used = [method(name).sensors for name in opened.methods]
-    only_pairs = bool(used) and all(sensors == STEREO for sensors in used)
-    return cameras.index("left") if only_pairs and "left" in cameras else 0
+    """The image shown first: the left one where methods use the pair and none the video camera, else the first."""
+    used = frozenset().union(*(method(name).sensors for name in opened.methods))
+    return cameras.index("left") if used >= STEREO and not VIDEO & used and "left" in cameras else 0
 
 
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:

@@ -288,7 +288,9 @@ def test_a_single_camera_has_the_true_path_and_its_error_after_an_alignment(tmp_
     assert len(newest) == len(curve) - FIRST + 1
 
 
-@pytest.mark.parametrize(("methods", "first"), [(("stereo",), 1), (("monocular",), 0), (("monocular", "stereo"), 0)])
+@pytest.mark.parametrize(
+    ("methods", "first"), [(("stereo",), 1), (("fused.stereo",), 1), (("monocular",), 0), (("monocular", "stereo"), 0)]
+)
 def test_the_first_image_is_one_that_a_method_uses(methods: tuple[str, ...], first: int):
     layout = blueprint(Playback(doubles.sequence(), methods, builder=helpers.build).opened)
     (tabs,) = [part for part in layout.root_container.contents if isinstance(part, rrb.Tabs)]
