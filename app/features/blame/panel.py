@@ -62,4 +62,4 @@ def _card(of: PoseBlame) -> dict[str, Any]:
     return {"label": label, "colour": colour, "said": answer(of), "rows": rows}
 
 
-PANELS = (Panel(TAB, 101, BlamePanel),)
+PANELS = (Panel(TAB, 102, BlamePanel),)

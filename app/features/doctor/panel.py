@@ -1,4 +1,4 @@
-"""Below the events: why did it go wrong at the frame shown? Progress, the ranking, and a button that cancels."""
+"""Above the events: why did it go wrong at the frame shown? Progress, the ranking, and a button that cancels."""
 
 from __future__ import annotations
 
@@ -43,4 +43,4 @@ def text_of(examined: Examined) -> str:
     return render("doctor.html", examined=examined, found=found, ranked=() if found is None else found.ranked[:SHOWN])
 
 
-PANELS = (Panel("Explain", 110, DoctorPanel),)
+PANELS = (Panel("Explain", 101, DoctorPanel),)

@@ -48,7 +48,6 @@ class ExplainPanel:
         hint = "The next frame with a warning or a loss. Frames are computed until there is one."
         self._next = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint, color="gray")
         self._next.on_click(lambda _: session.post(StepToEvent(alarming=True)))
-        self._events = gui.add_html("")
         self._shown: tuple[object, ...] = ()
         """What the texts were made from."""
         self._latest: Latest = {}
@@ -64,7 +63,6 @@ class ExplainPanel:
             state.config,
             _coming(state),
             count,
-            state[Bookmarks].marks,
             state.notes,
         )
         if shown == self._shown:
@@ -76,11 +74,35 @@ class ExplainPanel:
         _put(self._verdicts, "verdicts.html", values | {"ongoing": {} if open_question else ongoing(run, state.index)})
         for template, handle in self._details.items():
             _put(handle, template, values)
-        _put(self._events, "events.html", event_values(state, None if open_question else run))
 
     def _latest_records(self, run: CurrentRun, state: State) -> Mapping[str, ExposureRecord]:
         self._latest = latest_records(run, state, self._latest)
         return {method: record for (_, _, method), record in self._latest.items()}
+
+
+class EventsPanel:
+    """Below what other features say of the frame shown: a list that may be long."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session = session
+        self._events = gui.add_html("")
+        self._shown: tuple[object, ...] = ()
+
+    def show(self, state: State) -> None:
+        run = None if state[Lessons].covers else self._session.run
+        count = 0 if run is None else len(run.events)
+        shown = (
+            state.run,
+            state.index,
+            state.computed,
+            state.ended,
+            state[Lessons].covers,
+            count,
+            state[Bookmarks].marks,
+        )
+        if shown != self._shown:
+            self._shown = shown
+            _put(self._events, "events.html", event_values(state, run))
 
 
 def latest_records(run: CurrentRun, state: State, known: Latest) -> Latest:
@@ -166,4 +188,4 @@ def _coming(state: State) -> bool:
     return state.displayed is None and (state.playing or state.activity is not None)
 
 
-PANELS = (Panel(TAB, 100, ExplainPanel),)
+PANELS = (Panel(TAB, 100, ExplainPanel), Panel(TAB, 120, EventsPanel))

@@ -15,7 +15,7 @@ from ispom_app.engine.history.quantities import NO_ROW, row_after
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_events.log import EventLog
 from ispom_app.features.events.commands import StepToEvent
-from ispom_app.features.explain.panel import ExplainPanel, ongoing
+from ispom_app.features.explain.panel import EventsPanel, ExplainPanel, ongoing
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
@@ -52,6 +52,12 @@ def panel(server: viser.ViserServer, run: CurrentRun) -> ExplainPanel:
     return ExplainPanel(server.gui, session)
 
 
+@pytest.fixture
+def listed(server: viser.ViserServer, run: CurrentRun) -> EventsPanel:
+    session: Any = SimpleNamespace(run=run)
+    return EventsPanel(server.gui, session)
+
+
 def at(run: CurrentRun, index: int, **values: Any) -> State:
     state = reduce(State("double:40"), run.opened)
     return with_values(state, displayed=run.history[index], computed=len(run.history), **values)
@@ -71,11 +77,11 @@ def test_the_first_thing_is_a_verdict_for_each_method(panel: ExplainPanel, run: 
 
 
 def test_every_event_is_a_button_that_goes_there_and_that_of_the_frame_is_marked(
-    panel: ExplainPanel, run: CurrentRun
+    listed: EventsPanel, run: CurrentRun
 ) -> None:
     lost = next(e for e in run.events.events if e.kind == "lost")
-    panel.show(at(run, lost.frame, bookmarks=(Bookmark(3, 3, "<b>the bus</b>"),)))
-    text = panel._events.content
+    listed.show(at(run, lost.frame, bookmarks=(Bookmark(3, 3, "<b>the bus</b>"),)))
+    text = listed._events.content
     assert frames(text) == sorted([3, *(e.frame for e in run.events.events)])
     assert text.count('aria-current="true"') == sum(e.frame == lost.frame for e in run.events.events)
     assert "&lt;b&gt;the bus" in text and "<b>the bus" not in text
@@ -83,20 +89,22 @@ def test_every_event_is_a_button_that_goes_there_and_that_of_the_frame_is_marked
 
 
 def test_of_many_events_those_around_the_frame_are_listed(
-    panel: ExplainPanel, run: CurrentRun, monkeypatch: pytest.MonkeyPatch
+    listed: EventsPanel, run: CurrentRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ispom_app.features.explain.panel.AROUND", 1)
-    panel.show(at(run, 30))
-    assert len(frames(panel._events.content)) == 2 and re.search(r"\d+ earlier", panel._events.content)
+    listed.show(at(run, 30))
+    assert len(frames(listed._events.content)) == 2 and re.search(r"\d+ earlier", listed._events.content)
 
 
 def test_while_a_question_of_a_lesson_is_open_neither_verdicts_nor_events_are_shown(
-    panel: ExplainPanel, run: CurrentRun
+    panel: ExplainPanel, listed: EventsPanel, run: CurrentRun
 ) -> None:
     lesson: Any = SimpleNamespace(covers=True)
     covered = replace(at(run, 30, lesson=lesson).displayed, steps=(), errors_m={}, statuses={})  # type: ignore[type-var]
-    panel.show(replace(at(run, 30, lesson=lesson), displayed=covered))
-    assert frames(panel._events.content) == [] and 'class="headline"' not in panel._verdicts.content
+    state = replace(at(run, 30, lesson=lesson), displayed=covered)
+    panel.show(state)
+    listed.show(state)
+    assert frames(listed._events.content) == [] and 'class="headline"' not in panel._verdicts.content
 
 
 def test_the_button_runs_to_the_next_anomaly(panel: ExplainPanel) -> None:

@@ -14,7 +14,10 @@ export function listenToPanels(page, command, tabOpened) {
     if (seek !== undefined) command({ do: "seek", index: Number(seek) });
     if (select !== undefined) command({ do: "select", what: select });
     if (plot !== undefined && event.type !== "keydown") command({ do: "plot", name: plot });
-    if (doctor !== undefined && event.type !== "keydown") command({ do: "examine", at: Number(doctor) });
+    if (doctor !== undefined && event.type !== "keydown") {
+      command({ do: "examine", at: Number(doctor) });
+      body.querySelector("[data-cause]")?.scrollIntoView({ block: "center" }); // the answer stands above the events
+    }
     if (pick !== undefined && event.type !== "keydown") command({ do: "pick", camera: pick, ...place(element, event) });
   };
   body.addEventListener("click", asked);
