@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -124,4 +125,6 @@ def _report(out: Path, files: Mapping[str, bytes], stage: Stage) -> None:
     }
     lines = [f"  {count / MB:6.2f} MB  {name}" for name, count in parts.items()]
     sys.stdout.write(printable(f"{out} ({total / MB:.1f} MB, {len(files)} files)") + "\n" + "\n".join(lines) + "\n")
-    sys.stdout.write(f"Look at it: python -m http.server --bind 127.0.0.1 --directory {printable(str(out))}\n")
+    sys.stdout.write(
+        f"Look at it: python -m http.server --bind 127.0.0.1 --directory {printable(shlex.quote(str(out)))}\n"
+    )
