@@ -13,7 +13,7 @@ from ispom.blas import one_thread
 from ispom.estimator import LeavesOut, Method
 from ispom.methods import Config, in_order, method, require_sensors, with_dependencies
 from ispom.settings import check
-from ispom.solvers.influence.problem import Problem, listening
+from ispom.solvers.influence.problem import Problem, collecting_problems
 from ispom.types import Measurement, Rig, Step, Trajectory
 
 
@@ -56,15 +56,17 @@ class Ensemble:
                 steps[name] = replace(step, method=name)
         return after, tuple(steps[name] for name in self.methods if name in steps)
 
-    def told(self, state: Mapping[str, Any], measurement: Measurement) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
-        """By method that uses this measurement: its Step, as `step` gives it, and the problems that it tells."""
+    def reported_problems(
+        self, state: Mapping[str, Any], measurement: Measurement
+    ) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
+        """By method that uses this measurement: its Step, as `step` gives it, and the problems that it reports."""
         found = dict[str, tuple[Step, tuple[Problem, ...]]]()
         for name, member in self.members.items():
             if member.method.uses(measurement):
                 steps = {other: step for other, (step, _) in found.items()}
-                with listening() as heard:
+                with collecting_problems() as problems:
                     _, step = member.estimator.step(state[name], measurement, *member.inputs(steps))
-                found[name] = replace(step, method=name), tuple(heard)
+                found[name] = replace(step, method=name), tuple(problems)
         return found
 
     def without_tracks(

@@ -183,13 +183,13 @@ class Playback:
         steps = tuple(step for step in steps if step.method in self.methods)
         return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
 
-    def told(self) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
+    def reported_problems(self) -> dict[str, tuple[Step, tuple[Problem, ...]]]:
         """By method: its Step at the next frame, and the problems that it solves for it. The run does not step.
 
         Raises InputError where the frame cannot be read.
         """
         self._enter_stage()
-        return self.ensemble.told(self._state, self.sequence[self.position])
+        return self.ensemble.reported_problems(self._state, self.sequence[self.position])
 
     def without_tracks(self, method: str, ids: NDArray[np.int64]) -> Step | None:
         """The Step of a method at the next frame without these tracks (M,) up to there; None where that is not

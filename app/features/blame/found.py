@@ -53,7 +53,8 @@ class PoseBlame:
 
     @property
     def changed_since(self) -> float:
-        """How far the method moved the camera after it had solved, by what is not told: a rolling shutter, a loop."""
+        """How far the method moved the camera after it had solved, by a rolling shutter or a loop, which it does not
+        report."""
         given = camera_pose(self.step, self.sequence.rig, self.camera)
         return 0.0 if given is None else float(np.linalg.norm(given.translation - self.found.problem.pose.translation))
 
@@ -105,17 +106,17 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
     `units_m` are those of the methods' worlds [m], where more is known than the playback knows by now. Raises
     InputError where no method did, with the reasons, or the frame cannot be read.
     """
-    index, told, found, reasons = playback.position, playback.told(), list[PoseBlame](), list[str]()
+    index, reported, found, reasons = playback.position, playback.reported_problems(), list[PoseBlame](), list[str]()
     kind = playback.sequence.kinds[index]
     for method in methods:
-        if method not in told:
+        if method not in reported:
             reasons.append(f"{method} does not use frame {index}, which is of the kind {kind}")
             continue
-        step, heard = told[method]
+        step, problems = reported[method]
         if step.world_from_frame is None:
             reasons.append(f"{method} has no pose at frame {index}, which is of the kind {kind}")
             continue
-        problem = problem_of(heard, step.world_from_frame, step.frame, playback.sequence.rig)
+        problem = problem_of(problems, step.world_from_frame, step.frame, playback.sequence.rig)
         if problem is None:
             reasons.append(f"{method} does not say what it solved at frame {index}")
             continue

@@ -13,11 +13,14 @@ from .options import FRAMES, SECONDS
 from .stretch import stretch_of
 from .text import plain
 
+MOST_SECONDS = 600.0
+"""An agent waits no longer for one answer."""
+
 
 def doctor(
     agents: AgentSession,
     at: Annotated[int | None, "Frame that went wrong; null for the worst event."] = None,
-    seconds: Annotated[float, f"After this time no new suspect is examined, at most {SECONDS:g}."] = SECONDS,
+    seconds: Annotated[float, f"After this time no new suspect is examined; at most {MOST_SECONDS:g}."] = SECONDS,
 ) -> dict[str, Any]:
     """Says which cause explains a bad stretch of the run, by its images, times and tracks; ground truth is not used.
     `answer` is a sentence, `causes` are keys of what was found, the strongest first, and `ranked` has for each suspect
@@ -28,8 +31,8 @@ def doctor(
     run.require_source()
     if at is not None:
         agents.frame(at)
-    if not 0 < seconds <= SECONDS:
-        raise InputError(f"seconds is {seconds:g}: give more than 0 and at most {SECONDS:g}")
+    if not 0 < seconds <= MOST_SECONDS:
+        raise InputError(f"seconds is {seconds:g}: give more than 0 and at most {MOST_SECONDS:g}")
     sequence = run.playback.sequence
     stretch = stretch_of(sequence, at, FRAMES, run.events.events)
     found = plain(examine(sequence, stretch, seconds), stretch)

@@ -18,7 +18,7 @@ from ispom.estimators.survey.fused_factors import DIMENSIONS, ORDER, SIZES, Fact
 from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_values import Node, Prior
 from ispom.geometry import Array, Pose
-from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.problem import report_problem
 
 ITERATIONS = 12
 BIAS_PRIOR = np.array([0.3] * 3 + [0.02] * 3)
@@ -60,7 +60,7 @@ class Graph(Factors):
     def optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
         found, values = self.solved(nodes, prior, nodes)
-        tell(lambda: GraphProblem(self, nodes, found, prior))
+        report_problem(lambda: GraphProblem(self, nodes, found, prior))
         misfits = dict[str, list[float]]()
         for f in self.factors(nodes, prior):
             if f.sensor in DIMENSIONS:

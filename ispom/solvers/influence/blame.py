@@ -60,15 +60,15 @@ def blame(problem: Problem) -> Blame:
     return Blame(problem, tuple(sorted(found, key=_size)))
 
 
-def problem_of(heard: Sequence[Problem], world_from_frame: Pose, frame: str, rig: Rig) -> Problem | None:
-    """Returns the last of the problems that gave this pose; None if none was told."""
+def problem_of(problems: Sequence[Problem], world_from_frame: Pose, frame: str, rig: Rig) -> Problem | None:
+    """Returns the last of the problems that gave this pose; None if none was reported."""
     world_from_rig = world_from_frame @ rig.rig_from(frame).inverse()
 
     def apart(problem: Problem) -> float:
         there = problem.pose @ rig.rig_from(problem.frame).inverse()
         return float(np.linalg.norm(there.translation - world_from_rig.translation))
 
-    return min(reversed(heard), key=apart, default=None)
+    return min(reversed(problems), key=apart, default=None)
 
 
 def _size(each: Influence) -> float:

@@ -1,7 +1,7 @@
 """The door by which a method says what it solved, so that parts of it can be left out.
 
-A method opts in by `tell(...)` where it has solved for a pose. Nobody listens in a normal run, and a step gives the
-same result whether somebody listens or not.
+A method opts in by `report_problem(...)` where it has solved for a pose. In a normal run nothing collects the problems,
+and a step gives the same result whether they are collected or not.
 """
 
 from __future__ import annotations
@@ -90,22 +90,22 @@ class Problem(Protocol):
         ...
 
 
-_listening: ContextVar[list[Problem] | None] = ContextVar("ispom_told", default=None)
+_collected: ContextVar[list[Problem] | None] = ContextVar("ispom_problems", default=None)
 
 
-def tell(problem: Callable[[], Problem]) -> None:
-    """Says what was just solved, if somebody listens; `problem` is not called otherwise."""
-    heard = _listening.get()
-    if heard is not None:
-        heard.append(problem())
+def report_problem(problem: Callable[[], Problem]) -> None:
+    """Reports what was just solved, if problems are collected; `problem` is not called otherwise."""
+    problems = _collected.get()
+    if problems is not None:
+        problems.append(problem())
 
 
 @contextmanager
-def listening() -> Iterator[list[Problem]]:
-    """Gives the problems that are told meanwhile, in this thread."""
-    heard = list[Problem]()
-    token = _listening.set(heard)
+def collecting_problems() -> Iterator[list[Problem]]:
+    """Collects the problems that are reported meanwhile, in this thread."""
+    problems = list[Problem]()
+    token = _collected.set(problems)
     try:
-        yield heard
+        yield problems
     finally:
-        _listening.reset(token)
+        _collected.reset(token)

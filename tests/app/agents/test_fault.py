@@ -40,7 +40,11 @@ def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
             earliest = (await agent.ask("first_failures"))["rows"][0]
             assert (earliest["key"], earliest["first_frame"]) == min(found.values(), key=lambda each: each[1])
             bright = first_dark_frame("video") - 2
-            return found, await agent.ask("doctor"), await agent.ask("blame", frame=bright, method="monocular")
+            return (
+                found,
+                await agent.ask("doctor", seconds=600.0),
+                await agent.ask("blame", frame=bright, method="monocular"),
+            )
 
         found, diagnosis, blamed = asked(agents, script)
     kinds = {"monocular": "video", "stereo": "stereo"}

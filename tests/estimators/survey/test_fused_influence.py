@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.solvers.influence.blame import Blame, blame
-from ispom.solvers.influence.problem import listening
+from ispom.solvers.influence.problem import collecting_problems
 from ispom.types import Frame, Status, Step
 from tests.estimators.survey.test_fused import EXACT, Run, chosen, config
 
@@ -23,7 +23,7 @@ def last_blame(scheme: str, **changed: Any) -> Blame:
     for m in run.measurements:
         shown = isinstance(m, Frame)
         inputs = {"visual": Step(m.time_ns, Status.TRACKING, "video", run.images[m.time_ns])} if shown else {}
-        with listening() as heard:
+        with collecting_problems() as heard:
             state, _ = run.estimator.step(state, m, inputs)
         found = heard[-1] if heard else found
     assert found is not None

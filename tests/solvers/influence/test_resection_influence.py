@@ -7,7 +7,7 @@ import numpy as np
 from ispom.geometry import Pose
 from ispom.solvers.influence.blame import blame, problem_of
 from ispom.solvers.influence.groups import groups
-from ispom.solvers.influence.problem import Part, Problem, listening, tell
+from ispom.solvers.influence.problem import Part, Problem, collecting_problems, report_problem
 from ispom.solvers.influence.resection import MOTION, ResectionProblem
 from ispom.solvers.localisation import fit_pose
 from tests.solvers.influence.scene import BASELINE, BUS, POINTS, SCALE, points
@@ -77,12 +77,12 @@ def test_nothing_is_made_where_nobody_listens() -> None:
         made.append("told")
         return problem(0.0)
 
-    tell(told)
+    report_problem(told)
     assert not made
-    with listening() as heard:
-        tell(told)
-    tell(told)
-    assert len(made) == len(heard) == 1
+    with collecting_problems() as problems:
+        report_problem(told)
+    report_problem(told)
+    assert len(made) == len(problems) == 1
 
 
 def test_the_problem_of_a_pose_is_the_last_that_gave_it() -> None:

@@ -44,9 +44,13 @@ def rows(source: str, method: str, first: int, gap: int) -> Iterator[Row]:
     playback, left, due = Playback(open_sequence(source), (method,), Config()), dict(COUNTS), first
     while any(left.values()) and playback.position < len(playback.sequence):
         uses = playback.position >= due and playback.sequence.kinds[playback.position] in ("video", "stereo")
-        told = playback.told() if uses else {}
-        if method in told and told[method][0].world_from_frame is not None and left[told[method][0].key_frame]:
-            key_frame = told[method][0].key_frame
+        reported = playback.reported_problems() if uses else {}
+        if (
+            method in reported
+            and reported[method][0].world_from_frame is not None
+            and left[reported[method][0].key_frame]
+        ):
+            key_frame = reported[method][0].key_frame
             left[key_frame] -= 1
             due = playback.position + gap
             (of,) = pose_blames(playback, (method,), {})
@@ -74,7 +78,9 @@ def test_blame_is_within_a_fifth_of_running_the_step_again(name: str) -> None:
         apart = np.array([row.apart for row in found if row.key_frame is key_frame])
         if len(apart):
             what = "keyframes" if key_frame else "other frames"
-            told = f"{name} | {what} | {len(apart)} | {100 * np.median(apart):.0f} % | {(apart <= CLOSE).mean():.0%}"
-            sys.stdout.write(f"| {told} |\n")
+            reported = (
+                f"{name} | {what} | {len(apart)} | {100 * np.median(apart):.0f} % | {(apart <= CLOSE).mean():.0%}"
+            )
+            sys.stdout.write(f"| {reported} |\n")
     every = np.array([row.apart for row in found])
     assert np.median(every) < CLOSE / 2 and (every <= CLOSE).mean() >= 0.9

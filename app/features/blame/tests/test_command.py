@@ -68,11 +68,11 @@ def test_what_cannot_be_answered_is_one_sentence(run: Path, capsys: pytest.Captu
 
 
 def test_asking_changes_nothing_of_the_step(playback: Playback, found: PoseBlame) -> None:
-    again = playback.told()["stereo"][0]
+    again = playback.reported_problems()["stereo"][0]
     step = next(s for s in playback.ensemble.step(playback.snapshot.states, playback.sequence[AT])[1])
-    for told in (found.step, again):
-        assert told.world_from_frame is not None and step.world_from_frame is not None
-        np.testing.assert_array_equal(told.world_from_frame.matrix, step.world_from_frame.matrix)
+    for reported in (found.step, again):
+        assert reported.world_from_frame is not None and step.world_from_frame is not None
+        np.testing.assert_array_equal(reported.world_from_frame.matrix, step.world_from_frame.matrix)
 
 
 def test_a_rerun_without_the_tracks_of_a_group_agrees(playback: Playback, found: PoseBlame) -> None:

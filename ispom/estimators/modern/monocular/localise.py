@@ -28,7 +28,7 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.reductions import lengths
-from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.resection import ResectionProblem
 from ispom.solvers.localisation import Policy, PoseFit, fit_pose, locate
 from ispom.types import TrackStatus
@@ -130,7 +130,7 @@ def located_by(
             setup, live, world, followed, places, motion, (xyz, x), world_from_guess if predicted is None else predicted
         )
         pose, rays = motion.camera_from_world, None if untriangulated is None else untriangulated.rays
-        tell(lambda: ResectionProblem(ids, xyz, x, pose, WIDTH * setup.noise.width, "video", rays=rays))
+        report_problem(lambda: ResectionProblem(ids, xyz, x, pose, WIDTH * setup.noise.width, "video", rays=rays))
     return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, untriangulated)
 
 

@@ -14,7 +14,7 @@ from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
-from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.window import WindowProblem
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust
@@ -200,7 +200,7 @@ def adjusted(state: Map, width: float, iterations: int, tolerance: float = 1e-3)
     found = adjust(before.window, state.loss, iterations, tolerance)
     window = found.window
     times_ns = tuple(key.time_ns for key in state.keys)
-    tell(lambda: WindowProblem(before.window, window, state.loss, before.ids, times_ns, "video"))
+    report_problem(lambda: WindowProblem(before.window, window, state.loss, before.ids, times_ns, "video"))
     worst = np.zeros(len(before.ids))
     np.maximum.at(worst, window.owners, found.distances)
     xyz = state.points.xyz.copy()

@@ -14,7 +14,7 @@ from ispom.estimators.modern.stereo.shutter import pair_at_middle, refined_motio
 from ispom.estimators.modern.stereo.window import StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
-from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.resection import ResectionProblem
 from ispom.solvers.localisation import Policy, PoseFit, locate
 
@@ -90,5 +90,5 @@ def _located(
     found = locate(xyz, seen, predicted, policy, setup.baseline_m, prior)
     if found is not None:
         pose, told = found.camera_from_world, (setup.noise.width, "left", setup.baseline_m, predicted, prior)
-        tell(lambda: ResectionProblem(world.ids[place], xyz, seen, pose, *told))
+        report_problem(lambda: ResectionProblem(world.ids[place], xyz, seen, pose, *told))
     return found

@@ -15,7 +15,7 @@ from ispom.estimators.modern.stereo.shutter import pair_at_middle
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
-from ispom.solvers.influence.problem import tell
+from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.window import WindowProblem
 from ispom.solvers.right_camera import PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
@@ -171,7 +171,7 @@ def adjusted(
     window = result.window
     times_ns = tuple(key.time_ns for key in state.keys)
     if state.keys[-1].late_s is None:
-        tell(lambda: WindowProblem(start, window, scale, state.ids[used], times_ns, "left"))
+        report_problem(lambda: WindowProblem(start, window, scale, state.ids[used], times_ns, "left"))
     keys = [
         replace(key, left_from_world=Pose(r, t))
         for key, r, t in zip(state.keys, _proper(window.rotations), window.translations, strict=True)
