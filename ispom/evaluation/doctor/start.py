@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.solvers.localisation import Policy, locate
 from ispom.types import Rig
 
-from .adjustment import adjust
+from .adjustment import LOSS_PX, adjust
 from .examination import Examination
 from .scene import CAMERAS, Observations, Scene
 
@@ -134,20 +135,17 @@ def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Po
         return None
     poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
     points = _triangulate(rays, poses, focal_px)
+    policy = Policy(LOSS_PX / focal_px, SURE_PX * 1.5 / focal_px, SURE_PX * 1.5 / focal_px)
     order = sorted(set(range(rays.shape[1])) - {a, b}, key=lambda k: (max(a - k, k - b, 0), k))
     for k in order:
         both = np.isfinite(rays[:, k, 0]) & np.isfinite(points[:, 0])
         if both.sum() < 8:
             return None
         nearest = poses[min(poses, key=lambda other: abs(other - k))].inverse()
-        ok, turn, shift, inliers = cv2.solvePnPRansac(
-            points[both], rays[both, k], np.eye(3), None, nearest.rotvec, nearest.translation.copy(),
-            useExtrinsicGuess=True, iterationsCount=100, reprojectionError=SURE_PX * 1.5 / focal_px, confidence=0.999,
-            flags=cv2.SOLVEPNP_ITERATIVE,
-        )  # fmt: skip
-        if not ok or inliers is None or len(inliers) < 8:
+        found = locate(points[both], rays[both, k], nearest, policy)
+        if found is None or found.inliers.sum() < 8:
             return None
-        poses[k] = Pose.from_rotvec(np.asarray(turn, float).ravel(), np.asarray(shift, float).ravel()).inverse()
+        poses[k] = found.camera_from_world.inverse()
         points = np.where(np.isfinite(points), points, _triangulate(rays, poses, focal_px))
     return [poses[k] for k in range(rays.shape[1])], _triangulate(rays, poses, focal_px)
 
