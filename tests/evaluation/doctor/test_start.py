@@ -17,7 +17,7 @@ print(None if found is None else [found.scene.positions.tolist(), found.scene.po
 
 
 def answer(filling: str) -> str:
-    """Returns what the program prints where new memory is filled with a byte (by glibc; elsewhere it stays as it is)."""
+    """Returns what the program prints where glibc fills new memory with a byte."""
     environment = {**os.environ, "MALLOC_PERTURB_": filling}
     return subprocess.run(
         [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, check=True, text=True
