@@ -42,6 +42,8 @@ SHIFTS = (0.0, 0.0), (0.5, 0.5)
 """Offsets of two groupings, in cells, which are averaged: neighbours across a border are a group in the other one."""
 GROUPS = (CELLS[0] + 1) * (CELLS[1] + 1)
 """Largest number of groups."""
+SINGULAR = 1e-15
+"""Smallest eigenvalue of the normal equations, as a share of the largest, that is not rounding."""
 LEAST_FREEDOM = 0.1
 """Least degrees of freedom of the small-sample factor, as a share of the effective number of tracks."""
 
@@ -105,20 +107,17 @@ class WindowCovariance:
     @property
     def whole(self) -> Array:
         """Returns the covariance (D, D) of all poses and corrections."""
-        found = self.inverse @ self._scatter @ self.inverse
+        own, pending = self.left_out, self.pending.scores
+        scatter = self.prior_scatter + self.inflation * own.T @ own + pending.T @ pending
+        found = self.inverse @ scatter @ self.inverse
         return (found + found.T) / 2
 
     @property
     def newest(self) -> Array:
         """Returns the covariance (6, 6) of the newest pose, as a left twist."""
         by_score = self._by_score(self.inverse)
-        return by_score.T @ self._scatter @ by_score
-
-    @cached_property
-    def _scatter(self) -> Array:
-        """Returns S (D, D)."""
-        own, pending = self.left_out, self.pending.scores
-        return self.prior_scatter + self.inflation * own.T @ own + pending.T @ pending
+        own, pending = self.left_out @ by_score, self.pending.scores @ by_score
+        return by_score.T @ self.prior_scatter @ by_score + self.inflation * own.T @ own + pending.T @ pending
 
     def marginal(self, continuing: NDArray[np.int64], inverse: Array) -> Sandwich:
         """Returns the sandwich of this window as the marginalised part of a larger one.
@@ -186,12 +185,27 @@ def inverse_curvature(own: Array, fixed: Array) -> Array:
     """
     diagonal = fixed.diagonal()
     unit = np.where(diagonal > 0, 1 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)  # a gauge prior is 1e12 times larger
-    values, vectors = np.linalg.eigh(unit[:, None] * fixed * unit)
-    known = values > 1e-15 * values[-1]
-    root = unit[:, None] * vectors[:, known] / np.sqrt(values[known])
+    fixed, own = unit[:, None] * fixed * unit, unit[:, None] * own * unit
+    inverse = _plain_inverse(own, fixed)
+    if inverse is not None:
+        return unit[:, None] * inverse * unit
+    values, vectors = np.linalg.eigh(fixed)
+    known = values > SINGULAR * values[-1]
+    root = vectors[:, known] / np.sqrt(values[known])
     share, turn = np.linalg.eigh(root.T @ own @ root)
-    found = root @ turn
+    found = unit[:, None] * (root @ turn)
     return found / np.maximum(share, LEAST_SHARE) @ found.T
+
+
+def _plain_inverse(own: Array, fixed: Array) -> Array | None:
+    """Returns the inverse (D, D) of `own`; None where a direction keeps less than LEAST_SHARE of `fixed`, or where
+    `own`, whose diagonal is of the size of 1, is close to singular."""
+    try:
+        np.linalg.cholesky(own - LEAST_SHARE * fixed)
+        inverse = np.linalg.inv(own)
+    except np.linalg.LinAlgError:
+        return None
+    return (inverse + inverse.T) / 2 if inverse.trace() < 1e-3 / SINGULAR else None
 
 
 def cells(seen: Array) -> list[NDArray[np.int64]]:
@@ -214,29 +228,24 @@ def cluster_inflation(left_out: Array, grouped: Sequence[Array]) -> float:
     `left_out` (N, D) are the changes of the pose by each track, `grouped` (G, D) those by groups of neighbours, for one
     or more groupings.
     """
-    inverse = _inverse_square(left_out)
+    inverse = np.linalg.pinv(left_out.T @ left_out, rtol=1e-12, hermitian=True)
     squares = sum(float(np.sum(inverse * (each.T @ each))) for each in grouped)
     together = max(squares / (len(grouped) * left_out.shape[1]), 1.0)
-    return together * small_sample_factor(left_out, together)
+    return together * _small_sample_factor(left_out, inverse, together)
 
 
-def small_sample_factor(left_out: Array, together: float = 1.0) -> float:
-    """Returns the factor of a pose's variance from the squares of few changes `left_out` (N, D).
+def _small_sample_factor(left_out: Array, inverse: Array, together: float) -> float:
+    """Returns the factor of a pose's variance from the squares of few changes `left_out` (N, D), by their `inverse`.
 
     It is the mean of the inverse Wishart matrix of as many equal contributions, by their fourth moments. Correlated
     ones, with squares `together` times as large, are so many fewer.
     """
     axes = left_out.shape[1]
-    sizes = np.einsum("ni,ij,nj->n", left_out, _inverse_square(left_out), left_out)
+    sizes = ((left_out @ inverse) * left_out).sum(axis=1)
     if not sizes.any():
         return 1.0
     count = axes * (axes + 2) / float(sizes @ sizes) / together
     return count / max(count - axes - 1, LEAST_FREEDOM * count)
-
-
-def _inverse_square(rows: Array) -> Array:
-    """Returns the pseudo-inverse (D, D) of the squares of `rows` (N, D)."""
-    return np.linalg.pinv(rows.T @ rows, rtol=1e-12, hermitian=True)
 
 
 @kernel()
