@@ -119,12 +119,16 @@ def _of_words(text: str, seed: int) -> tuple[Scenario, int]:
     words, _, own_seed = text.partition("#")
     if own_seed and not (own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED):
         raise InputError(f"sim:{text}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{words}#3")
-    return scenario_of_words(words), int(own_seed or seed)
+    return _seeded(scenario_of_words(words), int(own_seed or seed), bool(own_seed))
 
 
 def _of_file(path: Path, seed: int) -> tuple[Scenario, int]:
-    scenario = scenario_of_file(path)
-    return scenario, seed if scenario.seed is None else scenario.seed
+    return _seeded(scenario_of_file(path), seed)
+
+
+def _seeded(scenario: Scenario, seed: int, chosen: bool = False) -> tuple[Scenario, int]:
+    """Returns it with the scenario's own seed, if it names one and another is not `chosen`."""
+    return scenario, seed if chosen or scenario.seed is None else scenario.seed
 
 
 def open_scenario(scenario: Scenario, seed: int, cache_dir: Path | None = None) -> Sequence:

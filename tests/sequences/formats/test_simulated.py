@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.sequences.formats.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated, open_words
 from ispom.types import Measurement, Sequence, is_stereo, is_video
 
 
@@ -84,3 +84,13 @@ def test_a_folder_that_cannot_be_made_only_costs_time(tmp_path: Path) -> None:
 def test_what_does_not_exist_is_refused_in_a_sentence(asked: dict, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="sim:"):
         open_simulated(cache_dir=tmp_path, **asked)
+
+
+def test_the_words_may_name_the_seed() -> None:
+    def truth(words: str, seed: int = 0) -> bytes:
+        found = open_words(words, seed).truth
+        assert found is not None
+        return found.translations.tobytes()
+
+    assert truth("tiny?seed=1") == truth("tiny#1") == truth("tiny", 1) != truth("tiny")
+    assert truth("tiny?seed=1#2") == truth("tiny#2")
