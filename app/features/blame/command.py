@@ -61,7 +61,7 @@ def blame(options: Blame, builder: Builder = build) -> int:
 
 
 def _methods(run: RunFile, options: Blame) -> tuple[str, ...]:
-    if options.method is None:
+    if not options.method:
         return run.methods
     if options.method not in with_dependencies(run.methods):
         raise InputError(f"the run has no method {options.method}: give one of {', '.join(run.methods)}")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
-from ...engine.options import Name, Programs
+from ...engine.options import Programs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,7 @@ class Blame(Programs):
     """Folder that `ispom run` wrote."""
     at: int
     """The frame, counted from 0 as in the page and in steps.csv."""
-    method: Name | None = None
+    method: Annotated[str, tyro.conf.arg(metavar="METHOD", help_behavior_hint="")] = ""
     """Whose pose; default: the first method of the run that has one at this frame."""
     check: bool = False
     """Also run the frame again without the tracks of each row, from the state before, and show that beside it."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, tiny  # noqa: F401 - fixtures
 
 pytestmark = [
     pytest.mark.slow,
@@ -20,17 +19,8 @@ AT = 12
 
 
 @pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    folder = tmp_path_factory.mktemp("blame")
-    found = launched([sys.executable, "-m", "tests.app.page.serve_tiny", str(folder), "0"], folder)
-    yield found
-    found.process.kill()
-    found.process.wait()
-
-
-@pytest.fixture(scope="module")
-def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
+def page(browser, tiny: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, tiny.url, viewer=FAKE)
     opened.send(f"{{do: 'seek', index: {AT}}}")
     opened.until(f"state.index === {AT}", "the frame")
     yield opened

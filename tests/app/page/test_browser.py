@@ -82,12 +82,23 @@ def launched(command: list[str], folder: Path) -> App:
     raise AssertionError(f"the app ended with code {process.wait()}")
 
 
-@pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    found = start(tmp_path_factory.mktemp("recordings"))
+def serving(module: str, folder: Path, *words: str) -> Iterator[App]:
+    """The app that `python -m tests.app.page.MODULE FOLDER WORDS` serves, for a fixture; it is ended afterwards."""
+    found = launched([sys.executable, "-m", f"tests.app.page.{module}", str(folder), *words], folder)
     yield found
     found.process.kill()
     found.process.wait()
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    yield from serving("serve_double", tmp_path_factory.mktemp("recordings"), "0")
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    """The app with the real stereo estimator on `sim:tiny`."""
+    yield from serving("serve_tiny", tmp_path_factory.mktemp("tiny"), "0")
 
 
 @pytest.fixture(scope="module")

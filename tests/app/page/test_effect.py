@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, tiny  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 
 
 @pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    folder = tmp_path_factory.mktemp("effect")
-    found = launched([sys.executable, "-m", "tests.app.page.serve_tiny", str(folder), "0"], folder)
-    yield found
-    found.process.kill()
-    found.process.wait()
-
-
-@pytest.fixture(scope="module")
-def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
-    opened = Page(browser, app.url, viewer=FAKE)
+def page(browser, tiny: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, tiny.url, viewer=FAKE)
     opened.send("{do: 'seek', index: state.total - 1}".replace("state.", "window.ispom.state."))
     opened.until("state.ended", "the end")
     opened.controls.get_by_role("tab", name="Branches", exact=True).click()

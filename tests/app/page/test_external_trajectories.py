@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from ispom_app.presentation import colours
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, serving  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -19,11 +18,7 @@ PAPER = "integrated.paper"
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    folder = tmp_path_factory.mktemp("beside")
-    found = launched([sys.executable, "-m", "tests.app.page.serve_external_trajectories", str(folder), "0"], folder)
-    yield found
-    found.process.kill()
-    found.process.wait()
+    yield from serving("serve_external_trajectories", tmp_path_factory.mktemp("beside"), "0")
 
 
 @pytest.fixture(scope="module")

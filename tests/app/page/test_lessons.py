@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from ispom_app.features.lessons.library import built_in
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, serving  # noqa: F401 - a fixture
 
 NAMES = [lesson.name for lesson in built_in()]
 ALWAYS = ("stereo",)
@@ -31,21 +30,14 @@ NUMBER = re.compile(r"\d+\.\d{2,}|\d{3,}")
 """What hardly stands in a page by chance."""
 
 
-def served(folder: Path, *options: str) -> Iterator[App]:
-    found = launched([sys.executable, "-m", "tests.app.page.serve_lessons", str(folder), *options], folder)
-    yield found
-    found.process.kill()
-    found.process.wait()
-
-
 @pytest.fixture(scope="module")
 def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    yield from served(tmp_path_factory.mktemp("own"), "own")
+    yield from serving("serve_lessons", tmp_path_factory.mktemp("own"), "own")
 
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
-    yield from served(tmp_path_factory.mktemp("recordings"))
+    yield from serving("serve_lessons", tmp_path_factory.mktemp("recordings"))
 
 
 class Learner(Page):
