@@ -14,6 +14,7 @@ from ...session.current_run import CurrentRun
 from ...session.service import Service
 from .job import Progress, examine
 from .options import FRAMES, SECONDS
+from .origin import Origin
 from .state import Examined
 from .stretch import Stretch, stretch_of
 
@@ -34,9 +35,9 @@ class _Work:
     problem: str = ""
     thread: Thread | None = None
 
-    def run(self, sequence: Sequence, stretch: Stretch) -> None:
+    def run(self, sequence: Sequence, stretch: Stretch, origin: Origin) -> None:
         try:
-            self.diagnosis = examine(sequence, stretch, SECONDS, self.report)
+            self.diagnosis = examine(sequence, stretch, SECONDS, self.report, origin=origin)
         except _Cancelled:
             self.problem = CANCELLED
         except InputError as fault:
@@ -77,7 +78,8 @@ class DoctorService(Service):
         frame = max(self.state.index, 0) if at is None else at
         stretch = stretch_of(sequence, frame, FRAMES, run.events.events)
         work = self._work = _Work()
-        work.thread = Thread(target=work.run, args=(sequence, stretch), name="doctor", daemon=True)
+        origin = Origin.of_run(run, stretch)
+        work.thread = Thread(target=work.run, args=(sequence, stretch, origin), name="doctor", daemon=True)
         work.thread.start()
         self.store.put(Examined(stretch, Progress(0, stretch.last - stretch.first + 1, "reading images")))
 

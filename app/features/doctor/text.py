@@ -6,6 +6,7 @@ from typing import Any
 
 from ispom.errors import counted
 from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.reruns import Outcome, Reruns
 
 from .stretch import Stretch
 
@@ -26,6 +27,18 @@ def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
         text.append(f"The recording says nothing about: {', '.join(found.silent)}.")
     if found.left:
         text.append(f"No time was left for: {', '.join(found.left)}. Give more --seconds.")
+    return text + ([] if found.reruns is None else rerun_lines(found.reruns))
+
+
+def rerun_lines(reruns: Reruns) -> list[str]:
+    """Returns what other settings did to the stretch: the answer and a row for each rerun."""
+    text = [f"Rerun from frame {reruns.first} to {reruns.last}. {reruns.answer}"]
+    for tried in sorted(reruns.tried, key=lambda t: -t.gain):
+        if all(tried.trial.method not in row.split() for row in text[1:]):
+            text.append(f"  {tried.trial.method} unchanged: {tried.unchanged[0].words}")
+        text.append(f"  {tried.trial.option}: {tried.outcomes[0].words}{'; this helps' if tried.helps else ''}")
+    if reruns.left:
+        text.append(f"Not tried: {', '.join(reruns.left)}. Give more --seconds.")
     return text
 
 
@@ -64,4 +77,29 @@ def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
         ],
         "silent": list(found.silent),
         "left": list(found.left),
+        "reruns": None if found.reruns is None else _plain_reruns(found.reruns),
+    }
+
+
+def _plain_reruns(reruns: Reruns) -> dict[str, Any]:
+    unchanged = {t.trial.method: t.unchanged[0] for t in reruns.tried}
+    return {
+        "first": reruns.first,
+        "last": reruns.last,
+        "answer": reruns.answer,
+        "unchanged": [{"method": m} | _plain_outcome(outcome) for m, outcome in unchanged.items()],
+        "tried": [
+            {"option": t.trial.option, "helps": t.helps, "reruns": len(t.outcomes)} | _plain_outcome(t.outcomes[0])
+            for t in reruns.tried
+        ],
+        "left": list(reruns.left),
+    }
+
+
+def _plain_outcome(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "frames": outcome.frames,
+        "located": len(outcome.located),
+        "segments": outcome.segments,
+        "failed": dict(outcome.failed),
     }
