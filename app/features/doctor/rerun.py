@@ -10,6 +10,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
+from ispom.methods import Config
 from ispom.settings import alternatives
 from ispom.types import Frame, Image, Measurement, Sequence, Step
 
@@ -57,7 +58,9 @@ def rerun(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns:
     about = stretch.event.method if stretch.event is not None else ""
     bad = [m for m in sorted(unchanged, key=lambda m: m != about) if Outcome.of(unchanged[m]).improvable]
     trials = [
-        Trial(m, name, getattr(playback.config.of(m), name), value) for m in bad for name, value in _worth(playback, m)
+        Trial(m, name, getattr(playback.config.of(m), name), value)
+        for m in bad
+        for name, value in alternatives(playback.config.of(m))
     ]
     if not trials:
         note = f"{note} The run lost too little there for a setting to help, so none was tried.".lstrip()
@@ -110,14 +113,18 @@ class _Bench:
         return found
 
     def _outcome(self, trial: Trial, seed: int | None) -> Outcome:
-        config = self.playback.config
-        config = config.with_settings(trial.method, replace(config.of(trial.method), **{trial.name: trial.value}))
+        config = config_of(trial, self.playback.config)
         fork = self.playback.forked(self.first, (trial.method,), config, self.snapshot)
         if seed is not None:
             fork.sequence = with_noise(fork.sequence, seed)
         doing = f"rerunning the stretch with {trial.option}"
         events = _played(fork, self.last, doing, self.advance)
         return Outcome.of((e.index, step) for e in events for step in e.steps if step.method == trial.method)
+
+
+def config_of(trial: Trial, run: Config) -> Config:
+    """Returns the settings of a run with this one changed."""
+    return run.with_settings(trial.method, replace(run.of(trial.method), **{trial.name: trial.value}))
 
 
 def _played(playback: Playback, last: int, doing: str, advance: Advance) -> Iterator:
@@ -134,10 +141,6 @@ def _difference(found: Divergence) -> str:
         f"The rerun is not the run: {name} differs at frame {frame}, by other images, another version or another "
         "machine. Settings are compared with the rerun."
     )
-
-
-def _worth(playback: Playback, method: str) -> tuple[tuple[str, object], ...]:
-    return alternatives(playback.config.of(method))
 
 
 def _in_order(steps: Steps) -> list[tuple[int, Step]]:

@@ -33,13 +33,21 @@ def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
 def rerun_lines(reruns: Reruns) -> list[str]:
     """Returns what other settings did to the stretch: the answer and a row for each rerun."""
     text = [f"Rerun from frame {reruns.first} to {reruns.last}. {reruns.answer}"]
-    for tried in sorted(reruns.tried, key=lambda t: -t.gain):
-        if all(tried.trial.method not in row.split() for row in text[1:]):
-            text.append(f"  {tried.trial.method} unchanged: {tried.unchanged[0].words}")
-        text.append(f"  {tried.trial.option}: {tried.outcomes[0].words}{'; this helps' if tried.helps else ''}")
+    for option, outcome, helps in rerun_table(reruns):
+        text.append(f"  {option}: {outcome.words}{'; this helps' if helps else ''}")
     if reruns.left:
         text.append(f"Not tried: {', '.join(reruns.left)}. Give more --seconds.")
     return text
+
+
+def rerun_table(reruns: Reruns) -> list[tuple[str, Outcome, bool]]:
+    """Returns (what was changed, its outcome, whether that helps): of each method unchanged, then the best first."""
+    found = []
+    for method in dict.fromkeys(t.trial.method for t in reruns.tried):
+        own = sorted((t for t in reruns.tried if t.trial.method == method), key=lambda t: (not t.helps, -t.gain))
+        found.append((f"{method} unchanged", own[0].unchanged[0], False))
+        found += [(t.trial.option, t.outcomes[0], t.helps) for t in own]
+    return found
 
 
 def line(each: Ranked) -> str:

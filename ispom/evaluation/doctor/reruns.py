@@ -64,9 +64,14 @@ class Outcome:
     @property
     def words(self) -> str:
         """In a row of a table."""
-        checks = ", ".join(f"{key} in {count}" for key, count in sorted(self.failed.items())) or "none"
         begun = counted(self.segments, "segment")
-        return f"{len(self.located)} of {self.frames} frames located, {begun} begun, checks that failed: {checks}"
+        located = f"{len(self.located)} of {self.frames} frames located"
+        return f"{located}, {begun} begun, checks that failed: {self.failures}"
+
+    @property
+    def failures(self) -> str:
+        """The checks that failed, and in how many frames."""
+        return ", ".join(f"{key} in {count}" for key, count in sorted(self.failed.items())) or "none"
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,8 @@ class Tried:
     def finding(self) -> Finding:
         own, other = self.outcomes, self.unchanged
         newly = [i for i in own[0].located if i not in other[0].located]
-        repeated = f", in each of {len(own)} reruns, {len(own) - 1} of them with noise" if len(own) > 1 else ""
+        count = len(own)
+        repeated = f", in each of {count} reruns, {count - 1} of them with noise" if count > 1 else ""
         evidence = (
             f"With {self.trial.option}: {own[0].words}; unchanged ({_text(self.trial.before)}): {other[0].words}. "
             f"That is {max(self.gain, 0):.0f} frames better ({other[0].margin:.2g} are needed){repeated}."
