@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from ispom.ensemble import build
 from ispom.methods import with_dependencies
 from ispom.types import Sequence
 
-from ...engine.differences.compare import MethodRow, in_order, record_rows, stored_pose
+from ...engine.differences.compare import FROM_POINTS, MethodRow, in_order, record_rows, stored_pose
 from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import RunFile
 from ...engine.run_folder.step_reader import stored_steps
@@ -23,14 +23,14 @@ from .stretch import Stretch
 class Origin:
     """A run, and one of its states before the stretch."""
 
-    playback: Playback
-    """At that state: nobody else steps it."""
+    begin: Callable[[], Playback]
+    """The run at that state; nobody else steps it. Raises InputError where it cannot be had."""
     rows: Callable[[int, int], Iterator[MethodRow]]
     """What the run gave from one frame to another, both included."""
 
     @staticmethod
     def of_folder(folder: Path, run: RunFile, sequence: Sequence, builder: Builder = build) -> Origin:
-        """Of a stored run, which keeps no states: it is replayed from its first frame. InputError as `builder`."""
+        """Of a stored run, which keeps no states: it is replayed from its first frame."""
 
         def rows(first: int, last: int) -> Iterator[MethodRow]:
             with stored_steps(folder) as steps:
@@ -39,7 +39,10 @@ class Origin:
                         values = in_order(s.values, s.decisions, stored_pose(s.values))
                         yield MethodRow(s.exposure, s.time_ns, s.method, values)
 
-        return Origin(Playback(sequence, with_dependencies(run.methods), run.configs(), builder, run.earlier), rows)
+        def begin() -> Playback:
+            return Playback(sequence, with_dependencies(run.methods), run.configs(), builder, run.earlier)
+
+        return Origin(begin, rows)
 
     @staticmethod
     def of_run(run: CurrentRun, stretch: Stretch) -> Origin:
@@ -52,6 +55,12 @@ class Origin:
 
         def rows(first: int, last: int) -> Iterator[MethodRow]:
             for i in range(first, min(last + 1, len(history))):
-                yield from record_rows(history[i], before.methods)
+                found, thinned = record_rows(history[i], before.methods), history[i].thinned
+                yield from map(without_points, found) if thinned else found
 
-        return Origin(playback, rows)
+        return Origin(lambda: playback, rows)
+
+
+def without_points(row: MethodRow) -> MethodRow:
+    """Returns the row as that of a frame whose points were given up to keep the history small."""
+    return replace(row, values={key: value for key, value in row.values.items() if key not in FROM_POINTS})

@@ -14,9 +14,9 @@ from ispom.methods import Config
 from ispom.settings import alternatives
 from ispom.types import Frame, Image, Measurement, Sequence, Step
 
-from ...engine.differences.compare import Divergence, divergences, step_row
+from ...engine.differences.compare import FOLLOWED, MethodRow, divergences, step_row
 from ...engine.playback import Playback, Snapshot
-from .origin import Origin
+from .origin import Origin, without_points
 from .stretch import Stretch
 
 SEEDS = (None, 1, 2)
@@ -39,22 +39,23 @@ def rerun(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns:
 
     A setting is tried for each method that lost frames or failed checks there, that of the event first.
     """
-    playback = origin.playback
-    first, last = max(stretch.first, *(stage.until for stage in playback.earlier), 0), stretch.last
-    rows = [row for row in origin.rows(first, last) if row.method in playback.methods]
-    if not rows:
-        return Reruns(first, last, note="The run did not compute this stretch itself, so no setting was tried.")
-    last = rows[-1].exposure
+    first, last = stretch.first, stretch.last
     try:
+        playback = origin.begin()
+        first = max(first, *(stage.until for stage in playback.earlier), 0)
+        rows = [row for row in origin.rows(first, last) if row.method in playback.methods]
+        if not rows:
+            return Reruns(first, last, note="The run did not compute this stretch itself, so no setting was tried.")
+        last = rows[-1].exposure
         for _ in _played(playback, first - 1, "reaching the stretch", advance):
             pass
         bench = _Bench(playback, playback.snapshot, first, last, advance)
         unchanged = bench.unchanged()
     except _Late:
         return Reruns(first, last, note="No time was left to rerun the stretch with other settings.")
-    made = (step_row(i, step, bench.errors_m.get((i, step.method))) for i, step in _in_order(unchanged))
-    different = next(divergences(rows, made, tuple({row.method for row in rows})), None)
-    note = "" if different is None else _difference(different)
+    except InputError as fault:
+        return Reruns(first, last, note=f"The stretch cannot be rerun: {fault}.")
+    note = _difference(rows, bench.rows)
     about = stretch.event.method if stretch.event is not None else ""
     bad = [m for m in sorted(unchanged, key=lambda m: m != about) if Outcome.of(unchanged[m]).improvable]
     trials = [
@@ -84,8 +85,8 @@ class _Bench:
     first: int
     last: int
     advance: Advance
-    errors_m: dict[tuple[int, str], float] = field(default_factory=dict)
-    """Of the unchanged rerun, by frame and method: it is part of what a run writes, and judges nothing here."""
+    rows: list[MethodRow] = field(default_factory=list)
+    """Of the unchanged rerun."""
     known: dict[str, list[Outcome]] = field(default_factory=dict)
     """By method: of the unchanged repetitions so far."""
 
@@ -96,7 +97,7 @@ class _Bench:
         for event in _played(fork, self.last, "rerunning the stretch unchanged", self.advance):
             for step in event.steps:
                 found[step.method].append((event.index, step))
-            self.errors_m |= {(event.index, method): error for method, error in event.errors_m.items()}
+                self.rows.append(step_row(event.index, step, event.errors_m.get(step.method)))
         self.known = {method: [Outcome.of(steps)] for method, steps in found.items()}
         return found
 
@@ -135,16 +136,17 @@ def _played(playback: Playback, last: int, doing: str, advance: Advance) -> Iter
         yield playback.step()
 
 
-def _difference(found: Divergence) -> str:
-    name, frame = min(found.names), found.exposure
+def _difference(run: list[MethodRow], rerun: list[MethodRow]) -> str:
+    """A sentence where the rerun is not the run; empty where it is, to the last bit."""
+    thinned = {(row.exposure, row.method) for row in run if FOLLOWED not in row.values}
+    made = [without_points(row) if (row.exposure, row.method) in thinned else row for row in rerun]
+    found = next(divergences(run, made, tuple({row.method for row in run})), None)
+    if found is None:
+        return ""
     return (
-        f"The rerun is not the run: {name} differs at frame {frame}, by other images, another version or another "
-        "machine. Settings are compared with the rerun."
+        f"The rerun is not the run: {min(found.names)} differs at frame {found.exposure}, by other images, another "
+        "version or another machine. Settings are compared with the rerun."
     )
-
-
-def _in_order(steps: Steps) -> list[tuple[int, Step]]:
-    return sorted((pair for own in steps.values() for pair in own), key=lambda pair: pair[0])
 
 
 def with_noise(sequence: Sequence, seed: int) -> Sequence:

@@ -44,8 +44,11 @@ def rerun_table(reruns: Reruns) -> list[tuple[str, Outcome, bool]]:
     """Returns (what was changed, its outcome, whether that helps): of each method unchanged, then the best first."""
     found = []
     for method in dict.fromkeys(t.trial.method for t in reruns.tried):
-        own = sorted((t for t in reruns.tried if t.trial.method == method), key=lambda t: (not t.helps, -t.gain))
-        found.append((f"{method} unchanged", own[0].unchanged[0], False))
+        own = sorted((t for t in reruns.tried if t.trial.method == method), key=lambda t: -t.strength)
+        unchanged = max((t.unchanged for t in own), key=len)
+        noisy = [f"{len(outcome.located)}" for outcome in unchanged[1:]]
+        name = f"{method} unchanged" + (f" (with noise: {', '.join(noisy)} located)" if noisy else "")
+        found.append((name, unchanged[0], False))
         found += [(t.trial.option, t.outcomes[0], t.helps) for t in own]
     return found
 

@@ -59,7 +59,7 @@ class Outcome:
     @property
     def improvable(self) -> bool:
         """Whether any setting could change it noticeably."""
-        return max(self.frames - len(self.located), self.failing) >= self.margin
+        return self.segments > 0 or max(self.frames - len(self.located), self.failing) >= self.margin
 
     @property
     def words(self) -> str:
@@ -108,16 +108,27 @@ class Tried:
     """Of the run's own settings, with the same images."""
 
     @cached_property
-    def gain(self) -> float:
-        """Frames by which its worst outcome is better than the best unchanged one: located, or without failed checks;
-        0 or less where it is not."""
+    def gains(self) -> Mapping[str, float]:
+        """By how much its worst outcome is better than the best unchanged one, in words for that: over what is needed.
+        Empty where it locates fewer frames, begins more segments, or only accepts worse poses."""
         own, other = self.outcomes, self.unchanged
         longer = min(len(o.located) for o in own) - max(len(o.located) for o in other)
         cleaner = min(o.failing for o in other) - max(o.failing for o in own)
-        begun = max(1, *(o.segments for o in other))
-        if any(o.segments > begun for o in own) or self._tolerated:
-            return 0.0
-        return float(max(longer, cleaner if longer >= 0 else 0))
+        joined = min(o.segments for o in other) - max(o.segments for o in own)
+        first_map = all(o.segments == 0 for o in other) and max(o.segments for o in own) == 1
+        if longer < 0 or (joined < 0 and not first_map) or self._tolerated:
+            return {}
+        margin = other[0].margin
+        return {
+            f"{counted(longer, 'frame')} more located ({margin:.2g} needed)": longer / margin,
+            f"checks fail in {counted(cleaner, 'frame')} fewer ({margin:.2g} needed)": cleaner / margin,
+            f"{counted(joined, 'segment')} fewer begun": float(joined),
+        }
+
+    @property
+    def strength(self) -> float:
+        """From 1 on it helps."""
+        return max(0.0, *self.gains.values()) if self.gains else 0.0
 
     @property
     def _tolerated(self) -> bool:
@@ -134,20 +145,20 @@ class Tried:
 
     @property
     def helps(self) -> bool:
-        return self.gain >= self.unchanged[0].margin
+        return self.strength >= 1
 
     @property
     def finding(self) -> Finding:
-        own, other = self.outcomes, self.unchanged
+        own, other, count = self.outcomes, self.unchanged, len(self.outcomes)
         newly = [i for i in own[0].located if i not in other[0].located]
-        count = len(own)
-        repeated = f", in each of {count} reruns, {count - 1} of them with noise" if count > 1 else ""
         evidence = (
-            f"With {self.trial.option}: {own[0].words}; unchanged ({_text(self.trial.before)}): {other[0].words}. "
-            f"That is {max(self.gain, 0):.0f} frames better ({other[0].margin:.2g} are needed){repeated}."
+            f"With {self.trial.option}: {own[0].words}; unchanged ({_text(self.trial.before)}): {other[0].words}."
         )
+        if self.helps:
+            better = max(self.gains, key=lambda words: self.gains[words])
+            evidence += f" In the worst of {count} reruns, {count - 1} of them with noise: {better}."
         return Finding(
-            self.gain / other[0].margin if self.gain > 0 else 0.0,
+            self.strength,
             evidence,
             {
                 "located": min(len(o.located) for o in own),
@@ -177,7 +188,7 @@ class Reruns:
     @property
     def best(self) -> Tried | None:
         """What helps most; None where nothing does."""
-        return max((t for t in self.tried if t.helps), key=lambda t: t.finding.strength, default=None)
+        return max((t for t in self.tried if t.helps), key=lambda t: t.strength, default=None)
 
     @property
     def answer(self) -> str:
@@ -194,7 +205,7 @@ class Reruns:
         best: dict[str, Tried] = {}
         for tried in self.tried:
             known = best.get(tried.trial.key)
-            if known is None or tried.finding.strength > known.finding.strength:
+            if known is None or tried.strength > known.strength:
                 best[tried.trial.key] = tried
         return tuple(Ranked(self._suspect(tried.trial, tried.finding), tried.finding) for tried in best.values())
 

@@ -40,7 +40,7 @@ def origin(max_tracks: int) -> Origin:
         for event in run(max_tracks)[first : last + 1]:
             yield from (step_row(event.index, step, event.errors_m.get(step.method)) for step in event.steps)
 
-    return Origin(playback(max_tracks), rows)
+    return Origin(lambda: playback(max_tracks), rows)
 
 
 def reran(max_tracks: int, advance: Callable[[str], bool] = lambda doing: True) -> Reruns:
@@ -74,7 +74,7 @@ def test_the_unchanged_rerun_is_the_run() -> None:
 
 
 def test_a_run_that_is_not_the_same_is_said() -> None:
-    other = Origin(playback(51), origin(50).rows)
+    other = Origin(lambda: playback(51), origin(50).rows)
     assert rerun(other, STRETCH, nothing).note
 
 
