@@ -30,6 +30,18 @@ class Choices:
 
 
 @dataclass(frozen=True)
+class WorthTrying:
+    """Other values that the doctor tries where tracking is lost: `Annotated[int, Range(50, 3000), WorthTrying((2,))]`.
+
+    Not for a setting that says when a frame counts as located: a lower threshold is always passed more often.
+    """
+
+    times: tuple[float, ...] = ()
+    """Factors of the present value."""
+    values: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
 class Setting:
     """One field of a config dataclass, as a form or a flag needs it."""
 
@@ -38,6 +50,7 @@ class Setting:
     """bool, int, float, str or a Literal[...]."""
     range: Range | None
     help: str
+    worth_trying: WorthTrying = WorthTrying()
 
 
 @cache
@@ -45,13 +58,35 @@ def settings(config: type) -> tuple[Setting, ...]:
     """The fields of a config dataclass, in order, with their ranges and the docstrings below them."""
     docs, hints, result = _field_docs(config), get_type_hints(config, include_extras=True), []
     for f in fields(config):
-        kind, limits = hints[f.name], None
+        kind, limits, worth = hints[f.name], None, WorthTrying()
         if get_origin(kind) is Annotated:
             kind, *extras = get_args(kind)
             limits = next((e for e in extras if isinstance(e, Range)), None)
+            worth = next((e for e in extras if isinstance(e, WorthTrying)), worth)
             kind = next((Literal[e.names()] for e in extras if isinstance(e, Choices)), kind)
-        result.append(Setting(f.name, kind, limits, docs.get(f.name, "")))
+        result.append(Setting(f.name, kind, limits, docs.get(f.name, ""), worth))
     return tuple(result)
+
+
+def alternatives(config: Any) -> tuple[tuple[str, Any], ...]:
+    """Returns what to try in place of each setting's present value, as (name, value): its default where that is another
+    one, then what is worth trying, within the range. Each once, the defaults first."""
+    standard, found = type(config)(), dict[tuple[str, Any], None]()
+    for setting in settings(type(config)):
+        if not is_dataclass(getattr(config, setting.name)):
+            found[setting.name, getattr(standard, setting.name)] = None
+    for setting in settings(type(config)):
+        scaled = [_within(setting, getattr(config, setting.name) * factor) for factor in setting.worth_trying.times]
+        for value in (*scaled, *setting.worth_trying.values):
+            if get_origin(setting.type) is not Literal or value in get_args(setting.type):
+                found[setting.name, value] = None
+    return tuple((name, value) for name, value in found if value != getattr(config, name))
+
+
+def _within(setting: Setting, value: float) -> float:
+    """The nearest value that the setting may have."""
+    inside = min(max(value, setting.range.low), setting.range.high) if setting.range else value
+    return round(inside) if setting.type is int else inside
 
 
 def check(config: Any, where: str) -> None:

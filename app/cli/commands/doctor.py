@@ -11,4 +11,4 @@ PLACE = 155
 def execute(options: Options, call: Call) -> int:
     from ...features.doctor.command import doctor
 
-    return doctor(options)
+    return doctor(options, call.builder)

@@ -7,20 +7,23 @@ import sys
 
 from rich.console import Console
 
+from ispom.ensemble import build
 from ispom.io.whole import write_whole
 from ispom.stop import check_stop
 
 from ...engine.outputs import claim_folder
+from ...engine.playback import Builder
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.signals import terminable
 from ...session.review.stored import source_of, source_options
 from .job import Progress, examine
 from .options import Doctor
+from .origin import Origin
 from .stretch import events_in, stretch_of
 from .text import lines, plain
 
 
-def doctor(options: Doctor) -> int:
+def doctor(options: Doctor, builder: Builder = build) -> int:
     """Prints the diagnosis. Raises InputError where the folder holds no run, or its source is gone."""
     run = read_run_file(options.run)
     sequence = source_options(run).open(source_of(run, options.source))
@@ -33,7 +36,8 @@ def doctor(options: Doctor) -> int:
             if console.is_terminal:
                 status.update(f"{progress.done} of {progress.total}: {progress.doing}")
 
-        found = examine(sequence, stretch, options.seconds, report)
+        origin = Origin.of_folder(options.run, run, sequence, builder)
+        found = examine(sequence, stretch, options.seconds, report, origin=origin)
     sys.stdout.write("\n".join(lines(found, stretch)) + "\n")
     if options.out is not None:
         claim_folder(options.out, "doctor")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...session.commands import PageCommand
+from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from .service import DoctorService
 
@@ -14,6 +14,14 @@ class Examine(PageCommand, frozen=True):
 
     def execute(self, session: Controller) -> None:
         session.service(DoctorService).start(self.at)
+
+
+class ForkWithRemedy(Command, frozen=True):
+    """Runs on from the state before the stretch that was examined, as a branch, with the setting that helped there."""
+
+    def execute(self, session: Controller) -> None:
+        session.service(DoctorService).fork_with_remedy()
+        session.store.set(playing=True)
 
 
 class CancelExamination(PageCommand, frozen=True):

@@ -8,15 +8,17 @@ import viser
 
 from ...session.state import State
 from ...views.viser.panels import Panel, renderer
-from .commands import CancelExamination, Examine
+from .commands import CancelExamination, Examine, ForkWithRemedy
 from .state import Examined
-from .text import SHOWN
+from .text import SHOWN, rerun_table
 
 if TYPE_CHECKING:
     from ...session.session import Session
 
 render = renderer(__package__)
 HINT = "Examines the frames before and after the one shown: which single cause explains best what went wrong there?"
+FORK = "Fork with what helped"
+FORK_HINT = "Keeps this run, and runs on from before the stretch with the setting that helped most, as a branch."
 CANCEL_HINT = "Ends the examination without an answer."
 
 
@@ -26,6 +28,8 @@ class DoctorPanel:
         self._examine.on_click(lambda _: session.post(Examine()))
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, hint=CANCEL_HINT, color="gray", visible=False)
         self._cancel.on_click(lambda _: session.post(CancelExamination()))
+        self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=FORK_HINT, color="gray", visible=False)
+        self._fork.on_click(lambda _: session.post(ForkWithRemedy()))
         self._text = gui.add_html("")
 
     def show(self, state: State) -> None:
@@ -33,6 +37,10 @@ class DoctorPanel:
         running = examined.progress is not None
         if self._cancel.visible != running:
             self._cancel.visible, self._examine.visible = running, not running
+        reruns = None if examined.diagnosis is None else examined.diagnosis.reruns
+        helped = reruns is not None and reruns.best is not None
+        if self._fork.visible != helped:
+            self._fork.visible = helped
         if (text := text_of(examined)) != self._text.content:
             self._text.content = text
 
@@ -40,7 +48,9 @@ class DoctorPanel:
 def text_of(examined: Examined) -> str:
     """Returns the examination as HTML."""
     found = examined.diagnosis
-    return render("doctor.html", examined=examined, found=found, ranked=() if found is None else found.ranked[:SHOWN])
+    ranked = () if found is None else found.ranked[:SHOWN]
+    table = () if found is None or found.reruns is None else rerun_table(found.reruns)
+    return render("doctor.html", examined=examined, found=found, ranked=ranked, table=table)
 
 
 PANELS = (Panel("Explain", 101, DoctorPanel),)

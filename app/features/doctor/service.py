@@ -9,11 +9,15 @@ from ispom.errors import InputError
 from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.types import Sequence
 
+from ...session import moves
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
+from ..branches.service import BranchService
 from .job import Progress, examine
 from .options import FRAMES, SECONDS
+from .origin import Origin
+from .rerun import config_of
 from .state import Examined
 from .stretch import Stretch, stretch_of
 
@@ -34,9 +38,9 @@ class _Work:
     problem: str = ""
     thread: Thread | None = None
 
-    def run(self, sequence: Sequence, stretch: Stretch) -> None:
+    def run(self, sequence: Sequence, stretch: Stretch, origin: Origin) -> None:
         try:
-            self.diagnosis = examine(sequence, stretch, SECONDS, self.report)
+            self.diagnosis = examine(sequence, stretch, SECONDS, self.report, origin=origin)
         except _Cancelled:
             self.problem = CANCELLED
         except InputError as fault:
@@ -58,6 +62,7 @@ class DoctorService(Service):
     def __init__(self, session: Controller) -> None:
         super().__init__(session)
         self._work: _Work | None = None
+        self._examined: CurrentRun | None = None
 
     @property
     def busy(self) -> bool:
@@ -76,10 +81,24 @@ class DoctorService(Service):
         sequence = run.playback.sequence
         frame = max(self.state.index, 0) if at is None else at
         stretch = stretch_of(sequence, frame, FRAMES, run.events.events)
-        work = self._work = _Work()
-        work.thread = Thread(target=work.run, args=(sequence, stretch), name="doctor", daemon=True)
+        work, self._examined = _Work(), run
+        self._work = work
+        origin = Origin.of_run(run, stretch)
+        work.thread = Thread(target=work.run, args=(sequence, stretch, origin), name="doctor", daemon=True)
         work.thread.start()
         self.store.put(Examined(stretch, Progress(0, stretch.last - stretch.first + 1, "reading images")))
+
+    def fork_with_remedy(self) -> None:
+        """Forks the run before the stretch, with the setting that helped. InputError where none did, or another run is
+        shown."""
+        run, found = self.run, self.state[Examined].diagnosis
+        reruns = None if found is None else found.reruns
+        if run is None or run is not self._examined or reruns is None or reruns.best is None:
+            raise InputError("no setting helped the run that is shown: find its cause first")
+        config = config_of(reruns.best.trial, run.playback.config)
+        self.session.player.move(*moves.seek(run, reruns.first - 1))
+        name = reruns.best.trial.option.removeprefix("--")
+        self.session.service(BranchService).fork(self.state.methods, config, name)
 
     def cancel(self) -> None:
         """Ends the examination between two pieces of its work; nothing happens where there is none."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from ispom.errors import counted
 from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.reruns import Outcome, Reruns
 
 from .stretch import Stretch
 
@@ -26,7 +27,30 @@ def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
         text.append(f"The recording says nothing about: {', '.join(found.silent)}.")
     if found.left:
         text.append(f"No time was left for: {', '.join(found.left)}. Give more --seconds.")
+    return text + ([] if found.reruns is None else rerun_lines(found.reruns))
+
+
+def rerun_lines(reruns: Reruns) -> list[str]:
+    """Returns what other settings did to the stretch: the answer and a row for each rerun."""
+    text = [f"Rerun from frame {reruns.first} to {reruns.last}. {reruns.answer}"]
+    for option, outcome, helps in rerun_table(reruns):
+        text.append(f"  {option}: {outcome.words}{'; this helps' if helps else ''}")
+    if reruns.left:
+        text.append(f"Not tried: {', '.join(reruns.left)}. Give more --seconds.")
     return text
+
+
+def rerun_table(reruns: Reruns) -> list[tuple[str, Outcome, bool]]:
+    """Returns (what was changed, its outcome, whether that helps): of each method unchanged, then the best first."""
+    found = []
+    for method in dict.fromkeys(t.trial.method for t in reruns.tried):
+        own = sorted((t for t in reruns.tried if t.trial.method == method), key=lambda t: -t.strength)
+        unchanged = max((t.unchanged for t in own), key=len)
+        noisy = [f"{len(outcome.located)}" for outcome in unchanged[1:]]
+        name = f"{method} unchanged" + (f" (with noise: {', '.join(noisy)} located)" if noisy else "")
+        found.append((name, unchanged[0], False))
+        found += [(t.trial.option, t.outcomes[0], t.helps) for t in own]
+    return found
 
 
 def line(each: Ranked) -> str:
@@ -64,4 +88,29 @@ def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
         ],
         "silent": list(found.silent),
         "left": list(found.left),
+        "reruns": None if found.reruns is None else _plain_reruns(found.reruns),
+    }
+
+
+def _plain_reruns(reruns: Reruns) -> dict[str, Any]:
+    unchanged = {t.trial.method: t.unchanged[0] for t in reruns.tried}
+    return {
+        "first": reruns.first,
+        "last": reruns.last,
+        "answer": reruns.answer,
+        "unchanged": [{"method": m} | _plain_outcome(outcome) for m, outcome in unchanged.items()],
+        "tried": [
+            {"option": t.trial.option, "helps": t.helps, "reruns": len(t.outcomes)} | _plain_outcome(t.outcomes[0])
+            for t in reruns.tried
+        ],
+        "left": list(reruns.left),
+    }
+
+
+def _plain_outcome(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "frames": outcome.frames,
+        "located": len(outcome.located),
+        "segments": outcome.segments,
+        "failed": dict(outcome.failed),
     }

@@ -10,6 +10,7 @@ from ..agents.agent_session import AgentSession
 from ..agents.tool import Tool, brief
 from .job import examine
 from .options import FRAMES, SECONDS
+from .origin import Origin
 from .stretch import stretch_of
 from .text import plain
 
@@ -35,7 +36,8 @@ def doctor(
         raise InputError(f"seconds is {seconds:g}: give more than 0 and at most {MOST_SECONDS:g}")
     sequence = run.playback.sequence
     stretch = stretch_of(sequence, at, FRAMES, run.events.events)
-    found = plain(examine(sequence, stretch, seconds), stretch)
+    origin = agents.carry_out(lambda controller: Origin.of_run(run, stretch))
+    found = plain(examine(sequence, stretch, seconds, origin=origin), stretch)
     ranked = [row | {"strength": brief(row["strength"]), "values": _brief(row["values"])} for row in found["ranked"]]
     return found | {"ranked": ranked}
 

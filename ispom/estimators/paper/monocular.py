@@ -36,7 +36,7 @@ from ispom.features.front_ends import CORNERS, front_end, front_ends
 from ispom.features.interfaces import Detector, FrontEnd, Tracker
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Choices, Range
+from ispom.settings import Choices, Range, WorthTrying
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import Policy, PoseFit, locate, refine_pose
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, solve_triple, step_length
@@ -102,17 +102,17 @@ class MonocularConfig:
     """Keyframes adjusted together."""
     interpolation: Interpolation = "bspline"
     """Initial positions between keyframes; rotations are interpolated spherically."""
-    features: Annotated[str, Choices(front_ends)] = CORNERS.name
+    features: Annotated[str, Choices(front_ends), WorthTrying(values=("klt", "orb", "sift"))] = CORNERS.name
     """Finds and tracks points: corners (the strongest, as published), klt, sift, surf, orb, or any other front end."""
-    max_tracks: Annotated[int, Range(50, 2000)] = 400
+    max_tracks: Annotated[int, Range(50, 2000), WorthTrying((2, 0.5))] = 400
     """Points tracked at a time."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.5
+    min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((2, 0.5))] = 0.5
     """Median displacement since the last keyframe, without that of its rotation, that makes the next one."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.6
     """A keyframe is taken early, before a smaller share of the last one's points is left."""
     min_common: Annotated[int, Range(12, 1000)] = 30
     """With fewer points common to three keyframes no triple is solved: the camera is lost, a new segment starts."""
-    max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
+    max_error_px: Annotated[float, Range(0.2, 10), WorthTrying((2,))] = 1.5
     """Largest distance from the epipolar line, and largest reprojection error."""
     min_angle_deg: Annotated[float, Range(0, 10)] = 0.8
     """Points with a smaller parallax between keyframes 1 and 3 are not used for resection."""

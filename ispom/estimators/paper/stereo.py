@@ -29,7 +29,7 @@ from ispom.features.shi_tomasi import detect_corners
 from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.solvers.rigid import RigidMotion, rigid_motion
 from ispom.stopwatch import Stopwatch
@@ -69,16 +69,16 @@ ENOUGH = 3
 class StereoConfig:
     """Settings of the stereo estimator (section 6.2)."""
 
-    matching: Matching = "sift"
+    matching: Annotated[Matching, WorthTrying(values=("sift", "klt"))] = "sift"
     """How consecutive left images are matched: descriptors bridge metres between pairs, tracking is faster."""
-    max_points: Annotated[int, Range(50, 5000)] = 3000
+    max_points: Annotated[int, Range(50, 5000), WorthTrying((2, 0.5))] = 3000
     """Points described in each left image, with sift."""
-    max_tracks: Annotated[int, Range(50, 5000)] = 1000
+    max_tracks: Annotated[int, Range(50, 5000), WorthTrying((2, 0.5))] = 1000
     """Points tracked into each left image, with klt."""
-    max_depth_baselines: Annotated[float, Range(5, 500)] = 50.0
+    max_depth_baselines: Annotated[float, Range(5, 500), WorthTrying((2, 0.5))] = 50.0
     """Points farther than this many baselines are excluded from the fit, which, unweighted, they would spoil;
     where too few are nearer, up to two and four times as far."""
-    inlier_disparity_px: Annotated[float, Range(0.1, 10)] = 0.7
+    inlier_disparity_px: Annotated[float, Range(0.1, 10), WorthTrying((2,))] = 0.7
     """A point is an inlier of the rigid motion where its distance is within the depth error of this disparity error."""
     min_inliers: Annotated[int, Range(6, 500)] = 12
     """With fewer corresponding points than this the pair is not localised."""

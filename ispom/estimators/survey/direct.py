@@ -35,7 +35,7 @@ from ispom.estimators.survey.common import OneKind, Result, tracks_between
 from ispom.estimators.survey.photometric import Alignment, align, guesses_around, pyramid, square_patch, textured
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, as_grey, by_key, colours_at
@@ -78,17 +78,17 @@ STAGES = {
 class DirectConfig:
     """Settings of the direct method."""
 
-    max_points: Annotated[int, Range(100, 10000)] = 2000
+    max_points: Annotated[int, Range(100, 10000), WorthTrying((2,))] = 2000
     """Pixels of a keyframe: cells of the grid, each of which gives the one with the steepest gradient."""
-    min_gradient: Annotated[float, Range(0.5, 50)] = 4.0
+    min_gradient: Annotated[float, Range(0.5, 50), WorthTrying((0.5,))] = 4.0
     """Least gradient of a pixel [grey levels per px]; noise of a camera is below 2."""
     min_points: Annotated[int, Range(20, 2000)] = 60
     """A pair with fewer pixels that have a depth is no keyframe."""
     min_similar: Annotated[float, Range(0.05, 0.9)] = 0.25
     """Least share of patches that look the same for a frame to be located."""
-    keyframe_similar: Annotated[float, Range(0.1, 1)] = 0.8
+    keyframe_similar: Annotated[float, Range(0.1, 1), WorthTrying((0.5,))] = 0.8
     """With a smaller share the frame becomes a keyframe."""
-    keyframe_moved: Annotated[float, Range(0.1, 50)] = 3.0
+    keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 3.0
     """With a larger median displacement of the pixels the frame becomes a keyframe [% of the image's width]."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the keyframe before a new segment starts from the last pose."""

@@ -36,7 +36,7 @@ from ispom.features import patches
 from ispom.features.row_search import PointSearch
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
@@ -111,15 +111,15 @@ EXPECTED_SIMILAR = 0.5
 class HybridConfig:
     """Settings of the hybrid method."""
 
-    max_points: Annotated[int, Range(50, 3000)] = 400
+    max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 400
     """Corners that are followed at a time."""
     min_inliers: Annotated[int, Range(6, 500)] = 20
     """With fewer corners that agree with one pose a frame is not located."""
-    max_error_px: Annotated[float, Range(0.3, 20)] = 2.0
+    max_error_px: Annotated[float, Range(0.3, 20), WorthTrying((2,))] = 2.0
     """Largest reprojection error of an inlier [px]."""
     keyframe_left: Annotated[float, Range(0.1, 1)] = 0.7
     """With a smaller share of the last keyframe's corners the frame becomes a keyframe."""
-    keyframe_moved: Annotated[float, Range(0.1, 50)] = 4.0
+    keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 4.0
     """With a larger median displacement of the corners the frame becomes a keyframe [% of the image's width]."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail before a new segment starts from the last pose."""

@@ -35,7 +35,7 @@ from ispom.estimators.survey.hybrid import ALIGNED, INLIERS, MOVED, REMAINING, K
 from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import fit_pose
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
@@ -87,11 +87,11 @@ STAGES = {
 class HybridMonocularConfig:
     """Settings of the hybrid method with one camera."""
 
-    max_points: Annotated[int, Range(50, 3000)] = 400
+    max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 400
     """Corners that are followed at a time, with and without a depth."""
     min_inliers: Annotated[int, Range(8, 500)] = 20
     """With fewer corners that agree with one pose a frame is not located."""
-    max_error_px: Annotated[float, Range(0.3, 20)] = 2.0
+    max_error_px: Annotated[float, Range(0.3, 20), WorthTrying((2,))] = 2.0
     """Largest reprojection error of an inlier [px]."""
     start_moved: Annotated[float, Range(0.2, 30)] = 1.0
     """Median displacement of the corners, without what a rotation explains, for a first map [% of the width]."""
@@ -99,7 +99,7 @@ class HybridMonocularConfig:
     """Angle between two rays from which a corner becomes a point of the map [degrees]."""
     keyframe_left: Annotated[float, Range(0.1, 1)] = 0.8
     """With a smaller share of the last keyframe's points the frame becomes a keyframe."""
-    keyframe_moved: Annotated[float, Range(0.1, 50)] = 4.0
+    keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 4.0
     """With a larger median displacement of the corners the frame becomes a keyframe [% of the image's width]."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
     """Frames that may fail before a new segment starts from the last pose."""

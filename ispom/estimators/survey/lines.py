@@ -49,7 +49,7 @@ from ispom.estimators.survey.scene_lines import (
 )
 from ispom.features.segments import disparity_along, match_segments
 from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.lines import KnownLines, depths_on_lines, end_offsets, refined_pose, sampled_pose
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
@@ -94,7 +94,7 @@ STAGES = {
 class LinesConfig(SegmentSettings):
     """Settings of the lines method."""
 
-    min_length: Annotated[float, Range(0.5, 20)] = 2.0
+    min_length: Annotated[float, Range(0.5, 20), WorthTrying((0.5,))] = 2.0
     """Least length of a segment [% of the image's width]."""
     min_inliers: Annotated[int, Range(4, 200)] = 10
     """With fewer lines that fit one pose the pair is lost."""

@@ -46,7 +46,7 @@ from ispom.estimators.survey.scene_lines import (
 )
 from ispom.features.segments import match_segments
 from ispom.geometry import Array, Pose
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.line_adjustment import LineViews, adjusted, displacements, line_residuals
 from ispom.solvers.lines import (
     KnownDirections,
@@ -118,15 +118,15 @@ STAGES = {
 class LinesMonocularConfig(SegmentSettings):
     """Settings of lines.monocular."""
 
-    min_length: Annotated[float, Range(0.5, 20)] = 3.0
+    min_length: Annotated[float, Range(0.5, 20), WorthTrying((0.5,))] = 3.0
     """Least length of a segment [% of the image's width]."""
     min_inliers: Annotated[int, Range(6, 200)] = 12
     """With fewer lines that fit one pose the frame is lost; a start needs as many."""
-    key_moved: Annotated[float, Range(0.1, 10)] = 1.0
+    key_moved: Annotated[float, Range(0.1, 10), WorthTrying((0.5,))] = 1.0
     """Lines that moved by more than this across themselves make a key view [% of the image's width]."""
     key_share: Annotated[float, Range(0.1, 1)] = 0.6
     """With a smaller share of the last key view's lines, the frame becomes one."""
-    window: Annotated[int, Range(3, 20)] = 7
+    window: Annotated[int, Range(3, 20), WorthTrying((2,))] = 7
     """Key views that are adjusted together."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
     """Frames that may fail before a new segment starts from the last pose."""

@@ -50,7 +50,7 @@ from ispom.features.overlap import Overlap
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import normalised_mad
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.generalised import (
     Adjusted,
     Cameras,
@@ -127,13 +127,13 @@ STAGES = {
 class MulticameraConfig:
     """Settings of the method for rigs of many cameras."""
 
-    max_points: Annotated[int, Range(40, 3000)] = 400
+    max_points: Annotated[int, Range(40, 3000), WorthTrying((2,))] = 400
     """Corners followed in all cameras together."""
-    window: Annotated[int, Range(3, 20)] = 7
+    window: Annotated[int, Range(3, 20), WorthTrying((2,))] = 7
     """Frames that are adjusted together."""
-    keyframe_px: Annotated[float, Range(0.5, 100)] = 10.0
+    keyframe_px: Annotated[float, Range(0.5, 100), WorthTrying((0.5,))] = 10.0
     """Median displacement of the tracks from the last frame of the window at which the next one stays in it [px]."""
-    noise_px: Annotated[float, Range(0.05, 5)] = 0.5
+    noise_px: Annotated[float, Range(0.05, 5), WorthTrying((2,))] = 0.5
     """Standard deviation of an observation, and width of the robust loss [px]."""
     nearest_m: Annotated[float, Range(0.1, 100)] = 1.5
     """Least depth of points that are searched in a second camera [m]."""

@@ -26,7 +26,7 @@ from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import cauchy_weights
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
@@ -66,7 +66,7 @@ OUT_OF_PLANE = Check(
 class PlanarConfig:
     """Settings of `planar`."""
 
-    max_points: Annotated[int, Range(50, 3000)] = 600
+    max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 600
     """Corners tracked at a time."""
     min_inliers: Annotated[int, Range(6, 500)] = 20
     """Fewer points that agree with one motion, and the pair is not located."""

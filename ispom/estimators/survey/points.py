@@ -51,7 +51,7 @@ from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.numerics.robust import Noise
-from ispom.settings import Choices, Range
+from ispom.settings import Choices, Range, WorthTrying
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import Policy, locate
 from ispom.solvers.multiview.inverse_depth import intersect
@@ -140,19 +140,19 @@ STAGES = {
 class PointsConfig:
     """Settings of the points method."""
 
-    features: Annotated[str, Choices(front_ends)] = HARRIS.name
+    features: Annotated[str, Choices(front_ends), WorthTrying(values=("klt", "orb", "sift"))] = HARRIS.name
     """Features: harris, susan, shi_tomasi (tracked corners), sift, surf, orb (matched), or any other front end."""
-    max_points: Annotated[int, Range(50, 3000)] = 1000
+    max_points: Annotated[int, Range(50, 3000), WorthTrying((2, 0.5))] = 1000
     """Features followed at a time."""
-    max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
+    max_error_px: Annotated[float, Range(0.2, 10), WorthTrying((2,))] = 1.5
     """Largest distance from an epipolar line, and half of the largest reprojection error, of an inlier [px]."""
     min_inliers: Annotated[int, Range(8, 500)] = 15
     """With fewer points that fit its pose a frame is not located."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.0
+    min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((0.5,))] = 1.0
     """Median displacement of the points since the last keyframe, without rotation, that makes the next one [deg]."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.7
     """Fewer inliers, relative to the points of the map in the last keyframe, also make a keyframe."""
-    keyframes: Annotated[int, Range(3, 20)] = 8
+    keyframes: Annotated[int, Range(3, 20), WorthTrying((2,))] = 8
     """Keyframes adjusted together."""
     max_lost_frames: Annotated[int, Range(0, 100)] = 5
     """Frames that may fail before a new segment starts from the last pose."""

@@ -37,7 +37,7 @@ from ispom.features.klt import Klt
 from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose, so3_exp
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
@@ -98,13 +98,13 @@ STAGES = {
 class TrifocalConfig:
     """Settings of the trifocal method."""
 
-    max_points: Annotated[int, Range(50, 3000)] = 500
+    max_points: Annotated[int, Range(50, 3000), WorthTrying((2,))] = 500
     """Features followed from pair to pair, spread over buckets."""
     inlier_px: Annotated[float, Range(0.2, 10)] = 1.0
     """Largest transfer error of an inlier in each image of the new pair [px]."""
-    noise_px: Annotated[float, Range(0.05, 5)] = 0.6
+    noise_px: Annotated[float, Range(0.05, 5), WorthTrying((2,))] = 0.6
     """Standard deviation of a transfer error in the filter [px]; those of three observations are in it."""
-    acceleration_m_s2: Annotated[float, Range(0.1, 100)] = 8.0
+    acceleration_m_s2: Annotated[float, Range(0.1, 100), WorthTrying((4,))] = 8.0
     """Standard deviation of the change of velocity within 1 s, for the prediction; a car that brakes hard has 8."""
     rotation_acceleration_deg_s2: Annotated[float, Range(1, 5000)] = 200.0
     """The same of the angular velocity [degrees/s^2]; a car has 50, a drone hundreds."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from ispom.blas import one_thread
 
 from .examination import Examination
 from .finding import Diagnosis, Ranked, Suspect
+from .reruns import Reruns
 from .suspects import SUSPECTS
 
 
@@ -35,6 +37,12 @@ def diagnose(
     ranked.sort(key=_place)  # stable: at the same strength in the table's order
     first, last = (seen.shots[0].index, seen.shots[-1].index) if seen.shots else (0, 0)
     return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left))
+
+
+def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
+    """Returns the diagnosis with what reruns showed among its suspects."""
+    ranked = sorted((*found.ranked, *reruns.ranked), key=_place)
+    return replace(found, ranked=tuple(ranked), reruns=reruns)
 
 
 def _place(each: Ranked) -> tuple[bool, bool, float]:

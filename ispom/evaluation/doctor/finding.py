@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from .examination import Examination
 
-How = Literal["images", "times", "tracks", "counterfactual"]
-"""Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it."""
+if TYPE_CHECKING:
+    from .reruns import Reruns
+
+How = Literal["images", "times", "tracks", "counterfactual", "rerun"]
+"""Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it;
+`rerun`: the run's own method, forked before the stretch, with another setting."""
 
 DIGITS = 5
 """Significant digits of figures."""
@@ -77,6 +81,8 @@ class Diagnosis:
     """Keys of suspects about which the recording says nothing."""
     left: tuple[str, ...] = ()
     """Keys of suspects for which no time was left."""
+    reruns: Reruns | None = None
+    """Of the run's own methods with other settings; None where there is no run, or nobody asked."""
 
     @property
     def causes(self) -> tuple[Ranked, ...]:
@@ -88,6 +94,7 @@ class Diagnosis:
         """One or two sentences."""
         if not self.causes:
             unknown = " The time was too short for all suspects." if self.left else ""
-            return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}"
+            tried = "" if self.reruns is None else f" {self.reruns.answer}"
+            return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}{tried}"
         best = self.causes[0]
         return f"The likely cause: {best.suspect.name}. {best.finding.evidence}"

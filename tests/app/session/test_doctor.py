@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from ispom_app.features.doctor.commands import CancelExamination, Examine
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.doctor.commands import CancelExamination, Examine, ForkWithRemedy
 from ispom_app.features.doctor.service import CANCELLED
 from ispom_app.features.doctor.state import Examined
+from ispom_app.session.commands import Seek
 from ispom_app.session.session import Session
 
 from ispom.ensemble import build
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.methods import Config
 from ispom.sequences import open_sequence
 from tests.app.helpers import started, wait_for
 
@@ -51,3 +56,36 @@ def test_an_examination_is_cancelled(session: Session) -> None:
 def test_a_frame_beyond_the_end_is_refused(session: Session) -> None:
     session.post(Examine(10_000))
     wait_for(lambda: session.state.notices and "--at" not in session.state.notices[-1].text, "the refusal")
+
+
+def test_without_a_setting_that_helped_nothing_is_forked(session: Session) -> None:
+    before = len(session.state.notices)
+    session.post(ForkWithRemedy())
+    wait_for(lambda: len(session.state.notices) > before, "the refusal")
+    assert len(session.state[Branches].all) == 1
+
+
+@pytest.mark.slow
+def test_a_setting_that_helped_is_forked_with(tmp_path: Path) -> None:
+    """In the page an examination has a minute; the reruns come last."""
+    config = Config({"monocular": ModernMonocularConfig(max_tracks=50)})
+    session = started(
+        tmp_path, "sim:tiny", opener=lambda source, _=None: open_sequence(source), builder=build,
+        methods=("monocular",), config=config, autoplay=False,
+    )  # fmt: skip
+    try:
+        wait_for(lambda: session.state.phase == "ready", "opening")
+        session.post(Seek(60))
+        wait_for(lambda: session.state.index == 60, "the run", 120.0)
+        session.post(Examine(50))
+        wait_for(lambda: examined(session).diagnosis or examined(session).problem, "the answer", 300.0)
+        found = examined(session).diagnosis
+        assert found is not None and found.reruns is not None and not found.reruns.note
+        best = found.reruns.best
+        assert best is not None and best.trial.key == "monocular.max-tracks"
+        session.post(ForkWithRemedy())
+        wait_for(lambda: len(session.state[Branches].all) == 2, "the fork", 60.0)
+        branch = session.state[Branches].all[1]
+        assert branch.at == found.reruns.first and session.state.config.of("monocular").max_tracks == best.trial.value
+    finally:
+        session.close(5.0)

@@ -29,7 +29,7 @@ from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise
-from ispom.settings import Choices, Range
+from ispom.settings import Choices, Range, WorthTrying
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
 from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
@@ -39,15 +39,15 @@ from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as
 class ModernMonocularConfig:
     """Settings of the modern monocular estimator."""
 
-    max_tracks: Annotated[int, Range(50, 2000)] = 500
+    max_tracks: Annotated[int, Range(50, 2000), WorthTrying((2, 0.5))] = 500
     """Largest number of points tracked at a time."""
-    key_frames: Annotated[int, Range(4, 20)] = 10
+    key_frames: Annotated[int, Range(4, 20), WorthTrying((2,))] = 10
     """Number of keyframes optimised together; older ones are marginalised into a prior."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 2.5
+    min_parallax_deg: Annotated[float, Range(0.05, 20), WorthTrying((0.5,))] = 2.5
     """Median parallax since the last keyframe, without rotation, that triggers the next one [deg]."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.3
     """A keyframe is taken before a smaller share of the last one's points is left."""
-    max_view_angle_deg: Annotated[float, Range(1, 90)] = 10.0
+    max_view_angle_deg: Annotated[float, Range(1, 90), WorthTrying((0.5,))] = 10.0
     """Rotation since the last keyframe that triggers the next one [deg]."""
     max_interval_s: Annotated[float, Range(0.05, 60)] = 1.0
     """Time since the last keyframe that triggers the next one [s], if a quarter of the parallax is reached."""
@@ -55,12 +55,12 @@ class ModernMonocularConfig:
     """Median parallax, without rotation, from which the first map is attempted [deg]."""
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Least parallax of a point in the map [deg]."""
-    features: Annotated[str, Choices(front_ends)] = KLT.name
+    features: Annotated[str, Choices(front_ends), WorthTrying(values=("orb", "sift", "patches"))] = KLT.name
     """Detects, tracks and describes features: klt (corners), patches, sift, surf, orb, or any other front end."""
-    noise_px: Annotated[float, Range(0.05, 5)] = 0.34
+    noise_px: Annotated[float, Range(0.05, 5), WorthTrying((2,))] = 0.34
     """Tracking noise after some keyframes, 1 sigma [px]; sets outlier limits, the initial width of the loss, and
     covariances until the noise is measured from residuals (`noise`)."""
-    max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
+    max_width_px: Annotated[int, Range(320, 8192), WorthTrying((0.5,))] = MAX_SIDE_PX
     """Images whose longer side exceeds this [px] are halved, once or more; other settings and checks are in the smaller
     pixels."""
     relocalise: bool = True

@@ -26,7 +26,7 @@ from ispom.estimators.modern.stereo.track import track_and_locate
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
-from ispom.settings import Range
+from ispom.settings import Range, WorthTrying
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
@@ -37,11 +37,11 @@ from ispom.types import Decision, Measurement, PairSigma, Rig, Status, Step, Tra
 class ModernStereoConfig:
     """Settings of the modern stereo estimator."""
 
-    max_tracks: Annotated[int, Range(50, 3000)] = 400
+    max_tracks: Annotated[int, Range(50, 3000), WorthTrying((2, 0.5))] = 400
     """Number of points that are tracked at a time."""
-    window: Annotated[int, Range(3, 20)] = 8
+    window: Annotated[int, Range(3, 20), WorthTrying((2,))] = 8
     """Number of keyframes that are optimised together; older ones become a prior."""
-    max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
+    max_width_px: Annotated[int, Range(320, 8192), WorthTrying((0.5,))] = MAX_SIDE_PX
     """Images whose longer side exceeds this are halved first; settings and checks are in pixels of the halved image."""
     relocalise: bool = True
     """Relocalise a lost camera at earlier keyframes by descriptors. Off: search only near the last pose."""
@@ -70,11 +70,11 @@ class ModernStereoConfig:
     """Time constant after which the calibration may have changed by its prior standard deviation."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
     """Scale of the Cauchy loss, and noise of a track in covariances until residuals determine it."""
-    max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
+    max_error_px: Annotated[float, Range(0.5, 20), WorthTrying((2,))] = 2.5
     """Tracks with a larger reprojection error are outliers and end."""
-    min_parallax_px: Annotated[float, Range(0.5, 100)] = 25.0
+    min_parallax_px: Annotated[float, Range(0.5, 100), WorthTrying((0.5,))] = 25.0
     """Median displacement since the last keyframe from which a new one is made."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.6
+    min_share: Annotated[float, Range(0.1, 1), WorthTrying(values=(0.8,))] = 0.6
     """A new keyframe is made when a smaller share of the last keyframe's points is left."""
     min_inliers: Annotated[int, Range(6, 500)] = 15
     """Least number of inliers with which a frame is localised."""

@@ -1,0 +1,167 @@
+"""Forks a run before its bad stretch, and reruns the stretch: unchanged first, then with one setting changed."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
+from ispom.methods import Config
+from ispom.settings import alternatives
+from ispom.types import Frame, Image, Measurement, Sequence, Step
+
+from ...engine.differences.compare import FOLLOWED, MethodRow, divergences, step_row
+from ...engine.playback import Playback, Snapshot
+from .origin import Origin, without_points
+from .stretch import Stretch
+
+SEEDS = (None, 1, 2)
+"""Of the repetitions of a rerun: with the images as they are, then with noise on them."""
+NOISE = 1
+"""Largest noise of a repetition [grey levels]: less than that of any camera, and enough for other tracks."""
+Advance = Callable[[str], bool]
+"""Called before each frame with what is done; False where no time is left. It may raise to end the work."""
+Steps = Mapping[str, list[tuple[int, Step]]]
+"""By method: its steps by the index of their frame."""
+
+
+class _Late(Exception):
+    """No time is left."""
+
+
+def rerun(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns:
+    """Returns what other settings do to the stretch. The same run gives the same answer, but for what `advance` left
+    out.
+
+    A setting is tried for each method that lost frames or failed checks there, that of the event first.
+    """
+    first, last = stretch.first, stretch.last
+    try:
+        playback = origin.begin()
+        first = max(first, *(stage.until for stage in playback.earlier), 0)
+        rows = [row for row in origin.rows(first, last) if row.method in playback.methods]
+        if not rows:
+            return Reruns(first, last, note="The run did not compute this stretch itself, so no setting was tried.")
+        last = rows[-1].exposure
+        for _ in _played(playback, first - 1, "reaching the stretch", advance):
+            pass
+        bench = _Bench(playback, playback.snapshot, first, last, advance)
+        unchanged = bench.unchanged()
+    except _Late:
+        return Reruns(first, last, note="No time was left to rerun the stretch with other settings.")
+    except InputError as fault:
+        return Reruns(first, last, note=f"The stretch cannot be rerun: {fault}.")
+    note = _difference(rows, bench.rows)
+    about = stretch.event.method if stretch.event is not None else ""
+    bad = [m for m in sorted(unchanged, key=lambda m: m != about) if Outcome.of(unchanged[m]).improvable]
+    trials = [
+        Trial(m, name, getattr(playback.config.of(m), name), value)
+        for m in bad
+        for name, value in alternatives(playback.config.of(m))
+    ]
+    if not trials:
+        note = f"{note} The run lost too little there for a setting to help, so none was tried.".lstrip()
+    tried, left = list[Tried](), list[str]()
+    for trial in trials:
+        try:
+            tried.append(bench.tried(trial))
+        except _Late:
+            left.append(trial.option)
+        except InputError as refused:
+            left.append(f"{trial.option} ({refused})")
+    return Reruns(first, last, tuple(tried), tuple(left), note)
+
+
+@dataclass
+class _Bench:
+    """Runs forks of one state over the stretch."""
+
+    playback: Playback
+    snapshot: Snapshot
+    first: int
+    last: int
+    advance: Advance
+    rows: list[MethodRow] = field(default_factory=list)
+    """Of the unchanged rerun."""
+    known: dict[str, list[Outcome]] = field(default_factory=dict)
+    """By method: of the unchanged repetitions so far."""
+
+    def unchanged(self) -> Steps:
+        """All methods with their own settings: the steps, which must be those of the run."""
+        found = defaultdict[str, list[tuple[int, Step]]](list)
+        fork = self.playback.forked(self.first, self.playback.methods, self.playback.config, self.snapshot)
+        for event in _played(fork, self.last, "rerunning the stretch unchanged", self.advance):
+            for step in event.steps:
+                found[step.method].append((event.index, step))
+                self.rows.append(step_row(event.index, step, event.errors_m.get(step.method)))
+        self.known = {method: [Outcome.of(steps)] for method, steps in found.items()}
+        return found
+
+    def tried(self, trial: Trial) -> Tried:
+        """A trial; where it helps, with its repetitions, and those of the unchanged settings. Raises _Late."""
+        known = self.known[trial.method]
+        found = Tried(trial, (self._outcome(trial, None),), tuple(known))
+        for seed in SEEDS[len(known) :] if found.helps else ():
+            known.append(self._outcome(replace(trial, value=trial.before), seed))
+        found = replace(found, unchanged=tuple(known))
+        for seed in SEEDS[1:]:
+            if found.helps:
+                found = replace(found, outcomes=(*found.outcomes, self._outcome(trial, seed)))
+        return found
+
+    def _outcome(self, trial: Trial, seed: int | None) -> Outcome:
+        config = config_of(trial, self.playback.config)
+        fork = self.playback.forked(self.first, (trial.method,), config, self.snapshot)
+        if seed is not None:
+            fork.sequence = with_noise(fork.sequence, seed)
+        doing = f"rerunning the stretch with {trial.option}"
+        events = _played(fork, self.last, doing, self.advance)
+        return Outcome.of((e.index, step) for e in events for step in e.steps if step.method == trial.method)
+
+
+def config_of(trial: Trial, run: Config) -> Config:
+    """Returns the settings of a run with this one changed."""
+    return run.with_settings(trial.method, replace(run.of(trial.method), **{trial.name: trial.value}))
+
+
+def _played(playback: Playback, last: int, doing: str, advance: Advance) -> Iterator:
+    """Its events up to a frame. Raises _Late."""
+    while playback.position <= last:
+        if not advance(f"{doing}, frame {playback.position}"):
+            raise _Late
+        yield playback.step()
+
+
+def _difference(run: list[MethodRow], rerun: list[MethodRow]) -> str:
+    """A sentence where the rerun is not the run; empty where it is, to the last bit."""
+    thinned = {(row.exposure, row.method) for row in run if FOLLOWED not in row.values}
+    made = [without_points(row) if (row.exposure, row.method) in thinned else row for row in rerun]
+    found = next(divergences(run, made, tuple({row.method for row in run})), None)
+    if found is None:
+        return ""
+    return (
+        f"The rerun is not the run: {min(found.names)} differs at frame {found.exposure}, by other images, another "
+        "version or another machine. Settings are compared with the rerun."
+    )
+
+
+def with_noise(sequence: Sequence, seed: int) -> Sequence:
+    """Returns the sequence with a little noise on its images, always the same for a seed."""
+
+    def load(i: int) -> Measurement:
+        measured = sequence.load(i)
+        if not isinstance(measured, Frame):
+            return measured
+        rng = np.random.default_rng((seed, i))
+        return replace(measured, images={name: _noisy(image, rng) for name, image in measured.images.items()})
+
+    return replace(sequence, load=load)
+
+
+def _noisy(image: Image, rng: np.random.Generator) -> Image:
+    noise = rng.integers(-NOISE, NOISE, image.shape, np.int16, endpoint=True)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)

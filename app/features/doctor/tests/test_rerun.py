@@ -1,0 +1,114 @@
+"""A run that lost tracking by one of its settings: the doctor forks it and names that setting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import pytest
+
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.evaluation.doctor.reruns import Reruns
+from ispom.methods import Config
+from ispom.sequences import open_sequence
+
+from ....engine.differences.compare import MethodRow, step_row
+from ....engine.events import Stepped
+from ....engine.playback import Playback
+from ..origin import Origin
+from ..rerun import rerun, with_noise
+from ..stretch import Stretch
+
+FIRST, LAST = 30, 55
+STRETCH = Stretch(FIRST, LAST, 50)
+
+
+def playback(max_tracks: int) -> Playback:
+    config = Config({"monocular": ModernMonocularConfig(max_tracks=max_tracks)})
+    return Playback(open_sequence("sim:tiny"), ("monocular",), config)
+
+
+@cache
+def run(max_tracks: int) -> tuple[Stepped, ...]:
+    """A run up to the end of the stretch."""
+    own = playback(max_tracks)
+    return tuple(own.step() for _ in range(LAST + 1))
+
+
+def origin(max_tracks: int) -> Origin:
+    def rows(first: int, last: int) -> Iterator[MethodRow]:
+        for event in run(max_tracks)[first : last + 1]:
+            yield from (step_row(event.index, step, event.errors_m.get(step.method)) for step in event.steps)
+
+    return Origin(lambda: playback(max_tracks), rows)
+
+
+def reran(max_tracks: int, advance: Callable[[str], bool] = lambda doing: True) -> Reruns:
+    return rerun(origin(max_tracks), STRETCH, advance)
+
+
+@cache
+def of_few_tracks() -> Reruns:
+    return reran(50, tracks_only)
+
+
+def tracks_only(doing: str) -> bool:
+    """Leaves out the other settings, which take their time."""
+    return " with " not in doing or "max-tracks" in doing
+
+
+def nothing(doing: str) -> bool:
+    return " with " not in doing
+
+
+def test_far_too_few_tracks_are_named_with_the_option_that_helps() -> None:
+    found = of_few_tracks()
+    best = found.best
+    assert best is not None and best.trial.option == "--monocular.max-tracks 500"
+    assert len(best.outcomes) == len(best.unchanged) == 3
+    assert found.ranked[0].suspect.key == "monocular.max-tracks" and found.ranked[0].finding.found
+
+
+def test_the_unchanged_rerun_is_the_run() -> None:
+    assert not of_few_tracks().note
+
+
+def test_a_run_that_is_not_the_same_is_said() -> None:
+    other = Origin(lambda: playback(51), origin(50).rows)
+    assert rerun(other, STRETCH, nothing).note
+
+
+def test_a_healthy_run_has_nothing_to_try() -> None:
+    found = reran(500)
+    assert not found.tried and found.best is None and found.note
+
+
+def test_without_time_the_rest_is_listed() -> None:
+    found = reran(50, nothing)
+    assert not found.tried and "--monocular.max-tracks 500" in found.left
+
+
+def test_it_is_cancelled_between_two_frames() -> None:
+    class Cancelled(Exception):
+        pass
+
+    frames = 0
+
+    def advance(doing: str) -> bool:
+        nonlocal frames
+        frames += 1
+        if frames == FIRST + 5:
+            raise Cancelled
+        return True
+
+    with pytest.raises(Cancelled):
+        reran(50, advance)
+    assert frames == FIRST + 5
+
+
+def test_noise_is_small_and_always_the_same() -> None:
+    sequence = open_sequence("sim:tiny")
+    index = sequence.kinds.index("video")
+    a, b, other = (with_noise(sequence, seed).load(index).image.astype(int) for seed in (1, 1, 2))
+    clean = sequence.load(index).image.astype(int)
+    assert (a == b).all() and (a != other).any() and (a != clean).any() and abs(a - clean).max() == 1

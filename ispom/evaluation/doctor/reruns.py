@@ -1,0 +1,219 @@
+"""What reruns of a bad stretch show: one setting of a method is changed at a time. Ground truth plays no part."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import counted
+from ispom.types import Status, Step
+
+from .finding import Finding, Ranked, Suspect
+
+LEAST_FRAMES, LEAST_SHARE = 2, 0.05
+"""A setting helps where it changes at least so many frames, and this share of them."""
+WORSE, GOOD_PX = 2.0, 1.0
+"""Where residuals are more than so many times as large, and above what any features reach, tracking is only tolerated
+longer."""
+SHOWN_FRAMES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a method did over the stretch."""
+
+    frames: int
+    """On which it stepped."""
+    located: Mapping[int, float]
+    """By index of the frame: the median residual of its pose [px]; NaN where none is reported."""
+    segments: int
+    """Begun in the stretch."""
+    failed: Mapping[str, int]
+    """By key of a check: in how many frames it failed."""
+    failing: int
+    """Frames in which any failed."""
+
+    @staticmethod
+    def of(steps: Iterable[tuple[int, Step]]) -> Outcome:
+        """Of the steps by index of their frames."""
+        own = tuple(steps)
+        located = {
+            i: float(np.median(step.residuals_px)) if len(step.residuals_px) else np.nan
+            for i, step in own
+            if step.status is Status.TRACKING and step.world_from_frame is not None and not step.provisional
+        }
+        failed = [{d.key or d.name for d in step.decisions if d.failed} for _, step in own]
+        counts = Counter(key for keys in failed for key in keys)
+        return Outcome(len(own), located, sum(step.restarted for _, step in own), dict(counts), sum(map(bool, failed)))
+
+    @property
+    def margin(self) -> float:
+        """Frames by which another outcome differs noticeably."""
+        return max(LEAST_FRAMES, LEAST_SHARE * self.frames)
+
+    @property
+    def improvable(self) -> bool:
+        """Whether any setting could change it noticeably."""
+        return self.segments > 0 or max(self.frames - len(self.located), self.failing) >= self.margin
+
+    @property
+    def words(self) -> str:
+        """In a row of a table."""
+        begun = counted(self.segments, "segment")
+        located = f"{len(self.located)} of {self.frames} frames located"
+        return f"{located}, {begun} begun, checks that failed: {self.failures}"
+
+    @property
+    def failures(self) -> str:
+        """The checks that failed, and in how many frames."""
+        return ", ".join(f"{key} in {count}" for key, count in sorted(self.failed.items())) or "none"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One setting of a method with another value."""
+
+    method: str
+    name: str
+    """Of the setting, as the config has it."""
+    before: Any
+    value: Any
+
+    @property
+    def key(self) -> str:
+        """METHOD.SETTING, as in flags."""
+        return f"{self.method}.{self.name.replace('_', '-')}"
+
+    @property
+    def option(self) -> str:
+        """As a command line has it."""
+        flag = self.name.replace("_", "-")
+        if isinstance(self.value, bool):
+            return f"--{self.method}.{flag if self.value else f'no-{flag}'}"
+        return f"--{self.key} {self.value:.6g}" if isinstance(self.value, float) else f"--{self.key} {self.value}"
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A trial and its outcomes: with the images as they are; where that is better, also with a little noise on them."""
+
+    trial: Trial
+    outcomes: tuple[Outcome, ...]
+    unchanged: tuple[Outcome, ...]
+    """Of the run's own settings, with the same images."""
+
+    @cached_property
+    def gains(self) -> Mapping[str, float]:
+        """By how much its worst outcome is better than the best unchanged one, in words for that: over what is needed.
+        Empty where it locates fewer frames, begins more segments, or only accepts worse poses."""
+        own, other = self.outcomes, self.unchanged
+        longer = min(len(o.located) for o in own) - max(len(o.located) for o in other)
+        cleaner = min(o.failing for o in other) - max(o.failing for o in own)
+        joined = min(o.segments for o in other) - max(o.segments for o in own)
+        first_map = all(o.segments == 0 for o in other) and max(o.segments for o in own) == 1
+        if longer < 0 or (joined < 0 and not first_map) or self._tolerated:
+            return {}
+        margin = other[0].margin
+        return {
+            f"{counted(longer, 'frame')} more located ({margin:.2g} needed)": longer / margin,
+            f"checks fail in {counted(cleaner, 'frame')} fewer ({margin:.2g} needed)": cleaner / margin,
+            f"{counted(joined, 'segment')} fewer begun": float(joined),
+        }
+
+    @property
+    def strength(self) -> float:
+        """From 1 on it helps."""
+        return max(0.0, *self.gains.values()) if self.gains else 0.0
+
+    @property
+    def _tolerated(self) -> bool:
+        """Whether residuals at the frames that both locate say that it only accepts worse poses."""
+        for own, other in zip(self.outcomes, self.unchanged, strict=False):
+            common = [i for i in own.located if i in other.located]
+            pair = [np.array([o.located[i] for i in common]) for o in (own, other)]
+            known = np.isfinite(pair).all(axis=0)
+            if known.any():
+                mine, theirs = (float(np.median(residuals[known])) for residuals in pair)
+                if mine > max(WORSE * theirs, GOOD_PX):
+                    return True
+        return False
+
+    @property
+    def helps(self) -> bool:
+        return self.strength >= 1
+
+    @property
+    def finding(self) -> Finding:
+        own, other, count = self.outcomes, self.unchanged, len(self.outcomes)
+        newly = [i for i in own[0].located if i not in other[0].located]
+        evidence = (
+            f"With {self.trial.option}: {own[0].words}; unchanged ({_text(self.trial.before)}): {other[0].words}."
+        )
+        if self.helps:
+            better = max(self.gains, key=lambda words: self.gains[words])
+            evidence += f" In the worst of {count} reruns, {count - 1} of them with noise: {better}."
+        return Finding(
+            self.strength,
+            evidence,
+            {
+                "located": min(len(o.located) for o in own),
+                "located_unchanged": max(len(o.located) for o in other),
+                "failing": max(o.failing for o in own),
+                "failing_unchanged": min(o.failing for o in other),
+                "segments": max(o.segments for o in own),
+                "segments_unchanged": max(o.segments for o in other),
+            },
+            tuple(newly[:: len(newly) // SHOWN_FRAMES + 1]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Reruns:
+    """All reruns of a stretch."""
+
+    first: int
+    last: int
+    """Frames of the stretch, both included; the fork is before the first."""
+    tried: tuple[Tried, ...] = ()
+    left: tuple[str, ...] = ()
+    """Options for which no time was left."""
+    note: str = ""
+    """Why nothing was tried, or what to keep in mind of what was."""
+
+    @property
+    def best(self) -> Tried | None:
+        """What helps most; None where nothing does."""
+        return max((t for t in self.tried if t.helps), key=lambda t: t.strength, default=None)
+
+    @property
+    def answer(self) -> str:
+        """One or two sentences."""
+        if not self.tried:
+            return self.note
+        best = self.best
+        said = "No setting tried changes it." if best is None else f"It goes better with {best.trial.option}."
+        return f"{said} {self.note}".rstrip()
+
+    @property
+    def ranked(self) -> tuple[Ranked, ...]:
+        """Each setting with the value that does best, as a suspect."""
+        best: dict[str, Tried] = {}
+        for tried in self.tried:
+            known = best.get(tried.trial.key)
+            if known is None or tried.strength > known.strength:
+                best[tried.trial.key] = tried
+        return tuple(Ranked(self._suspect(tried.trial, tried.finding), tried.finding) for tried in best.values())
+
+    def _suspect(self, trial: Trial, finding: Finding) -> Suspect:
+        name = f"the setting {trial.key} is {_text(trial.before)}"
+        remedy = f"Run again with `{trial.option}`, or fork the run with it: `ispom fork RUN --at {self.first}`."
+        return Suspect(trial.key, name, "rerun", remedy, lambda seen: finding)
+
+
+def _text(value: Any) -> str:
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
