@@ -15,6 +15,8 @@ from .scene import Observations, Predicted, Scene, predicted
 
 LOSS_PX = 0.5
 """Width of the Cauchy loss: corners are followed to about a third of it."""
+WIDE_PX = (8.0, 2.0)
+"""Widths of the loss before it, from that of the errors that a wrong calibration makes downwards."""
 ITERATIONS = 8
 POINT_ITERATIONS = 5
 ENOUGH = 1e-3
@@ -23,10 +25,25 @@ FARTHEST = 100.0
 """Error [px] of a point that a camera cannot see."""
 
 
-def costs(residuals: Array) -> Array:
+def costs(residuals: Array, loss_px: float = LOSS_PX) -> Array:
     """Returns the robust cost (N,) of residuals (N, 2)."""
     squares = np.nan_to_num((residuals**2).sum(axis=1), nan=FARTHEST**2)
-    return np.log1p(np.minimum(squares, FARTHEST**2) / LOSS_PX**2)
+    return np.log1p(np.minimum(squares, FARTHEST**2) / loss_px**2)
+
+
+def adjust_gradually(
+    scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...] = (), iterations: int = ITERATIONS
+) -> tuple[Scene, Change, float]:
+    """Does as `adjust`, but with wide losses first.
+
+    A wrong calibration moves all observations of a camera by several pixels. To a narrow loss they are outliers, and it
+    leaves them where they are instead of looking for what moved them.
+    """
+    values = np.zeros(len(names))
+    for loss_px in WIDE_PX:
+        scene, values, _ = _adjusted(scene, rig, seen, names, values, iterations, loss_px)
+    scene, values, cost = _adjusted(scene, rig, seen, names, values, iterations, LOSS_PX)
+    return scene, change_of(names, values), cost
 
 
 def adjust(
@@ -37,16 +54,29 @@ def adjust(
     Levenberg and Marquardt with a Cauchy loss; the first pose is fixed, and damping holds the scale where nothing else
     does.
     """
-    values, damping = np.zeros(len(names)), 1e-3
+    scene, values, cost = _adjusted(scene, rig, seen, names, np.zeros(len(names)), iterations, LOSS_PX)
+    return scene, change_of(names, values), cost
+
+
+def _adjusted(
+    scene: Scene,
+    rig: Rig,
+    seen: Observations,
+    names: tuple[str, ...],
+    values: Array,
+    iterations: int,
+    loss_px: float,
+) -> tuple[Scene, Array, float]:
+    damping = 1e-3
     now = predicted(scene, rig, change_of(names, values), seen)
-    cost = float(costs(now.residuals).sum())
+    cost = float(costs(now.residuals, loss_px).sum())
     for _ in range(iterations):
-        equations = _Equations(scene, rig, seen, names, values, now)
+        equations = _Equations(scene, rig, seen, names, values, now, loss_px)
         for _ in range(5):
             twists, points, shared = equations.solve(damping)
             tried = scene.moved(twists, points), values + shared
             after = predicted(tried[0], rig, change_of(names, tried[1]), seen)
-            tried_cost = float(costs(after.residuals).sum())
+            tried_cost = float(costs(after.residuals, loss_px).sum())
             if tried_cost < cost:
                 break
             damping *= 8
@@ -56,7 +86,7 @@ def adjust(
         (scene, values), now, cost, damping = tried, after, tried_cost, max(damping / 8, 1e-6)
         if small:
             break
-    return scene, change_of(names, values), cost
+    return scene, values, cost
 
 
 def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[str, ...], ...]) -> list[float]:
@@ -79,12 +109,19 @@ class _Equations:
     """Normal equations of one iteration, with the points to be eliminated."""
 
     def __init__(
-        self, scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], values: Array, now: Predicted
+        self,
+        scene: Scene,
+        rig: Rig,
+        seen: Observations,
+        names: tuple[str, ...],
+        values: Array,
+        now: Predicted,
+        loss_px: float = LOSS_PX,
     ) -> None:
         self.poses, self.points, self.shared = len(scene.times_s), len(scene.points), len(names)
         good = np.asarray(np.isfinite(now.residuals).all(axis=1))
         residuals = np.where(good[:, None], now.residuals, 0.0)
-        weights = np.where(good, 1 / (LOSS_PX**2 + (residuals**2).sum(axis=1)), 0.0)
+        weights = np.where(good, 1 / (loss_px**2 + (residuals**2).sum(axis=1)), 0.0)
         root = np.sqrt(weights)[:, None]
         by_twist = np.where(good[:, None, None], now.by_twist, 0.0) * root[..., None]
         by_point = np.where(good[:, None, None], now.by_point, 0.0) * root[..., None]

@@ -9,7 +9,7 @@ import numpy as np
 from ispom.geometry import Array
 from ispom.types import Rig
 
-from .adjustment import adjust, placed, screened
+from .adjustment import adjust, adjust_gradually, placed, screened
 from .hypothesis import Change
 from .scene import Observations, Scene, predicted
 from .start import Start
@@ -22,6 +22,8 @@ class Baseline:
     """The scene with the calibration as it is stated."""
 
     rig: Rig
+    first: Scene
+    """As the main camera alone saw it: no calibration of the others has a part in it."""
     scene: Scene
     used: Observations
     """Of the tracks that poses and calibration are fitted to."""
@@ -51,12 +53,15 @@ def baseline(start: Start, rig: Rig) -> Baseline:
     """Fits the scene to the tracks that are not held out, and judges it by those that are."""
     out = start.held_out[start.seen.point]
     used, held_out = start.seen.select(~out), start.seen.select(out)
-    scene, change, _ = adjust(start.scene, rig, used, (), ROUGH_ITERATIONS)
+    scene, change, _ = min(
+        (adjust(start.scene, rig, used, (), ROUGH_ITERATIONS), adjust_gradually(start.scene, rig, used)),
+        key=lambda fitted: fitted[2],
+    )
     scene, _ = placed(scene, rig, change, held_out)
     scene, costs = placed(
         scene, rig, change, held_out
     )  # so that a change is not credited with what was left to do here
-    return Baseline(rig, scene, used, held_out, costs, _median(scene, rig, change, held_out))
+    return Baseline(rig, start.scene, scene, used, held_out, costs, _median(scene, rig, change, held_out))
 
 
 def promising(base: Baseline, subsets: tuple[tuple[str, ...], ...]) -> dict[tuple[str, ...], float]:
@@ -67,7 +72,10 @@ def promising(base: Baseline, subsets: tuple[tuple[str, ...], ...]) -> dict[tupl
 
 def tested(base: Baseline, names: tuple[str, ...]) -> Outcome:
     """Returns what becomes of the held-out tracks when these numbers of the calibration are free."""
-    scene, change, _ = adjust(base.scene, base.rig, base.used, names)
+    scene, change, _ = min(
+        (adjust(base.scene, base.rig, base.used, names), adjust_gradually(base.first, base.rig, base.used, names)),
+        key=lambda fitted: fitted[2],
+    )
     scene, after = placed(scene, base.rig, change, base.held_out)
     return _outcome(base, change, base.costs, after, _median(scene, base.rig, change, base.held_out))
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array, Pose, skew
 from ispom.solvers.localisation import Policy, locate
 from ispom.types import Rig
 
@@ -19,8 +19,11 @@ from .scene import CAMERAS, Observations, Scene
 KNOTS = 30
 """Most poses of a scene."""
 LEAST_TRACKS = 30
-LEAST_PARALLAX_PX = 4.0
-"""Median residual of a pure rotation [px] between the first two views."""
+SIGNIFICANT = 5.0
+"""Median residual of a pure rotation over that of two views with parallax, between the first two views. A camera that
+only turned has about 2: one residual has two dimensions, the other one."""
+LEAST_NOISE_PX = 0.1
+"""Noise of a track from a frame to another, at least: corners are followed no better."""
 FIRST_VIEWS = 3
 """Pairs of frames from which a scene is tried."""
 REFINEMENTS = 2
@@ -131,7 +134,7 @@ def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Po
     """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
     a, b = views
     b_from_a = _two_views(rays[:, a], rays[:, b], focal_px)
-    if b_from_a is None:
+    if b_from_a is None or significance(rays[:, a], rays[:, b], b_from_a, focal_px) < SIGNIFICANT:
         return None
     poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
     points = _triangulate(rays, poses, focal_px)
@@ -160,7 +163,7 @@ def _first_views(rays: Array, focal_px: float) -> list[tuple[int, int]]:
             if both.sum() >= LEAST_TRACKS:
                 parallax = float(np.median(rotation_residuals(rays[both, a], rays[both, b]))) * focal_px
                 found.append((parallax * min(1.0, both.sum() / 100) ** 2, a, b))
-    good = sorted((each for each in found if each[0] > LEAST_PARALLAX_PX), reverse=True)
+    good = sorted(found, reverse=True)[: max(FIRST_VIEWS, len(found) // 4)]
     return [(a, b) for _, a, b in good[:: max(1, len(good) // FIRST_VIEWS)]][:FIRST_VIEWS]
 
 
@@ -173,6 +176,19 @@ def _two_views(a: Array, b: Array, focal_px: float) -> Pose | None:
         return None
     good, rotation, shift, _ = cv2.recoverPose(matrix, a, b, eye, mask=inliers)
     return Pose(np.asarray(rotation, float), np.asarray(shift, float).ravel()) if good >= LEAST_TRACKS // 2 else None
+
+
+def significance(a: Array, b: Array, b_from_a: Pose, focal_px: float) -> float:
+    """Returns how many times better two views with parallax explain normalised coordinates (P, 2) than a rotation does:
+    the ratio of the median distances from the epipolar lines and from the turned points."""
+    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
+    u, v = (np.column_stack([x[both], np.ones(both.sum())]) for x in (a, b))
+    essential = skew(b_from_a.translation) @ b_from_a.rotation
+    lines, back = u @ essential.T, v @ essential
+    lengths = np.sqrt((lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
+    away = np.abs((v * lines).sum(axis=1)) / np.maximum(lengths, 1e-12)
+    noise = max(float(np.median(away)), LEAST_NOISE_PX / focal_px)
+    return float(np.median(rotation_residuals(a[both], b[both]))) / noise
 
 
 def rotation_residuals(a: Array, b: Array) -> Array:
