@@ -48,17 +48,13 @@ def squared_errors(observed):
     """(K,) over all images; inf behind the camera."""
     out, wrong = np.empty(len(observed.cameras)), correction(observed.extra)
     for k in range(len(out)):
-        out[k] = _squared_error(observed, k, wrong)
+        q = in_camera(observed, k)
+        if q[2] <= MIN_DEPTH:
+            out[k] = np.inf
+        else:
+            _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.baseline, wrong)
+            out[k] = ex * ex + ey * ey + er * er
     return out
-
-
-@part
-def _squared_error(observed, k, wrong):
-    q = in_camera(observed, k)
-    if q[2] <= MIN_DEPTH:
-        return np.inf
-    _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.baseline, wrong)
-    return ex * ex + ey * ey + er * er
 
 
 @part
@@ -119,13 +115,13 @@ def by_image(x, y, seen_right, baseline, extra):
 @part
 def fill_factors(out, n, first, q, observed, k):
     """Into row n of `out`, column `first` on (E): the errors' derivative by each correction over that of `by_image`."""
+    count = observed.factors.shape[1]
     if observed.baseline == 0.0:
-        iz = 1.0 / q[2]
+        iz, count = 1.0 / q[2], 0
         x, y = q[0] * iz, q[1] * iz
         out[n, first], out[n, first + 1] = 1.0, x * x + y * y
-    else:
-        for e in range(observed.factors.shape[1]):
-            out[n, first + e] = observed.factors[k, e]
+    for e in range(count):
+        out[n, first + e] = observed.factors[k, e]
 
 
 @part

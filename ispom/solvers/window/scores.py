@@ -70,96 +70,92 @@ def score_changes(
 @kernel(fastmath={"contract"})
 def _scores(observed, eliminated, per, out):
     end, longest = np.int64(0), longest_track(observed.owners)
-    by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
+    by_q, shown = np.empty((longest, 3)), observed.factors.shape[1] if observed.baseline != 0.0 else LENS
+    factors = np.zeros((1, shown + LENS))
     for m in range(len(observed.points)):
         begin, by_point, into = end, (0.0, 0.0, 0.0), out[m]
         while end < len(observed.owners) and observed.owners[end] == m:
-            own = _gradient(end, observed, per, factors, into)
+            q, own = in_camera(observed, end), (0.0, 0.0, 0.0)
+            if q[2] > MIN_DEPTH:
+                own = _gradient(end, q, observed, per, factors, into)
             store(by_q, end - begin, own)
             by_point = plus(by_point, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
             end += 1
-        _eliminate(m, begin, end, observed, eliminated, by_point, by_q, into)
+        _eliminate(m, begin, end, shown, observed, eliminated, by_point, by_q, into)
 
 
 @kernel(fastmath={"contract"})
 def _changes(observed, eliminated, per, second_order, groups, moved, out):
     end, longest = np.int64(0), longest_track(observed.owners)
-    by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
+    by_q, shown = np.empty((longest, 3)), observed.factors.shape[1] if observed.baseline != 0.0 else LENS
+    factors = np.zeros((1, shown + LENS))
     for m in range(len(observed.points)):
         begin, by_point, into = end, (0.0, 0.0, 0.0), out[groups[m]]
         while end < len(observed.owners) and observed.owners[end] == m:
-            own = _gradient_change(end, observed, per, second_order, groups[m], moved, factors, into)
+            q, own = in_camera(observed, end), (0.0, 0.0, 0.0)
+            if q[2] > MIN_DEPTH:
+                own = _gradient_change(end, q, observed, per, second_order, groups[m], moved, factors, into)
             store(by_q, end - begin, own)
             by_point = plus(by_point, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
             end += 1
-        _eliminate(m, begin, end, observed, eliminated, by_point, by_q, into)
+        _eliminate(m, begin, end, shown, observed, eliminated, by_point, by_q, into)
 
 
 @part
-def _shown(observed):
-    """Number of corrections that observations depend on."""
-    return observed.factors.shape[1] if observed.baseline != 0.0 else LENS
-
-
-@part
-def _gradient(k, observed, per, factors, out):
-    """Gradient (3,) of observation k's cost by its point in the camera; adds that by the corrections to `out` (D,)."""
-    q, count = in_camera(observed, k), factors.shape[1] - LENS
-    if not q[2] > MIN_DEPTH:
-        return 0.0, 0.0, 0.0
-    seen, first_of = vector(observed.seen, k), POSE * len(observed.rotations)
+def _gradient(k, q, observed, per, factors, out):
+    """Gradient (3,) of observation k's cost by its point `q` in the camera; adds that by the corrections to `out`."""
+    seen, count, lenses, lens_first = vector(observed.seen, k), factors.shape[1] - LENS, 0, 0.0
     _, by_q, _, _, first = linearised(q, seen, observed.baseline, correction(observed.extra), per)
     fill_factors(factors, 0, 0, q, observed, k)
+    fill_lens(factors, 0, count, observed, k)
+    if observed.baseline != 0.0:
+        lenses, (_, _, lens_first) = LENS, linearised_lens(q, seen, observed.baseline, per)
+    first_of = POSE * len(observed.rotations)
     for e in range(count):
         out[first_of + e] += first * factors[0, e]
-    if observed.baseline != 0.0:
-        _, _, first = linearised_lens(q, seen, observed.baseline, per)
-        fill_lens(factors, 0, count, observed, k)
-        for e in range(LENS):
-            out[first_of + e] += first * factors[0, count + e]
+    for e in range(lenses):
+        out[first_of + e] += lens_first * factors[0, count + e]
     return by_q
 
 
 @part
-def _gradient_change(k, observed, per, second_order, g, moved, factors, out):
+def _gradient_change(k, q, observed, per, second_order, g, moved, factors, out):
     """Change of `_gradient` with poses and corrections `moved[g]` (D,), for a fixed point."""
-    q, count, at = in_camera(observed, k), factors.shape[1] - LENS, POSE * observed.cameras[k]
-    if not q[2] > MIN_DEPTH:
-        return 0.0, 0.0, 0.0
-    seen, first_of, turn = vector(observed.seen, k), POSE * len(observed.rotations), vector(moved, g, at + 3)
+    count, lenses, at = factors.shape[1] - LENS, 0, POSE * observed.cameras[k]
+    seen, turn = vector(observed.seen, k), vector(moved, g, at + 3)
     hessian, by_q, mixed, second, first = linearised(q, seen, observed.baseline, correction(observed.extra), per)
-    v, grown, stretched = plus(vector(moved, g, at), cross(turn, q)), 0.0, 0.0
     fill_factors(factors, 0, 0, q, observed, k)
+    fill_lens(factors, 0, count, observed, k)
+    lens_mixed, lens_second, lens_first = (0.0, 0.0, 0.0), 0.0, 0.0
+    if observed.baseline != 0.0:
+        lenses, (lens_mixed, lens_second, lens_first) = LENS, linearised_lens(q, seen, observed.baseline, per)
+    first_of = POSE * len(observed.rotations)
+    v, grown, stretched = plus(vector(moved, g, at), cross(turn, q)), 0.0, 0.0
     for e in range(count):
         grown += factors[0, e] * moved[g, first_of + e]
-    change, own = plus(times(symmetric(hessian), v), scaled(grown, mixed)), second * grown + dot(mixed, v)
-    rise, lens, lens_first = dot(by_q, v) + first * grown, 0.0, 0.0
-    if observed.baseline != 0.0:
-        mixed, second, lens_first = linearised_lens(q, seen, observed.baseline, per)
-        fill_lens(factors, 0, count, observed, k)
-        for e in range(LENS):
-            stretched += factors[0, count + e] * moved[g, first_of + e]
-        change, lens = plus(change, scaled(stretched, mixed)), second * stretched + dot(mixed, v)
-        rise += lens_first * stretched
-    own, lens = own - second_order * first * rise, lens - second_order * lens_first * rise
+    for e in range(lenses):
+        stretched += factors[0, count + e] * moved[g, first_of + e]
+    change = plus(plus(times(symmetric(hessian), v), scaled(grown, mixed)), scaled(stretched, lens_mixed))
+    rise = dot(by_q, v) + first * grown + lens_first * stretched
+    own = second * grown + dot(mixed, v) - second_order * first * rise
+    lens = lens_second * stretched + dot(lens_mixed, v) - second_order * lens_first * rise
     for e in range(count):
         out[first_of + e] += own * factors[0, e]
-    if observed.baseline != 0.0:
-        for e in range(LENS):
-            out[first_of + e] += lens * factors[0, count + e]
+    for e in range(lenses):
+        out[first_of + e] += lens * factors[0, count + e]
     return minus(change, scaled(second_order * rise, by_q))
 
 
 @part
-def _eliminate(m, begin, end, observed, eliminated, by_point, by_q, out):
+def _eliminate(m, begin, end, shown, observed, eliminated, by_point, by_q, out):
     """Adds the gradients by poses to `out` (D,), from those by the point in each camera, and eliminates point m, whose
-    own gradient is `by_point`."""
+    own gradient is `by_point`, from poses and the first corrections, which observations depend on (`shown`)."""
     step = times(symmetric(vector6(eliminated.inverses, m)), by_point)
     corrections, mixed = POSE * len(observed.rotations), eliminated.mixed_extra
     for k in range(begin, end):
         q, f = mixed_of(eliminated.mixed, k)
         _add_by_twist(out, POSE * observed.cameras[k], q, minus(vector(by_q, k - begin), times(f, step)))
-    for e in range(_shown(observed)):
+    for e in range(shown):
         out[corrections + e] -= dot(step, (mixed[m, 0, e], mixed[m, 1, e], mixed[m, 2, e]))
 
 
