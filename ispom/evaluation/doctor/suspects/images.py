@@ -32,6 +32,10 @@ BARE_STD = 4.0
 BARE_SHARE = 0.75
 GAIN = 1.12
 """Change of the brightness of the same places, from one frame to the next, that is a jump."""
+AROUND_PX = 15
+"""Side of the surroundings of a corner whose brightness is compared: those by which it is followed."""
+LEAST_CORNERS = 20
+"""Followed from a frame to the next, so that they tell the gain."""
 GAIN_JUMPS = 1
 """Jumps in the stretch from which on they are a cause."""
 
@@ -156,18 +160,23 @@ def low_texture(seen: Examination) -> Finding | None:
 
 
 def exposure_jumps(seen: Examination) -> Finding | None:
-    """Counts changes of the gain, by the median ratio of blocks of consecutive frames of a camera."""
+    """Counts changes of the gain: the median ratio of the brightness around corners that are followed from a frame of
+    the main camera to the next. Blocks at the same place of the image would show other parts of the scene.
+
+    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one.
+    """
+    uv, shots = seen.tracked.uv, seen.main_shots
+    around = [cv2.blur(shot.images[seen.main], (AROUND_PX, AROUND_PX)).astype(np.float32) for shot in shots]
     jumps: list[tuple[float, int]] = []
-    for name in seen.rig.cameras:
-        own = [shot for shot in seen.shots if name in shot.images]
-        means = [blocks(shot.images[name])[0] for shot in own]
-        for shot, before, now in zip(own[1:], means, means[1:], strict=False):
-            usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
-            if name != seen.main or usable.sum() < 0.2 * usable.size:
-                continue
+    for f in range(1, len(shots)):
+        both = np.isfinite(uv[:, f - 1, 0]) & np.isfinite(uv[:, f, 0])
+        before, now = (_at(around[k], uv[both, k]) for k in (f - 1, f))
+        usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
+        if usable.sum() >= LEAST_CORNERS:
             logs = np.log(now[usable] / before[usable])
-            gain = float(np.exp(np.abs(np.median(logs))))
-            jumps.append((gain, shot.index))
+            low, median, high = np.percentile(logs, [25, 50, 75])
+            alike = max(low, -high) >= abs(median) / 2
+            jumps.append((float(np.exp(abs(median))) if alike else 1.0, shots[f].index))
     if not jumps:
         return None
     high = [each for each in jumps if each[0] > GAIN]
@@ -180,6 +189,12 @@ def exposure_jumps(seen: Examination) -> Finding | None:
         {"largest_gain": worst[0], "jumps": float(len(high))},
         tuple(index for _, index in sorted(high, reverse=True)[:3]),
     )
+
+
+def _at(image: Array, uv: Array) -> Array:
+    """Returns the values (N,) of an image at the nearest pixels."""
+    column, row = np.round(uv).astype(int).T
+    return image[np.clip(row, 0, image.shape[0] - 1), np.clip(column, 0, image.shape[1] - 1)]
 
 
 IMAGES = (
