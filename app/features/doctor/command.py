@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 from rich.console import Console
 
+from ispom.io.files import exists
+from ispom.io.rig import read_rig
 from ispom.io.whole import write_whole
 from ispom.stop import check_stop
+from ispom.types import Sequence
 
 from ...engine.outputs import claim_folder
-from ...engine.run_folder.run_file import read_run_file
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
 from ...session.review.stored import source_of, source_options
 from .job import Progress, examine
@@ -23,7 +28,7 @@ from .text import lines, plain
 def doctor(options: Doctor) -> int:
     """Prints the diagnosis. Raises InputError where the folder holds no run, or its source is gone."""
     run = read_run_file(options.run)
-    sequence = source_options(run).open(source_of(run, options.source))
+    sequence = opened(options, run)
     stretch = stretch_of(sequence, options.at, options.frames, events_in(options.run))
     console = Console(stderr=True)
     with terminable(), console.status("reading images") as status:
@@ -39,3 +44,12 @@ def doctor(options: Doctor) -> int:
         claim_folder(options.out, "doctor")
         write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")
     return 0
+
+
+def opened(options: Doctor, run: RunFile) -> Sequence:
+    """Returns the run's source. Where it has no calibration, the run's own is examined: its estimate took a while."""
+    source, rig = source_of(run, options.source), options.run / RIG
+    if not exists(rig):
+        return source_options(run).open(source)
+    sequence = source_options(run).opened(source)
+    return sequence if sequence.guess is None else replace(sequence, rig=read_rig(rig))
