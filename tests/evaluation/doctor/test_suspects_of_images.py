@@ -73,6 +73,16 @@ def test_blur() -> None:
     assert finding is not None and finding.found
 
 
+def test_blur_of_a_few_images_in_a_row_has_their_frame() -> None:
+    def blurred(image: Image) -> Image:
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), 2.5), np.uint8)
+
+    spell = blur(seen([blurred(image) if i in (5, 6, 7) else image for i, image in enumerate(GOOD)]))
+    one = blur(seen([blurred(image) if i == 5 else image for i, image in enumerate(GOOD)]))
+    assert spell is not None and spell.found and spell.frames == (5,)
+    assert one is not None and not one.found
+
+
 def test_a_bare_wall_has_no_texture() -> None:
     rng = np.random.default_rng(0)
     finding = low_texture(seen([(150 + rng.normal(0, 1.6, (240, 320))).astype(np.uint8) for _ in range(5)]))

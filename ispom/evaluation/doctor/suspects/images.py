@@ -14,7 +14,7 @@ from ..finding import Finding, Suspect
 DARK_LEVELS = 36.0
 """Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
 IN_A_ROW = 3
-"""Dark images that stop the tracks: one or two are passed over by most methods."""
+"""Dark or blurred images that stop the tracks: one or two are passed over by most methods."""
 BLOCK_PX = 20
 COVERED_LEVELS, COVERED_STD = 45.0, 4.0
 """Grey level and its standard deviation in a block of an image, of something dark before the lens."""
@@ -25,6 +25,8 @@ EDGE_PX = 5.0
 of 2 px (1 sigma). Sharp images have about 3."""
 EDGES = 150
 """Strongest edges of an image that are measured."""
+BLUR_SAMPLES = 20
+"""Images of a camera that are measured."""
 REACH_PX = 8
 """Edges are measured so far to both sides."""
 BARE_STD = 4.0
@@ -120,23 +122,27 @@ def edge_width_px(image: Image) -> float:
 
 
 def blur(seen: Examination) -> Finding | None:
-    """Measures how wide the strongest edges are."""
-    found: list[tuple[float, str, int]] = []
+    """Measures how wide the strongest edges are in the blurriest few images in a row."""
+    found: list[tuple[float, str, int, float]] = []
     for name in seen.rig.cameras:
         own = [shot for shot in seen.shots if name in shot.images]
-        some = own[:: max(1, len(own) // 8)]
-        widths = [(edge_width_px(shot.images[name]), shot.index) for shot in some]
+        step = max(1, len(own) // BLUR_SAMPLES)
+        widths = [(edge_width_px(shot.images[name]), shot.index) for shot in own[::step]]
         widths = [each for each in widths if np.isfinite(each[0])]
-        if len(widths) >= 2:
-            middle = sorted(widths)[len(widths) // 2]
-            found.append((middle[0], name, max(widths)[1]))
+        row = max(2, -(-IN_A_ROW // step))
+        if len(widths) >= row:
+            spell = np.lib.stride_tricks.sliding_window_view([width for width, _ in widths], row).min(axis=1)
+            first = int(spell.argmax())
+            usual = float(np.median([width for width, _ in widths]))
+            found.append((float(spell[first]), name, widths[first][1], usual))
     if not found:
         return None
-    width, name, frame = max(found)
+    width, name, frame, usual = max(found)
     return Finding(
         width / EDGE_PX,
-        f"The strongest edges of the {name} images are {width:.1f} px wide (sharp: below {EDGE_PX:.1f}).",
-        {"edge_width_px": width},
+        f"The strongest edges of the blurriest {name} images in a row are {width:.1f} px wide, and usually {usual:.1f} "
+        f"px (sharp: below {EDGE_PX:.1f}).",
+        {"edge_width_px": width, "usual_edge_width_px": usual},
         (frame,),
     )
 

@@ -37,6 +37,8 @@ AT_EDGES = 0.2
 """Of the lost corners, lost at fixed edges. Simulated drops: 0.23 to 0.56 on seeds 0 to 9."""
 LOST_AT_EDGES = 0.0025
 """Of the corners of a frame, lost at fixed edges. Simulated drops: 0.005 and more; clean lenses: below 0.0003."""
+STRONGEST = 3.0
+"""A lens that is covered has fixed edges, too, and is found by its own rule with more."""
 
 
 def on_lens(seen: Examination) -> Finding | None:
@@ -56,7 +58,7 @@ def on_lens(seen: Examination) -> Finding | None:
     share = float(there.mean()) if len(at) else 0.0
     lost = float(there.sum()) / max(int(known[:, :-1].sum()), 1)
     return Finding(
-        min(lost / LOST_AT_EDGES, share / AT_EDGES),
+        min(lost / LOST_AT_EDGES, share / AT_EDGES, STRONGEST),
         f"{100 * share:.0f} % of the corners that are lost away from the border are lost where edges stay in place "
         f"while the scene passes, {100 * lost:.1f} % of all corners per frame.",
         {"lost_share": lost, "at_edges_share": share, "edges_share": float(fixed[passed].mean())},
