@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 from rich.console import Console
 
 from ispom.ensemble import build
+from ispom.io.files import exists
+from ispom.io.rig import read_rig
 from ispom.io.whole import write_whole
 from ispom.stop import check_stop
+from ispom.types import Sequence
 
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
-from ...engine.run_folder.run_file import read_run_file
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
 from ...session.review.stored import source_of, source_options
 from .job import Progress, examine
@@ -26,7 +31,7 @@ from .text import lines, plain
 def doctor(options: Doctor, builder: Builder = build) -> int:
     """Prints the diagnosis. Raises InputError where the folder holds no run, or its source is gone."""
     run = read_run_file(options.run)
-    sequence = source_options(run).open(source_of(run, options.source))
+    sequence = opened(options, run)
     stretch = stretch_of(sequence, options.at, options.frames, events_in(options.run))
     console = Console(stderr=True)
     with terminable(), console.status("reading images") as status:
@@ -43,3 +48,12 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
         claim_folder(options.out, "doctor")
         write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")
     return 0
+
+
+def opened(options: Doctor, run: RunFile) -> Sequence:
+    """Returns the run's source. Where it has no calibration, the run's own is examined: its estimate took a while."""
+    source, rig = source_of(run, options.source), options.run / RIG
+    if not exists(rig):
+        return source_options(run).open(source)
+    sequence = source_options(run).opened(source)
+    return sequence if sequence.guess is None else replace(sequence, rig=read_rig(rig))

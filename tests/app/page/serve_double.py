@@ -1,7 +1,8 @@
 """The app with stand-in estimators, a process of its own: `python -m tests.app.page.serve_double FOLDER PORT [SOURCE]`.
 
 Without a source it plays the stand-in sequence; with one, the page looks for others beside it. `slow:FILE` is the
-stand-in sequence, too, which takes until there is such a file to open.
+stand-in sequence, too, which takes until there is such a file to open; on `lossy`, methods are lost at every eleventh
+frame.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
 from ispom_app.views.web.server import Serving, serve
 
+from ispom.ensemble import Ensemble
+from ispom.methods import Config
 from ispom.sequences import open_sequence
-from ispom.types import Sequence
+from ispom.types import Rig, Sequence
+from tests import doubles
 from tests.app import helpers
 
-DOUBLE, SLOW = "double:40", "slow:"
+DOUBLE, SLOW, LOSSY = "double:40", "slow:", "lossy"
 
 
 def opener(source: str, options: SourceOptions | None = None) -> Sequence:
@@ -27,15 +31,21 @@ def opener(source: str, options: SourceOptions | None = None) -> Sequence:
         while not Path(source.removeprefix(SLOW)).exists():
             time.sleep(0.02)
         source = DOUBLE
+    source = DOUBLE if source == LOSSY else source
     return helpers.opener(source) if source.startswith("double:") else open_sequence(source)
+
+
+def losing(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
+    return doubles.ensemble(methods, doubles.FullEstimator)
 
 
 if __name__ == "__main__":
     folder, port, source = Path(sys.argv[1]), int(sys.argv[2]), (sys.argv[3:] or [DOUBLE])[0]
-    folders = Folders(Path(source).parent if source != DOUBLE else None)
+    folders = Folders(Path(source).parent if source not in (DOUBLE, LOSSY) else None)
+    builder = losing if source == LOSSY else helpers.build
     sys.exit(
         serve(
-            lambda live: Session(opener, source, folder, live=live, builder=helpers.build, folders=folders),
+            lambda live: Session(opener, source, folder, live=live, builder=builder, folders=folders),
             Serving(port=port, base="/ispom/", open_browser=False),
         )
     )

@@ -8,6 +8,7 @@ import pytest
 
 from ispom.evaluation.doctor.examination import Examination, Shot
 from ispom.evaluation.doctor.suspects.images import blur, covered, darkness, edge_width_px, exposure_jumps, low_texture
+from ispom.evaluation.doctor.suspects.lens import fixed_edges, on_lens
 from ispom.evaluation.doctor.suspects.times import dropped, repeated
 from ispom.types import Camera, Image, Rig
 
@@ -35,6 +36,8 @@ def seen(images: list[Image], times_ns: np.ndarray | None = None) -> Examination
 WIDE = np.hstack([picture(seed) for seed in range(2)])
 GOOD = [np.ascontiguousarray(WIDE[:, 4 * i : 4 * i + 320]) for i in range(10)]
 """The camera turns to the right."""
+LONG = [np.ascontiguousarray(WIDE[:, 8 * i : 8 * i + 320]) for i in range(40)]
+"""It turns farther."""
 
 
 @pytest.mark.parametrize("suspect", [darkness, covered, blur, low_texture, exposure_jumps, dropped, repeated])
@@ -70,6 +73,16 @@ def test_blur() -> None:
     assert finding is not None and finding.found
 
 
+def test_blur_of_a_few_images_in_a_row_has_their_frame() -> None:
+    def blurred(image: Image) -> Image:
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), 2.5), np.uint8)
+
+    spell = blur(seen([blurred(image) if i in (5, 6, 7) else image for i, image in enumerate(GOOD)]))
+    one = blur(seen([blurred(image) if i == 5 else image for i, image in enumerate(GOOD)]))
+    assert spell is not None and spell.found and spell.frames == (5,)
+    assert one is not None and not one.found
+
+
 def test_a_bare_wall_has_no_texture() -> None:
     rng = np.random.default_rng(0)
     finding = low_texture(seen([(150 + rng.normal(0, 1.6, (240, 320))).astype(np.uint8) for _ in range(5)]))
@@ -97,3 +110,38 @@ def test_repeated_images_have_their_frames() -> None:
     images = [*GOOD[:4], GOOD[3], *GOOD[5:]]
     finding = repeated(seen(images))
     assert finding is not None and finding.found and finding.frames == (4,)
+
+
+def test_images_that_hardly_differ_are_not_one() -> None:
+    rng = np.random.default_rng(0)
+    images = [GOOD[0].copy() for _ in range(10)]
+    for image in images:  # a compressed film of a scene at rest: a few pixels change by a level
+        image[rng.random(image.shape) < 0.1] += 1
+    finding = repeated(seen(images))
+    assert finding is not None and not finding.found
+
+
+def test_the_camera_s_motion_is_no_jump_of_the_exposure() -> None:
+    brighter = np.clip(WIDE * np.linspace(0.4, 1.6, WIDE.shape[1]), 0, 255).astype(np.uint8)  # to the right
+    images = [np.ascontiguousarray(brighter[:, 24 * i : 24 * i + 320]) for i in range(10)]
+    assert images[1].mean() > 1.05 * images[0].mean()
+    finding = exposure_jumps(seen(images))
+    assert finding is not None and finding.values["largest_gain"] < 1.03
+
+
+def test_something_on_the_lens_stays_where_it_is() -> None:
+    spots = [(60, 60), (150, 90), (240, 60), (80, 170), (170, 180), (250, 160)]
+    spotted = [image.copy() for image in LONG]
+    for image in spotted:
+        for spot in spots:
+            cv2.circle(image, spot, 8, 15, -1)
+    found, clean = on_lens(seen(spotted)), on_lens(seen(LONG))
+    assert found is not None and found.found
+    assert clean is not None and not clean.found
+    row, column = np.nonzero(fixed_edges(seen(spotted))[0])
+    apart = np.linalg.norm(np.column_stack([column, row])[:, None] - np.array(spots), axis=2).min(axis=1)
+    assert len(apart) > 100 and np.percentile(apart, 90) < 10
+
+
+def test_of_a_camera_at_rest_nothing_is_said_of_the_lens() -> None:
+    assert on_lens(seen(GOOD[:1] * 8)) is None

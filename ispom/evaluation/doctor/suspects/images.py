@@ -14,7 +14,7 @@ from ..finding import Finding, Suspect
 DARK_LEVELS = 36.0
 """Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
 IN_A_ROW = 3
-"""Dark images that stop the tracks: one or two are passed over by most methods."""
+"""Dark or blurred images that stop the tracks: one or two are passed over by most methods."""
 BLOCK_PX = 20
 COVERED_LEVELS, COVERED_STD = 45.0, 4.0
 """Grey level and its standard deviation in a block of an image, of something dark before the lens."""
@@ -25,6 +25,8 @@ EDGE_PX = 5.0
 of 2 px (1 sigma). Sharp images have about 3."""
 EDGES = 150
 """Strongest edges of an image that are measured."""
+BLUR_SAMPLES = 20
+"""Images of a camera that are measured."""
 REACH_PX = 8
 """Edges are measured so far to both sides."""
 BARE_STD = 4.0
@@ -32,6 +34,10 @@ BARE_STD = 4.0
 BARE_SHARE = 0.75
 GAIN = 1.12
 """Change of the brightness of the same places, from one frame to the next, that is a jump."""
+AROUND_PX = 15
+"""Side of the surroundings of a corner whose brightness is compared: those by which it is followed."""
+LEAST_CORNERS = 20
+"""Followed from a frame to the next, so that they tell the gain."""
 GAIN_JUMPS = 1
 """Jumps in the stretch from which on they are a cause."""
 
@@ -116,23 +122,27 @@ def edge_width_px(image: Image) -> float:
 
 
 def blur(seen: Examination) -> Finding | None:
-    """Measures how wide the strongest edges are."""
-    found: list[tuple[float, str, int]] = []
+    """Measures how wide the strongest edges are in the blurriest few images in a row."""
+    found: list[tuple[float, str, int, float]] = []
     for name in seen.rig.cameras:
         own = [shot for shot in seen.shots if name in shot.images]
-        some = own[:: max(1, len(own) // 8)]
-        widths = [(edge_width_px(shot.images[name]), shot.index) for shot in some]
+        step = max(1, len(own) // BLUR_SAMPLES)
+        widths = [(edge_width_px(shot.images[name]), shot.index) for shot in own[::step]]
         widths = [each for each in widths if np.isfinite(each[0])]
-        if len(widths) >= 2:
-            middle = sorted(widths)[len(widths) // 2]
-            found.append((middle[0], name, max(widths)[1]))
+        row = max(2, -(-IN_A_ROW // step))
+        if len(widths) >= row:
+            spell = np.lib.stride_tricks.sliding_window_view([width for width, _ in widths], row).min(axis=1)
+            first = int(spell.argmax())
+            usual = float(np.median([width for width, _ in widths]))
+            found.append((float(spell[first]), name, widths[first][1], usual))
     if not found:
         return None
-    width, name, frame = max(found)
+    width, name, frame, usual = max(found)
     return Finding(
         width / EDGE_PX,
-        f"The strongest edges of the {name} images are {width:.1f} px wide (sharp: below {EDGE_PX:.1f}).",
-        {"edge_width_px": width},
+        f"The strongest edges of the blurriest {name} images in a row are {width:.1f} px wide, and usually {usual:.1f} "
+        f"px (sharp: below {EDGE_PX:.1f}).",
+        {"edge_width_px": width, "usual_edge_width_px": usual},
         (frame,),
     )
 
@@ -156,18 +166,23 @@ def low_texture(seen: Examination) -> Finding | None:
 
 
 def exposure_jumps(seen: Examination) -> Finding | None:
-    """Counts changes of the gain, by the median ratio of blocks of consecutive frames of a camera."""
+    """Counts changes of the gain: the median ratio of the brightness around corners that are followed from a frame of
+    the main camera to the next. Blocks at the same place of the image would show other parts of the scene.
+
+    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one.
+    """
+    uv, shots = seen.tracked.uv, seen.main_shots
+    around = [cv2.blur(shot.images[seen.main], (AROUND_PX, AROUND_PX)).astype(np.float32) for shot in shots]
     jumps: list[tuple[float, int]] = []
-    for name in seen.rig.cameras:
-        own = [shot for shot in seen.shots if name in shot.images]
-        means = [blocks(shot.images[name])[0] for shot in own]
-        for shot, before, now in zip(own[1:], means, means[1:], strict=False):
-            usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
-            if name != seen.main or usable.sum() < 0.2 * usable.size:
-                continue
+    for f in range(1, len(shots)):
+        both = np.isfinite(uv[:, f - 1, 0]) & np.isfinite(uv[:, f, 0])
+        before, now = (_at(around[k], uv[both, k]) for k in (f - 1, f))
+        usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
+        if usable.sum() >= LEAST_CORNERS:
             logs = np.log(now[usable] / before[usable])
-            gain = float(np.exp(np.abs(np.median(logs))))
-            jumps.append((gain, shot.index))
+            low, median, high = np.percentile(logs, [25, 50, 75])
+            alike = max(low, -high) >= abs(median) / 2
+            jumps.append((float(np.exp(abs(median))) if alike else 1.0, shots[f].index))
     if not jumps:
         return None
     high = [each for each in jumps if each[0] > GAIN]
@@ -180,6 +195,12 @@ def exposure_jumps(seen: Examination) -> Finding | None:
         {"largest_gain": worst[0], "jumps": float(len(high))},
         tuple(index for _, index in sorted(high, reverse=True)[:3]),
     )
+
+
+def _at(image: Array, uv: Array) -> Array:
+    """Returns the values (N,) of an image at the nearest pixels."""
+    column, row = np.round(uv).astype(int).T
+    return image[np.clip(row, 0, image.shape[0] - 1), np.clip(column, 0, image.shape[1] - 1)]
 
 
 IMAGES = (

@@ -15,6 +15,9 @@ GAP_SHARE = 0.05
 """Share of missing frames from which on they are a cause."""
 SAME_LEVELS = 0.4
 """Mean absolute difference [grey levels] below which two images are one: the noise of a sensor gives more."""
+USUAL_SHARE = 0.1
+"""The difference of two images that are one is below this share of those of the liveliest frames, too: in a compressed
+film of a scene at rest, all images differ by little."""
 SAME_SHARE = 0.05
 
 
@@ -45,7 +48,7 @@ def repeated(seen: Examination) -> Finding | None:
     if len(images) < 4:
         return None
     differences = np.array([np.abs(b - a).mean() for a, b in pairwise(images)])
-    same = differences < SAME_LEVELS
+    same = differences < min(SAME_LEVELS, max(USUAL_SHARE * float(np.percentile(differences, 90)), 1e-9))
     share = float(same.mean())
     shown = tuple(seen.main_shots[int(i) + 1].index for i in np.flatnonzero(same)[:3])
     return Finding(

@@ -1,4 +1,4 @@
-"""Suspects that tracks show: exchanged images, something on the lens, moving objects, no parallax, motion too fast."""
+"""Suspects that tracks show: exchanged images, moving objects, no parallax, motion too fast."""
 
 from __future__ import annotations
 
@@ -10,27 +10,16 @@ from ispom.geometry import Array, Pose
 from ..examination import Examination
 from ..finding import Finding, Suspect
 from ..start import rotation_residuals, triangulate
+from .lens import ON_LENS
 
 NEGATIVE_SHARE = 0.5
 """Share of the matches with a negative disparity from which on left and right are exchanged."""
 LEAST_MATCHES = 30
-BORDER = 0.08
-"""Of the image's size: corners leave the image there."""
-NEAR = 0.025
-"""Places are the same within this, relative to the image's width."""
-AGAIN, CHANCE = 1, 2.0
-"""More other corners lost at a place than this, and so many times the usual share of those that were followed there,
-make it one where corners are lost again and again."""
-AGAIN_SHARE = 0.33
-"""Of all lost corners, lost at such places."""
-LOST_AGAIN_SHARE = 0.005
-"""Of the corners of a frame, lost at such places."""
-LEAST_FLOW_PX = 25.0
-"""Way of the median track in the stretch from which on the scene is said to move through the image."""
 MOVING_PX = 2.0
 """Median error of a track that no point at rest explains."""
-RIGID_PX = 0.8
-"""Median error of all tracks, so that those that move are an exception."""
+RIGID_PX = MOVING_PX / 2
+"""Three quarters of the other tracks have a smaller error, so that those that move are an exception: where the scene
+itself fits badly, as with a rolling shutter in a fast turn, groups of tracks are off, too."""
 MOVING_SHARE = 0.06
 PARALLAX_PX = 1.5
 """Median error of a pure rotation below which the depths of the scene cannot be seen."""
@@ -56,38 +45,6 @@ def exchanged(seen: Examination) -> Finding | None:
     )
 
 
-def on_lens(seen: Examination) -> Finding | None:
-    """Counts corners that are lost again and again at the same places of the image, away from its border."""
-    flow, camera, uv = way_px(seen), seen.rig.camera(seen.main), seen.tracked.uv
-    if flow is None or flow < LEAST_FLOW_PX:
-        return None
-    known = np.isfinite(uv[..., 0])
-    lost = known[:, :-1] & ~known[:, 1:]
-    at = uv[:, :-1][lost]
-    size = np.array([camera.width, camera.height])
-    inside = ((at > BORDER * size) & (at < (1 - BORDER) * size)).all(axis=1)
-    at = at[inside]
-    share = len(at) / max(int(known[:, :-1].sum()), 1)
-    apart = np.linalg.norm(at[:, None] - at[None], axis=2)
-    near_px = NEAR * camera.width
-    everywhere = uv[:, :-1][known[:, :-1]]
-    visits = (np.linalg.norm(at[:, None] - everywhere[None], axis=2) < near_px).sum(axis=1)
-    again = float(((apart < near_px).sum(axis=1) - 1 > AGAIN + CHANCE * share * visits).mean()) if len(at) else 0.0
-    return Finding(
-        min(share * again / LOST_AGAIN_SHARE, again / AGAIN_SHARE),
-        f"{100 * share:.1f} % of the corners are lost per frame away from the border, {100 * again:.0f} % of them "
-        "where others were lost before.",
-        {"lost_share": share, "again_share": again},
-        (seen.main_shots[-1].index,),
-    )
-
-
-def way_px(seen: Examination) -> float | None:
-    """Returns the way of the median track through the stretch, as the sum of the median motions of frames [px]."""
-    steps = motions_px(seen)
-    return float(steps.sum()) if len(steps) else None
-
-
 def motions_px(seen: Examination) -> Array:
     """Returns the median motion of the tracks from each frame to the next [px]."""
     moved = np.linalg.norm(np.diff(seen.tracked.uv, axis=1), axis=2)
@@ -99,16 +56,15 @@ def moving(seen: Examination) -> Finding | None:
     if (found := track_errors_px(seen)) is None:
         return None
     errors, last = found
-    typical = float(np.median(errors))
     away = errors > MOVING_PX
-    together = clustered(last, away, 0.06 * seen.rig.camera(seen.main).width)
-    share = float((away & together).mean())
+    group = away & clustered(last, away, 0.06 * seen.rig.camera(seen.main).width)
+    share, typical = float(group.mean()), float(np.percentile(errors[~group], 75)) if not group.all() else np.inf
     strength = share / MOVING_SHARE
     return Finding(
         strength if typical < RIGID_PX else min(strength, 0.9),
         f"{100 * share:.0f} % of the tracks form groups that move on their own: no point at rest explains them within "
-        f"{MOVING_PX:.0f} px, while the median track fits within {typical:.2f} px.",
-        {"moving_share": share, "median_px": typical},
+        f"{MOVING_PX:.0f} px, while three quarters of the others fit within {typical:.2f} px.",
+        {"moving_share": share, "others_px": typical},
         (seen.main_shots[len(seen.main_shots) // 2].index,),
     )
 
@@ -143,7 +99,7 @@ def clustered(uv: Array, chosen: NDArray[np.bool_], radius_px: float) -> NDArray
 def no_parallax(seen: Examination) -> Finding | None:
     """Measures how well a pure rotation explains the tracks from one part of the stretch to another."""
     camera, uv = seen.rig.camera(seen.main), seen.tracked.uv
-    best = None
+    best, farthest = None, 0.0
     count = uv.shape[1]
     for a in range(0, count, max(1, count // 6)):
         for b in range(a + 2, count, max(1, count // 8)):
@@ -151,14 +107,15 @@ def no_parallax(seen: Examination) -> Finding | None:
             if both.sum() >= LEAST_MATCHES:
                 residuals = rotation_residuals(camera.normalise(uv[both, a]), camera.normalise(uv[both, b]))
                 best = max(best or 0.0, float(np.median(residuals)) * camera.fx)
+                apart = np.linalg.norm(uv[both, a] - uv[both, b], axis=1)
+                farthest = max(farthest, float(np.median(apart)))
     if best is None:
         return None
-    way = way_px(seen) or 0.0
-    what = "stands still" if way < PARALLAX_PX else "only rotates"
+    what = "stands still" if farthest < PARALLAX_PX else "only rotates"
     return Finding(
         min(3.0, PARALLAX_PX / max(best, 1e-3)),
         f"A camera that {what} explains the tracks within {best:.2f} px (median), so they show no depths.",
-        {"parallax_px": best, "way_px": way},
+        {"parallax_px": best, "moved_px": farthest},
         (seen.main_shots[0].index, seen.main_shots[-1].index),
     )
 
@@ -188,13 +145,11 @@ TRACKS = (
         "Exchange the two folders or topics of the images, or the two cameras in the rig's file.",
         exchanged,
     ),
-    Suspect(
-        "on-lens", "something is on the lens", "images", "Clean and dry the lens, or mask what stays in place.", on_lens
-    ),
+    ON_LENS,
     Suspect(
         "too-fast",
         "the camera moves too fast for its frame rate",
-        "tracks",
+        "images",
         "Move or turn more slowly, film with more frames per second, or with a wider lens.",
         too_fast,
     ),

@@ -1,0 +1,45 @@
+"""The doctor in the page: "Why?" below an event examines that one, and the answer leads to frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.serve_double import LOSSY
+from tests.app.page.test_browser import CHROMIUM, TOTAL, App, Page, browser, serving  # noqa: F401 - a fixture
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    yield from serving("serve_double", tmp_path_factory.mktemp("doctor"), "0", LOSSY)
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until(f"state.computed === {TOTAL}", "the end")
+    opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
+    opened.controls.get_by_role("tab", name="Explain", exact=True).click()
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def test_why_below_an_event_examines_that_event(page: Page) -> None:
+    assert page.state["doctor"] == {"at": None, "running": False, "causes": None}
+    why = page.controls.locator("button[data-doctor]").first
+    frame = int(why.get_attribute("data-doctor") or "")
+    why.click()
+    page.until(f"state.doctor.at === {frame}", "the examination")
+    page.until("!state.doctor.running && state.doctor.causes", "the answer")
+    answer = page.controls.locator("[data-cause]")
+    answer.locator("details summary").click()
+    shown = answer.locator("button[data-seek]").first
+    wanted = int(shown.get_attribute("data-seek") or "")
+    shown.click()
+    page.until(f"state.index === {wanted}", "the frame that shows it")
