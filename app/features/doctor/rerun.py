@@ -81,6 +81,7 @@ class _Bench:
     """Runs forks of one state over the stretch."""
 
     playback: Playback
+    """Which is forked, and not stepped."""
     snapshot: Snapshot
     first: int
     last: int
@@ -89,6 +90,8 @@ class _Bench:
     """Of the unchanged rerun."""
     known: dict[str, list[Outcome]] = field(default_factory=dict)
     """By method: of the unchanged repetitions so far."""
+    known_later: dict[str, Outcome] = field(default_factory=dict)
+    """By method: of the unchanged settings in the frames after the stretch."""
 
     def unchanged(self) -> Steps:
         """All methods with their own settings: the steps, which must be those of the run."""
@@ -111,15 +114,23 @@ class _Bench:
         for seed in SEEDS[1:]:
             if found.helps:
                 found = replace(found, outcomes=(*found.outcomes, self._outcome(trial, seed)))
-        return found
+        return replace(found, later=self._later(trial)) if found.helps else found
 
-    def _outcome(self, trial: Trial, seed: int | None) -> Outcome:
+    def _later(self, trial: Trial) -> tuple[Outcome, Outcome]:
+        """In as many frames after the stretch: of a trial, and of the unchanged settings."""
+        if trial.method not in self.known_later:
+            self.known_later[trial.method] = self._outcome(replace(trial, value=trial.before), None, later=True)
+        return self._outcome(trial, None, later=True), self.known_later[trial.method]
+
+    def _outcome(self, trial: Trial, seed: int | None, *, later: bool = False) -> Outcome:
         config = config_of(trial, self.playback.config)
         fork = self.playback.forked(self.first, (trial.method,), config, self.snapshot)
         if seed is not None:
             fork.sequence = with_noise(fork.sequence, seed)
         doing = f"rerunning the stretch with {trial.option}"
-        events = _played(fork, self.last, doing, self.advance)
+        last = min(2 * self.last - self.first + 1, len(fork.sequence) - 1) if later else self.last
+        counted = range(self.last + 1 if later else self.first, last + 1)
+        events = (e for e in _played(fork, last, doing, self.advance) if e.index in counted)
         return Outcome.of((e.index, step) for e in events for step in e.steps if step.method == trial.method)
 
 

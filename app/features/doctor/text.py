@@ -49,7 +49,9 @@ def rerun_table(reruns: Reruns) -> list[tuple[str, Outcome, bool]]:
         noisy = [f"{len(outcome.located)}" for outcome in unchanged[1:]]
         name = f"{method} unchanged" + (f" (with noise: {', '.join(noisy)} located)" if noisy else "")
         found.append((name, unchanged[0], False))
-        found += [(t.trial.option, t.outcomes[0], t.helps) for t in own]
+        found += [
+            (t.trial.option + (" (only delays it)" if t.only_delays else ""), t.outcomes[0], t.helps) for t in own
+        ]
     return found
 
 

@@ -22,10 +22,14 @@ def doctor(
     agents: AgentSession,
     at: Annotated[int | None, "Frame that went wrong; null for the worst event."] = None,
     seconds: Annotated[float, f"After this time no new suspect is examined; at most {MOST_SECONDS:g}."] = SECONDS,
+    settings: Annotated[
+        bool, "Whether the stretch is also rerun with other settings, one at a time; it comes last."
+    ] = True,
 ) -> dict[str, Any]:
     """Says which cause explains a bad stretch of the run, by its images, times and tracks; ground truth is not used.
     `answer` is a sentence, `causes` are keys of what was found, the strongest first, and `ranked` has for each suspect
-    the evidence, its strength (from 1 on it is found), frames to look at, and what to do. It takes about a minute."""
+    the evidence, its strength (from 1 on it is found), frames to look at, and what to do. `reruns` has for each setting
+    that was tried the frames located and the checks that failed. It takes about a minute."""
     run = agents.run
     if run.live:
         raise InputError("a live source is still recording: wait for its end")
@@ -36,7 +40,7 @@ def doctor(
         raise InputError(f"seconds is {seconds:g}: give more than 0 and at most {MOST_SECONDS:g}")
     sequence = run.playback.sequence
     stretch = stretch_of(sequence, at, FRAMES, run.events.events)
-    origin = agents.carry_out(lambda controller: Origin.of_run(run, stretch))
+    origin = agents.carry_out(lambda controller: Origin.of_run(run, stretch)) if settings else None
     found = plain(examine(sequence, stretch, seconds, origin=origin), stretch)
     ranked = [row | {"strength": brief(row["strength"]), "values": _brief(row["values"])} for row in found["ranked"]]
     return found | {"ranked": ranked}

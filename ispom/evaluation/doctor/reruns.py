@@ -51,6 +51,13 @@ class Outcome:
         counts = Counter(key for keys in failed for key in keys)
         return Outcome(len(own), located, sum(step.restarted for _, step in own), dict(counts), sum(map(bool, failed)))
 
+    def __add__(self, later: Outcome) -> Outcome:
+        """Returns that of both stretches."""
+        failed = Counter(self.failed) + Counter(later.failed)
+        located = {**self.located, **later.located}
+        segments, failing = self.segments + later.segments, self.failing + later.failing
+        return Outcome(self.frames + later.frames, located, segments, dict(failed), failing)
+
     @property
     def margin(self) -> float:
         """Frames by which another outcome differs noticeably."""
@@ -106,6 +113,8 @@ class Tried:
     outcomes: tuple[Outcome, ...]
     unchanged: tuple[Outcome, ...]
     """Of the run's own settings, with the same images."""
+    later: tuple[Outcome, Outcome] | None = None
+    """In the frames after the stretch, of the trial and of the run's own settings; None where nobody looked."""
 
     @cached_property
     def gains(self) -> Mapping[str, float]:
@@ -126,9 +135,17 @@ class Tried:
         }
 
     @property
+    def only_delays(self) -> bool:
+        """Whether what is won in the stretch is lost again after it."""
+        if self.later is None:
+            return False
+        own, other = self.outcomes[0] + self.later[0], self.unchanged[0] + self.later[1]
+        return not Tried(self.trial, (own,), (other,)).helps
+
+    @property
     def strength(self) -> float:
         """From 1 on it helps."""
-        return max(0.0, *self.gains.values()) if self.gains else 0.0
+        return max(0.0, *self.gains.values()) if self.gains and not self.only_delays else 0.0
 
     @property
     def _tolerated(self) -> bool:
@@ -157,6 +174,8 @@ class Tried:
         if self.helps:
             better = max(self.gains, key=lambda words: self.gains[words])
             evidence += f" In the worst of {count} reruns, {count - 1} of them with noise: {better}."
+        if self.only_delays:
+            evidence += " It only delays the trouble: in the frames after the stretch that is lost again."
         return Finding(
             self.strength,
             evidence,

@@ -42,7 +42,7 @@ def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
             bright = first_dark_frame("video") - 2
             return (
                 found,
-                await agent.ask("doctor", seconds=600.0),
+                await agent.ask("doctor", seconds=600.0, settings=False),
                 await agent.ask("blame", frame=bright, method="monocular"),
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.doctor.diagnose import with_reruns
@@ -52,6 +53,13 @@ def test_the_first_segment_of_a_stretch_without_any_is_no_loss() -> None:
 
 def test_worse_poses_that_are_only_accepted_do_not_help() -> None:
     assert not tried([outcome(38, residual_px=1.5)] * 3, [outcome(30)] * 3).helps
+
+
+def test_what_is_lost_again_after_the_stretch_is_only_delayed() -> None:
+    better = tried([outcome(30)] * 3, [outcome(30, segments=1)] * 3)
+    assert replace(better, later=(outcome(40), outcome(40))).helps
+    delayed = replace(better, later=(outcome(40, segments=1), outcome(40)))
+    assert not delayed.helps and delayed.only_delays and not delayed.finding.found
 
 
 def test_an_outcome_counts_frames_checks_and_segments() -> None:

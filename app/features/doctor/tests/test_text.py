@@ -5,8 +5,11 @@ from __future__ import annotations
 from ispom_app.features.doctor.panel import text_of
 from ispom_app.features.doctor.state import Examined
 from ispom_app.features.doctor.stretch import Stretch
+from ispom_app.features.doctor.text import lines, plain
 
+from ispom.evaluation.doctor.diagnose import with_reruns
 from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
+from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.evaluation.doctor.suspects import SUSPECTS
 
 
@@ -18,3 +21,17 @@ def test_what_was_not_found_is_folded() -> None:
     seen, folded = text.split("<details")
     assert there.suspect.remedy in seen and f"of {there.suspect.key}" in seen
     assert f"of {other.suspect.key}" in folded and f"of {other.suspect.key}" not in seen and "clock" in folded
+
+
+def test_reruns_are_a_table_and_rows_of_text() -> None:
+    worse, better = (Outcome(40, dict.fromkeys(range(n), 0.3), 0, {"few": 40 - n}, 40 - n) for n in (10, 30))
+    trials = (Tried(Trial("stereo", "window", 8, 16), (worse,), (worse,)),)
+    trials += (Tried(Trial("stereo", "max_tracks", 50, 400), (better,) * 3, (worse,) * 3),)
+    found = with_reruns(Diagnosis(0, 9, ()), Reruns(0, 9, trials, ("--stereo.min-share 0.8",)))
+    text = text_of(Examined(Stretch(0, 9, 5), None, found))
+    assert "<b>--stereo.max-tracks 400</b>" in text and "<b>--stereo.window 16</b>" not in text
+    said = "\n".join(lines(found, Stretch(0, 9, 5)))
+    assert said.index("--stereo.max-tracks 400: 30 of 40") < said.index("--stereo.window 16: 10 of 40")
+    assert "--stereo.min-share 0.8" in said and "--stereo.min-share 0.8" in text
+    plainly = plain(found, Stretch(0, 9, 5))["reruns"]
+    assert [row["helps"] for row in plainly["tried"]] == [False, True] and plainly["unchanged"][0]["located"] == 10
