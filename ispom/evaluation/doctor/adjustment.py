@@ -203,33 +203,47 @@ def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[
     """Returns the scene with its points moved to where they fit best while the poses stay, and the mean cost (P,) of
     each, NaN where it has no observation.
 
-    This is how held-out points judge poses and calibration, which they had no part in.
+    This is how held-out points judge poses and calibration, which they had no part in. Each point starts from where it
+    is and, with wide losses first, from there again; the better place counts.
     """
-    count, damping = len(scene.points), np.full(len(scene.points), 1e-3)
+    count = len(scene.points)
     observed = np.bincount(seen.point, minlength=count)
+    near, cost = _placed(scene, rig, change, seen, LOSS_PX)
+    wide = scene
+    for loss_px in WIDE_PX:
+        wide, _ = _placed(wide, rig, change, seen, loss_px)
+    wide, wide_cost = _placed(wide, rig, change, seen, LOSS_PX)
+    better = wide_cost < cost
+    scene = replace(scene, points=np.where(better[:, None], wide.points, near.points))
+    return scene, np.where(observed > 0, np.minimum(cost, wide_cost) / np.maximum(observed, 1), np.nan)
 
-    def total(now: Predicted) -> Array:
-        return np.asarray(np.bincount(seen.point, costs(now.residuals), minlength=count), float)
+
+def _placed(scene: Scene, rig: Rig, change: Change, seen: Observations, loss_px: float) -> tuple[Scene, Array]:
+    """Returns the scene with its points moved, and the cost (P,) of each."""
+    count, damping = len(scene.points), np.full(len(scene.points), 1e-3)
+
+    def total(residuals: Array) -> Array:
+        return np.asarray(np.bincount(seen.point, costs(residuals, loss_px), minlength=count), float)
 
     now = predicted(scene, rig, change, seen)
-    cost = total(now)
+    points, every_residual, every_slope, cost = scene.points, now.residuals, now.by_point, total(now.residuals)
     for _ in range(POINT_ITERATIONS):
-        good = np.asarray(np.isfinite(now.residuals).all(axis=1))
-        residuals = np.where(good[:, None], now.residuals, 0.0)
-        by_point = np.where(good[:, None, None], now.by_point, 0.0)
-        weights = good / (LOSS_PX**2 + (residuals**2).sum(axis=1))
+        good = np.asarray(np.isfinite(every_residual).all(axis=1))
+        residuals = np.where(good[:, None], every_residual, 0.0)
+        by_point = np.where(good[:, None, None], every_slope, 0.0)
+        weights = good / (loss_px**2 + (residuals**2).sum(axis=1))
         blocks, gradients = np.zeros((count, 3, 3)), np.zeros((count, 3))
         np.add.at(blocks, seen.point, weights[:, None, None] * np.einsum("nki,nkj->nij", by_point, by_point))
         np.add.at(gradients, seen.point, weights[:, None] * np.einsum("nki,nk->ni", by_point, residuals))
         trace = np.einsum("pii->p", blocks)
-        steps = np.linalg.solve(blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None], gradients[..., None])[
-            ..., 0
-        ]
-        tried = replace(scene, points=scene.points + steps)
-        after = predicted(tried, rig, change, seen)
-        better = total(after) < cost
+        damped = blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None]
+        tried = points + np.linalg.solve(damped, gradients[..., None])[..., 0]
+        after = predicted(replace(scene, points=tried), rig, change, seen)
+        tried_cost = total(after.residuals)
+        better = tried_cost < cost
         damping = np.where(better, damping / 8, damping * 8)
-        scene = replace(scene, points=np.where(better[:, None], tried.points, scene.points))
-        now = predicted(scene, rig, change, seen)
-        cost = total(now)
-    return scene, np.where(observed > 0, cost / np.maximum(observed, 1), np.nan)
+        mine = better[seen.point]
+        points, cost = np.where(better[:, None], tried, points), np.where(better, tried_cost, cost)
+        every_residual = np.where(mine[:, None], after.residuals, every_residual)
+        every_slope = np.where(mine[:, None, None], after.by_point, every_slope)
+    return replace(scene, points=points), cost

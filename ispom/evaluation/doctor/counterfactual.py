@@ -72,10 +72,7 @@ def promising(base: Baseline, subsets: tuple[tuple[str, ...], ...]) -> dict[tupl
 
 def tested(base: Baseline, names: tuple[str, ...]) -> Outcome:
     """Returns what becomes of the held-out tracks when these numbers of the calibration are free."""
-    scene, change, _ = min(
-        (adjust(base.scene, base.rig, base.used, names), adjust_gradually(base.first, base.rig, base.used, names)),
-        key=lambda fitted: fitted[2],
-    )
+    scene, change, _ = adjust_gradually(base.first, base.rig, base.used, names)
     scene, after = placed(scene, base.rig, change, base.held_out)
     return _outcome(base, change, base.costs, after, _median(scene, base.rig, change, base.held_out))
 

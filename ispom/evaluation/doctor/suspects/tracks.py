@@ -31,7 +31,7 @@ MOVING_PX = 2.0
 """Median error of a track that no point at rest explains."""
 RIGID_PX = 0.8
 """Median error of all tracks, so that those that move are an exception."""
-MOVING_SHARE = 0.06
+MOVING_SHARE = 0.03
 PARALLAX_PX = 1.5
 """Median error of a pure rotation below which the depths of the scene cannot be seen."""
 FAST_SHARE = 0.05
@@ -62,7 +62,11 @@ def on_lens(seen: Examination) -> Finding | None:
     if flow is None or flow < LEAST_FLOW_PX:
         return None
     known = np.isfinite(uv[..., 0])
-    lost = known[:, :-1] & ~known[:, 1:]
+    slow = motions_px(seen) < FAST_SHARE * camera.width  # where all moves fast, corners are lost for that
+    if slow.sum() < 0.5 * len(slow) or len(slow) != known.shape[1] - 1:
+        return None
+    known = known & np.r_[slow, slow[-1]]
+    lost = known[:, :-1] & ~np.isfinite(uv[:, 1:, 0])
     at = uv[:, :-1][lost]
     size = np.array([camera.width, camera.height])
     inside = ((at > BORDER * size) & (at < (1 - BORDER) * size)).all(axis=1)
