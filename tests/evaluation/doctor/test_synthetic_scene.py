@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from ispom.evaluation.doctor import counterfactual
+from ispom.evaluation.doctor.adjustment import Promise
 from ispom.evaluation.doctor.counterfactual import Outcome
+from ispom.evaluation.doctor.examination import Examination
 from ispom.evaluation.doctor.hypothesis import Change
 from ispom.evaluation.doctor.scene import CAMERAS, Observations, Scene, predicted
 from ispom.evaluation.doctor.start import SIGNIFICANT, Start, significance
+from ispom.evaluation.doctor.suspects.calibration import CALIBRATION
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.geometry import Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
@@ -20,21 +26,21 @@ POINTS, KNOTS = 100, 12
 RIG = simulated_rig(0.5)
 
 
-def scene() -> Scene:
-    """A flight of 3 m with bends, past points at distances of 4 to 40 m."""
+def scene(farther: float = 1.0) -> Scene:
+    """A flight of 3 m with bends, past points at distances of 4 to 40 m, or so many times farther."""
     rng = np.random.default_rng(0)
     times_s = np.linspace(0, 1.5, KNOTS)
     turns = np.radians(2.5) * np.sin(np.outer(times_s, [5.0, 3.0, 4.0]) + np.array([0.3, 1.1, 2.0]))
     positions = np.stack([0.3 * np.sin(2 * times_s), 0.1 * np.sin(3 * times_s), 2 * times_s], axis=1)
-    depths = rng.uniform(4, 40, POINTS)
+    depths = farther * rng.uniform(4, 40, POINTS)
     points = np.stack([rng.uniform(-0.5, 0.5, POINTS) * depths, rng.uniform(-0.4, 0.4, POINTS) * depths, depths + 3], 1)
     return Scene(times_s, so3_exp(turns), positions, points)
 
 
-def start() -> Start:
+def start(farther: float = 1.0) -> Start:
     """The exact scene, and what the cameras of RIG saw of it, with noise; the points with an even number are held
     out."""
-    world = scene()
+    world = scene(farther)
     parts = []
     for name, times_s in (
         ("video", world.times_s),
@@ -46,7 +52,7 @@ def start() -> Start:
     empty = Observations(camera, time_s, point, np.zeros((len(camera), 2)))
     uv = -predicted(world, RIG, Change(), empty, derivatives=False).residuals
     size = np.array([[RIG.camera(name).width, RIG.camera(name).height] for name in CAMERAS])[camera]
-    inside = ((uv > 0) & (uv < size)).all(axis=1)
+    inside = np.asarray(((uv > 0) & (uv < size)).all(axis=1))
     noisy = uv + np.random.default_rng(1).normal(0, NOISE_PX, uv.shape)
     seen = Observations(camera, time_s, point, noisy).select(inside)
     return Start(world, seen, np.arange(POINTS) % 2 == 0, np.arange(KNOTS))
@@ -84,6 +90,26 @@ def test_a_baseline_is_found_by_the_distance_of_the_video_camera_from_the_pair()
 def test_a_right_rig_leaves_nothing_to_explain() -> None:
     for found in outcomes(Change(), TURN, CENTRE, ("baseline_percent",)):
         assert found.gain < 0.01
+
+
+def test_what_is_known_of_a_baseline_is_less_in_a_far_scene() -> None:
+    known = []
+    for farther in (1.0, 30.0):
+        base = counterfactual.baseline(start(farther), RIG)
+        promise = counterfactual.promising(base, (("baseline_percent",),))["baseline_percent",]
+        known.append(promise.sigmas[0])
+        found = counterfactual.tested(base, ("baseline_percent",)).change.perturbation.baseline_percent
+        assert abs(found) < 4 * known[-1]
+    assert known[1] > 3 * known[0]
+
+
+@pytest.mark.parametrize(("sigma", "silent"), [(1.0, False), (4.0, True)])
+def test_a_baseline_that_the_tracks_do_not_know_is_not_cleared(sigma: float, silent: bool) -> None:
+    suspect = next(each for each in CALIBRATION if each.key == "baseline")
+    seen = SimpleNamespace(rig=RIG, baseline=object(), promises={("baseline_percent",): Promise(0.0, (sigma,))})
+    finding = suspect.examine(cast(Examination, seen))
+    assert (finding is None) == silent
+    assert finding is None or not finding.found
 
 
 def rays(moved_m: float) -> tuple[np.ndarray, np.ndarray, Pose]:

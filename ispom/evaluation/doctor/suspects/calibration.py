@@ -26,6 +26,9 @@ BASELINE_PROMISE = 0.004
 """The same for the baseline: with it all depths change, which one linearised step hardly does."""
 PARSIMONY = 0.01
 """Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
+UNMODELLED = 3.0
+"""Errors of tracks are alike from frame to frame, and the motion between two poses is not quite even: numbers are known
+so many times worse than by independent errors."""
 LEAST_TRACKS = 25
 """Fewer held-out tracks say nothing."""
 
@@ -38,14 +41,16 @@ def freed(
     seen: Examination,
 ) -> Finding | None:
     """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters; the limits are
-    those of gain and promise."""
+    those of gain and promise. Where the tracks know all of them worse than `least`, they say nothing."""
     least_gain, least_promise = limits
     if not possible(seen.rig) or (base := seen.baseline) is None:
         return None
-    promise = seen.promises.get(names, 1.0)
-    if promise < least_promise:
-        text = f"Freeing it promises to explain {100 * max(promise, 0):.1f} % of the error, too little for a test."
-        return Finding(max(0.0, min(0.9, promise / least_gain)), text, {"promise": promise})
+    promise = seen.promises[names]
+    if promise.gain < least_promise:
+        if all(UNMODELLED * sigma > limit for sigma, limit in zip(promise.sigmas, least, strict=True)):
+            return None
+        text = f"Freeing it promises to explain {100 * max(promise.gain, 0):.1f} % of the error, too little for a test."
+        return Finding(max(0.0, min(0.9, promise.gain / least_gain)), text, {"promise": promise.gain})
     outcome = tested(base, names)
     if outcome.tracks < LEAST_TRACKS:
         return None
