@@ -1,6 +1,6 @@
 """`python -m tests.accuracy.doctor`: what the doctor finds in recordings with one injected fault, and in healthy ones.
 
-The rules were developed on seeds 0 to 4; the study is on seeds from 100 on. Each case is `sim:tiny` with one fault, and
+The rules were developed on seeds 0 to 9; a study is on seeds from 100 on, each time on new ones. Each case is `sim:tiny` with one fault, and
 45 video frames of it. It prints the confusion matrix as Markdown, and with --out writes it; --rows keeps the results,
 so that a study that was interrupted goes on.
 """
