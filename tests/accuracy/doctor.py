@@ -1,8 +1,8 @@
 """`python -m tests.accuracy.doctor`: what the doctor finds in recordings with one injected fault, and in healthy ones.
 
-The rules were developed on seeds 0 to 9; a study is on seeds from 100 on, each time on new ones. Each case is `sim:tiny` with one fault, and
-45 video frames of it. It prints the confusion matrix as Markdown, and with --out writes it; --rows keeps the results,
-so that a study that was interrupted goes on.
+The rules were developed on seeds 0 to 9; a study is on seeds from 100 on, each time on new ones. Each case is
+`sim:tiny` with one fault, and 45 video frames of it. It prints the confusion matrix as Markdown, and with --out writes
+it; --rows keeps the results, so that a study that was interrupted goes on.
 """
 
 from __future__ import annotations

@@ -16,14 +16,14 @@ GAIN = 0.05
 """Share of the cost of the held-out tracks that a cause explains at least; healthy recordings reach three quarters of
 it, with changes too small to matter."""
 BASELINE_GAIN = 0.025
-"""The same for the baseline: it shows only by the video camera's distance from the pair, in a few near tracks. Healthy
-recordings reach a fifth of it."""
+"""The same for the baseline: it shows only by the video camera's distance from the pair, in a few near tracks."""
 SURE = 2.5
 """Mean improvement of a held-out track over its standard error, at least."""
 PROMISE = 0.015
 """A change that promises less by the linearisation is not tested."""
 BASELINE_PROMISE = 0.004
-"""The same for the baseline: with it all depths change, which one linearised step hardly does."""
+"""The same for the baseline: with it all depths change, which one linearised step hardly does. Healthy recordings
+promise half of it."""
 PARSIMONY = 0.01
 """Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
 UNMODELLED = 3.0
