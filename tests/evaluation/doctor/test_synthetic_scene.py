@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from ispom.evaluation.doctor import counterfactual
-from ispom.evaluation.doctor.adjustment import Promise
+from ispom.evaluation.doctor.adjustment import Promise, placed
 from ispom.evaluation.doctor.counterfactual import Outcome
 from ispom.evaluation.doctor.examination import Examination
 from ispom.evaluation.doctor.hypothesis import Change
@@ -90,6 +91,14 @@ def test_a_baseline_is_found_by_the_distance_of_the_video_camera_from_the_pair()
 def test_a_right_rig_leaves_nothing_to_explain() -> None:
     for found in outcomes(Change(), TURN, CENTRE, ("baseline_percent",)):
         assert found.gain < 0.01
+
+
+def test_held_out_points_are_found_again_from_far_too_deep() -> None:
+    """A narrow loss leaves them where they are, for all that was seen of them seems wrong."""
+    first = start()
+    _, there = placed(first.scene, RIG, Change(), first.seen)
+    _, deeper = placed(replace(first.scene, points=4 * first.scene.points), RIG, Change(), first.seen)
+    assert np.nanmean(deeper) == pytest.approx(np.nanmean(there), rel=0.02)
 
 
 def test_what_is_known_of_a_baseline_is_less_in_a_far_scene() -> None:
