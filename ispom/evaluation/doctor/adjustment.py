@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -89,8 +89,18 @@ def _adjusted(
     return scene, values, cost
 
 
-def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[str, ...], ...]) -> list[float]:
-    """Returns, for each set of numbers, the share of the cost that one step with them free is expected to save.
+@dataclass(frozen=True)
+class Promise:
+    """What a linearisation says of a set of numbers that would be free."""
+
+    gain: float
+    """Share of the cost that one step with them free is expected to save."""
+    sigmas: tuple[float, ...]
+    """Standard deviation of each number, in its own unit: what these observations can know of it at best."""
+
+
+def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[str, ...], ...]) -> list[Promise]:
+    """Returns what each set of numbers promises.
 
     The scene must be one that `adjust` has fitted. One linearisation serves all.
     """
@@ -99,10 +109,12 @@ def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[st
     now = predicted(scene, rig, change_of(names, values), seen)
     equations = _Equations(scene, rig, seen, names, values, now)
     cost = float(costs(now.residuals).sum())
-    alone = equations.saved(())
-    return [
-        (equations.saved(tuple(names.index(name) for name in subset)) - alone) / max(cost, 1e-12) for subset in subsets
-    ]
+    alone, _ = equations.saved(())
+    promises = []
+    for subset in subsets:
+        saved, sigmas = equations.saved(tuple(names.index(name) for name in subset))
+        promises.append(Promise((saved - alone) / max(cost, 1e-12), sigmas))
+    return promises
 
 
 class _Equations:
@@ -122,6 +134,8 @@ class _Equations:
         good = np.asarray(np.isfinite(now.residuals).all(axis=1))
         residuals = np.where(good[:, None], now.residuals, 0.0)
         weights = np.where(good, 1 / (loss_px**2 + (residuals**2).sum(axis=1)), 0.0)
+        squares = (residuals**2).sum(axis=1)
+        self.variance = float((weights**2 * squares).sum() / 2 / max(weights.sum(), 1e-12))
         root = np.sqrt(weights)[:, None]
         by_twist = np.where(good[:, None, None], now.by_twist, 0.0) * root[..., None]
         by_point = np.where(good[:, None, None], now.by_point, 0.0) * root[..., None]
@@ -184,8 +198,9 @@ class _Equations:
         points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
         return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
 
-    def saved(self, shared: tuple[int, ...]) -> float:
-        """Returns how much one step with these shared values free lowers the cost, by the linearisation."""
+    def saved(self, shared: tuple[int, ...]) -> tuple[float, tuple[float, ...]]:
+        """Returns how much one step with these shared values free lowers the cost, by the linearisation, and their
+        standard deviations."""
         blocks = self.point_blocks + np.eye(3) * (1e-6 * np.einsum("pii->p", self.point_blocks) + 1e-9)[:, None, None]
         width = len(self.matrix)
         if not hasattr(self, "reduced"):
@@ -195,41 +210,58 @@ class _Equations:
             self.reduced_gradient = self.gradient - eliminated @ self.point_gradient
         free = np.r_[6 : 6 * self.poses, [6 * self.poses + k for k in shared]].astype(int)
         system = self.reduced[np.ix_(free, free)] + np.diag(1e-6 * np.diag(self.matrix)[free] + 1e-9)
-        step = np.linalg.solve(system, self.reduced_gradient[free])
-        return float(self.reduced_gradient[free] @ step)
+        last = np.eye(len(free))[:, len(free) - len(shared) :]
+        solved = np.linalg.solve(system, np.column_stack([self.reduced_gradient[free], last]))
+        variances = self.variance * np.diag(solved[len(free) - len(shared) :, 1:])
+        sigmas = tuple(float(np.sqrt(max(v, 0.0))) for v in variances)
+        return float(self.reduced_gradient[free] @ solved[:, 0]), sigmas
 
 
 def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:
     """Returns the scene with its points moved to where they fit best while the poses stay, and the mean cost (P,) of
     each, NaN where it has no observation.
 
-    This is how held-out points judge poses and calibration, which they had no part in.
+    This is how held-out points judge poses and calibration, which they had no part in. Each point starts from where it
+    is and, with wide losses first, from there again; the better place counts.
     """
-    count, damping = len(scene.points), np.full(len(scene.points), 1e-3)
+    count = len(scene.points)
     observed = np.bincount(seen.point, minlength=count)
+    near, cost = _placed(scene, rig, change, seen, LOSS_PX)
+    wide = scene
+    for loss_px in WIDE_PX:
+        wide, _ = _placed(wide, rig, change, seen, loss_px)
+    wide, wide_cost = _placed(wide, rig, change, seen, LOSS_PX)
+    better = wide_cost < cost
+    scene = replace(scene, points=np.where(better[:, None], wide.points, near.points))
+    return scene, np.where(observed > 0, np.minimum(cost, wide_cost) / np.maximum(observed, 1), np.nan)
 
-    def total(now: Predicted) -> Array:
-        return np.asarray(np.bincount(seen.point, costs(now.residuals), minlength=count), float)
+
+def _placed(scene: Scene, rig: Rig, change: Change, seen: Observations, loss_px: float) -> tuple[Scene, Array]:
+    """Returns the scene with its points moved, and the cost (P,) of each."""
+    count, damping = len(scene.points), np.full(len(scene.points), 1e-3)
+
+    def total(residuals: Array) -> Array:
+        return np.asarray(np.bincount(seen.point, costs(residuals, loss_px), minlength=count), float)
 
     now = predicted(scene, rig, change, seen)
-    cost = total(now)
+    points, every_residual, every_slope, cost = scene.points, now.residuals, now.by_point, total(now.residuals)
     for _ in range(POINT_ITERATIONS):
-        good = np.asarray(np.isfinite(now.residuals).all(axis=1))
-        residuals = np.where(good[:, None], now.residuals, 0.0)
-        by_point = np.where(good[:, None, None], now.by_point, 0.0)
-        weights = good / (LOSS_PX**2 + (residuals**2).sum(axis=1))
+        good = np.asarray(np.isfinite(every_residual).all(axis=1))
+        residuals = np.where(good[:, None], every_residual, 0.0)
+        by_point = np.where(good[:, None, None], every_slope, 0.0)
+        weights = good / (loss_px**2 + (residuals**2).sum(axis=1))
         blocks, gradients = np.zeros((count, 3, 3)), np.zeros((count, 3))
         np.add.at(blocks, seen.point, weights[:, None, None] * np.einsum("nki,nkj->nij", by_point, by_point))
         np.add.at(gradients, seen.point, weights[:, None] * np.einsum("nki,nk->ni", by_point, residuals))
         trace = np.einsum("pii->p", blocks)
-        steps = np.linalg.solve(blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None], gradients[..., None])[
-            ..., 0
-        ]
-        tried = replace(scene, points=scene.points + steps)
-        after = predicted(tried, rig, change, seen)
-        better = total(after) < cost
+        damped = blocks + np.eye(3) * (damping * trace + 1e-9)[:, None, None]
+        tried = points + np.linalg.solve(damped, gradients[..., None])[..., 0]
+        after = predicted(replace(scene, points=tried), rig, change, seen)
+        tried_cost = total(after.residuals)
+        better = tried_cost < cost
         damping = np.where(better, damping / 8, damping * 8)
-        scene = replace(scene, points=np.where(better[:, None], tried.points, scene.points))
-        now = predicted(scene, rig, change, seen)
-        cost = total(now)
-    return scene, np.where(observed > 0, cost / np.maximum(observed, 1), np.nan)
+        mine = better[seen.point]
+        points, cost = np.where(better[:, None], tried, points), np.where(better, tried_cost, cost)
+        every_residual = np.where(mine[:, None], after.residuals, every_residual)
+        every_slope = np.where(mine[:, None, None], after.by_point, every_slope)
+    return replace(scene, points=points), cost

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ispom.types import Frame, Image, Rig, Sequence
 
 if TYPE_CHECKING:
+    from .adjustment import Promise
     from .counterfactual import Baseline
     from .start import Start
     from .tracking import Tracked
@@ -84,7 +85,7 @@ class Examination:
         return None if self.start is None else baseline(self.start, self.rig)
 
     @cached_property
-    def promises(self) -> dict[tuple[str, ...], float]:
+    def promises(self) -> dict[tuple[str, ...], Promise]:
         """What freeing each set of numbers promises, by the names of `suspects.calibration`."""
         from .counterfactual import promising
         from .suspects.calibration import subsets

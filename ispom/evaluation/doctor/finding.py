@@ -33,7 +33,8 @@ class Finding:
     """Measurements of the sequence that show it best, a few."""
 
     def __post_init__(self) -> None:
-        """Rounds the figures: sums of a BLAS depend, in their last digits, on where its arrays lie in memory."""
+        """Rounds the figures to what they say. The same machine gives all digits again; another one with another BLAS
+        may not."""
         object.__setattr__(self, "strength", _rounded(self.strength))
         object.__setattr__(self, "values", {name: _rounded(value) for name, value in self.values.items()})
 

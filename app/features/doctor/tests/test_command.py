@@ -58,7 +58,7 @@ def test_ctrl_c_ends_it_between_two_pieces_of_its_work(
 ) -> None:
     reported = []
 
-    def interrupted(sequence, stretch, seconds, report):
+    def interrupted(sequence, stretch, seconds, report, origin):
         def again(progress):
             reported.append(progress)
             if len(reported) == 3:
