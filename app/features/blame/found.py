@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.methods import method as registered
 from ispom.solvers.influence.blame import Blame, Influence, blame, problem_of
 from ispom.solvers.influence.problem import PartKind, Shift
 from ispom.solvers.influence.resection import ResectionProblem
-from ispom.types import Sequence, Step, Tracks
+from ispom.types import Sequence, Status, Step, Tracks
 
 from ...engine.inspection.sightings import camera_pose
 from ...engine.playback import Playback
@@ -117,8 +118,13 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
             reasons.append(f"{method} has no pose at frame {index}, which is of the kind {kind}")
             continue
         problem = problem_of(problems, step.world_from_frame, step.frame, playback.sequence.rig)
+        if problem is None and step.status != Status.TRACKING:
+            reasons.append(f"{method} is {step.status} at frame {index} and has not solved for its pose")
+            continue
         if problem is None:
-            reasons.append(f"{method} does not say what it solved at frame {index}")
+            others = " and ".join(registered(method).asks.values())
+            builds = f": it builds on {others}, which do" if others else ""
+            reasons.append(f"{method} does not report what it solves{builds}")
             continue
         unit_m = units_m.get(method, playback.unit_m(method))
         found.append(PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m))
