@@ -123,7 +123,7 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
             continue
         if problem is None:
             others = " and ".join(registered(method).asks.values())
-            builds = f": it builds on {others}, which do" if others else ""
+            builds = f", but builds on {others}" if others else ""
             reasons.append(f"{method} does not report what it solves{builds}")
             continue
         unit_m = units_m.get(method, playback.unit_m(method))
