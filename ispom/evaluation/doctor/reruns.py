@@ -16,10 +16,9 @@ from ispom.types import Status, Step
 from .finding import Finding, Ranked, Suspect
 
 LEAST_FRAMES, LEAST_SHARE = 2, 0.05
-"""A setting helps where it changes at least so many frames, and this share of them."""
+"""A setting helps where it changes at least this number of frames, and this share of them."""
 WORSE, GOOD_PX = 2.0, 1.0
-"""Where residuals are more than so many times as large, and above what any features reach, tracking is only tolerated
-longer."""
+"""Where residuals are larger by this factor, and larger than this, worse poses are only accepted for longer."""
 SHOWN_FRAMES = 4
 
 
@@ -215,8 +214,8 @@ class Reruns:
         if not self.tried:
             return self.note
         best = self.best
-        said = "No setting tried changes it." if best is None else f"It goes better with {best.trial.option}."
-        return f"{said} {self.note}".rstrip()
+        text = "No setting tried changes it." if best is None else f"It goes better with {best.trial.option}."
+        return f"{text} {self.note}".rstrip()
 
     @property
     def ranked(self) -> tuple[Ranked, ...]:
@@ -230,7 +229,7 @@ class Reruns:
 
     def _suspect(self, trial: Trial, finding: Finding) -> Suspect:
         name = f"the setting {trial.key} is {_text(trial.before)}"
-        remedy = f"Run again with `{trial.option}`, or fork the run with it: `ispom fork RUN --at {self.first}`."
+        remedy = f"Run again with `{trial.option}`, or fork the run: `ispom fork RUN --at {self.first} {trial.option}`."
         return Suspect(trial.key, name, "rerun", remedy, lambda seen: finding)
 
 

@@ -1,4 +1,4 @@
-"""The diagnosis as the page shows it: what was found is in sight, everything else folded."""
+"""The diagnosis as the page shows it: what was found is shown, everything else is folded."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def test_reruns_are_a_table_and_rows_of_text() -> None:
     found = with_reruns(Diagnosis(0, 9, ()), Reruns(0, 9, trials, ("--stereo.min-share 0.8",)))
     text = text_of(Examined(Stretch(0, 9, 5), None, found))
     assert "<b>--stereo.max-tracks 400</b>" in text and "<b>--stereo.window 16</b>" not in text
-    said = "\n".join(lines(found, Stretch(0, 9, 5)))
-    assert said.index("--stereo.max-tracks 400: 30 of 40") < said.index("--stereo.window 16: 10 of 40")
-    assert "--stereo.min-share 0.8" in said and "--stereo.min-share 0.8" in text
+    printed = "\n".join(lines(found, Stretch(0, 9, 5)))
+    assert printed.index("--stereo.max-tracks 400: 30 of 40") < printed.index("--stereo.window 16: 10 of 40")
+    assert "--stereo.min-share 0.8" in printed and "--stereo.min-share 0.8" in text
     plainly = plain(found, Stretch(0, 9, 5))["reruns"]
     assert [row["helps"] for row in plainly["tried"]] == [False, True] and plainly["unchanged"][0]["located"] == 10

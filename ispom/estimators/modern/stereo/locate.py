@@ -89,6 +89,6 @@ def _located(
     policy = Policy(setup.noise.width, setup.limit, CLOSE * usual, POOR * usual)
     found = locate(xyz, seen, predicted, policy, setup.baseline_m, prior)
     if found is not None:
-        pose, told = found.camera_from_world, (setup.noise.width, "left", setup.baseline_m, predicted, prior)
-        report_problem(lambda: ResectionProblem(world.ids[place], xyz, seen, pose, *told))
+        pose, given = found.camera_from_world, (setup.noise.width, "left", setup.baseline_m, predicted, prior)
+        report_problem(lambda: ResectionProblem(world.ids[place], xyz, seen, pose, *given))
     return found

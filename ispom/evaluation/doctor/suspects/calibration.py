@@ -28,7 +28,7 @@ PARSIMONY = 0.01
 """Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
 UNMODELLED = 3.0
 """Errors of tracks are alike from frame to frame, and the motion between two poses is not quite even: numbers are known
-so many times worse than by independent errors."""
+worse by this factor than by independent errors."""
 LEAST_TRACKS = 25
 """Fewer held-out tracks say nothing."""
 

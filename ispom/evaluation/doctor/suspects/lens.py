@@ -67,7 +67,7 @@ def on_lens(seen: Examination) -> Finding | None:
 
 
 def fixed_edges(seen: Examination) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns where (H, W) edges stay in place, and where the scene passes, so that they can be told."""
+    """Returns where (H, W) edges stay in place, and where the scene passes, so that staying and moving edges differ."""
     camera = seen.rig.camera(seen.main)
     axes, passage, side = passing(seen.tracked.uv, camera.width, camera.height)
     row = np.minimum((np.arange(camera.height) / side).astype(int), len(axes) - 1)

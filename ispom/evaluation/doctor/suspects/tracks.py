@@ -123,7 +123,7 @@ def no_parallax(seen: Examination) -> Finding | None:
 
 
 def too_fast(seen: Examination) -> Finding | None:
-    """Compares the motion from frame to frame with the image's width; a surface without texture tells no motion."""
+    """Compares the motion from frame to frame with the image's width; without texture the motion is unknown."""
     steps, bare = motions_px(seen), low_texture(seen)
     if not len(steps) or (bare is not None and bare.found):
         return None
