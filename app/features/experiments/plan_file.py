@@ -18,7 +18,7 @@ from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
 
 from .options import Experiment
-from .plan import Field, Line, Plan, Statement, Value
+from .plan import COVERAGE, Field, Line, Plan, Statement, Value
 
 MAX_RUNS = 100_000
 
@@ -108,7 +108,7 @@ def _plan(name: str, where: str, content: Any) -> Plan:
         _seeds(f"{where}: seeds", entry.seeds),
         lines,
         entry.note,
-        entry.quantities,
+        (*entry.quantities, *(() if COVERAGE in entry.quantities else (COVERAGE,))),
         entry.statements,
         entry.stereo_every,
         entry.video_scale,

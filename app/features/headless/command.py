@@ -30,6 +30,9 @@ from .options import Run
 from .output import describe, write_inputs
 from .play import play
 
+NO_MOTION = "no method found any motion"
+"""In the sentence of a run without two poses: by this an experiment knows it from other failures."""
+
 
 def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
     """Runs, writes and prints, with estimators from `builder`; from `origin` on, where there is one.
@@ -113,7 +116,7 @@ def _require_poses(job: Job, finished: Finished) -> None:
         source = without_secrets(job.options.source)
         mixed_up = [f"{note[0].lower()}{note[1:-1]}" for note in job.playback.sequence.notes if note in MIXED_UP]
         cure = mixed_up[0] if mixed_up else "give images with texture in focus, and overlap"
-        raise InputError(f"{source}: no method found any motion: {cure}")
+        raise InputError(f"{source}: {NO_MOTION}: {cure}")
 
 
 def _reason(error: BaseException, playback: Playback) -> str:
