@@ -68,13 +68,18 @@ def settings(config: type) -> tuple[Setting, ...]:
     return tuple(result)
 
 
+def not_default(config: Any) -> tuple[tuple[str, Any], ...]:
+    """Returns the settings that differ from their default, as (name, default); those within a nested config are not
+    compared."""
+    standard = type(config)()
+    values = ((s.name, getattr(standard, s.name), getattr(config, s.name)) for s in settings(type(config)))
+    return tuple((name, default) for name, default, own in values if not is_dataclass(own) and own != default)
+
+
 def alternatives(config: Any) -> tuple[tuple[str, Any], ...]:
     """Returns what to try in place of each setting's present value, as (name, value): its default where that is another
     one, then what is worth trying, within the range. Each once, the defaults first."""
-    standard, found = type(config)(), dict[tuple[str, Any], None]()
-    for setting in settings(type(config)):
-        if not is_dataclass(getattr(config, setting.name)):
-            found[setting.name, getattr(standard, setting.name)] = None
+    found = dict.fromkeys(not_default(config))
     for setting in settings(type(config)):
         scaled = [_within(setting, getattr(config, setting.name) * factor) for factor in setting.worth_trying.times]
         for value in (*scaled, *setting.worth_trying.values):

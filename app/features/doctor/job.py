@@ -13,8 +13,11 @@ from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.types import Sequence
 
 from .origin import Origin
-from .rerun import rerun
+from .rerun import rerun, set_back
 from .stretch import Stretch
+
+SETTINGS = 0.6
+"""Share of the time after which no setting is set back to its default any more."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ def examine(
     clock: Callable[[], float] = time.monotonic,
     origin: Origin | None = None,
 ) -> Diagnosis:
-    """Returns the diagnosis of a stretch; where there is a run, at last it is forked and rerun with other settings.
+    """Returns the diagnosis of a stretch. Where there is a run, settings that differ from their defaults are set back in
+    reruns first, which may take SETTINGS of the time; at last the run is forked and rerun with other ones.
 
     `report` is called between two pieces of work; what it raises ends the examination. After `seconds` no new suspect
     is examined, and no frame rerun; what was left out is in the diagnosis, and only this depends on the time.
@@ -54,13 +58,16 @@ def examine(
         done += 1
         return clock() - start < seconds
 
+    def next_frame(doing: str) -> bool:
+        report(Progress(done, total, doing))
+        return clock() - start < (SETTINGS if not done else 1) * seconds
+
+    settings = None if origin is None else set_back(origin, stretch, next_frame)
     seen = examination(sequence, stretch.first, stretch.last, read)
     found = diagnose(seen, SUSPECTS, next_suspect)
+    if settings is not None:
+        found = with_reruns(found, settings)
     if origin is None:
         return found
-
-    def next_frame(doing: str) -> bool:
-        report(Progress(total, total, doing))
-        return clock() - start < seconds
-
-    return with_reruns(found, rerun(origin, stretch, next_frame))
+    tried = () if settings is None else [each.trial for each in settings.tried]
+    return with_reruns(found, rerun(origin, stretch, next_frame, tried))

@@ -27,6 +27,8 @@ class Origin:
     """The run at that state; nobody else steps it. Raises InputError where it cannot be had."""
     rows: Callable[[int, int], Iterator[MethodRow]]
     """What the run gave from one frame to another, both included."""
+    afresh: Callable[[], Playback]
+    """The run before its first frame; nobody else steps it. Raises InputError where it cannot be had."""
 
     @staticmethod
     def of_folder(folder: Path, run: RunFile, sequence: Sequence, builder: Builder = build) -> Origin:
@@ -42,7 +44,7 @@ class Origin:
         def begin() -> Playback:
             return Playback(sequence, with_dependencies(run.methods), run.configs(), builder, run.earlier)
 
-        return Origin(begin, rows)
+        return Origin(begin, rows, begin)
 
     @staticmethod
     def of_run(run: CurrentRun, stretch: Stretch) -> Origin:
@@ -52,13 +54,15 @@ class Origin:
         snapshot = None if nearest is None else nearest.snapshot
         own = max(stretch.first, *(stage.until for stage in before.earlier), 0)
         playback = before.forked(own, before.methods, before.config, snapshot)
+        start = max((stage.until for stage in before.earlier), default=0)
+        afresh = before.forked(start, before.methods, before.config)
 
         def rows(first: int, last: int) -> Iterator[MethodRow]:
             for i in range(first, min(last + 1, len(history))):
                 found, thinned = record_rows(history[i], before.methods), history[i].thinned
                 yield from map(without_points, found) if thinned else found
 
-        return Origin(lambda: playback, rows)
+        return Origin(lambda: playback, rows, lambda: afresh)
 
 
 def without_points(row: MethodRow) -> MethodRow:

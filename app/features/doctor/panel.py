@@ -37,8 +37,7 @@ class DoctorPanel:
         running = examined.progress is not None
         if self._cancel.visible != running:
             self._cancel.visible, self._examine.visible = running, not running
-        reruns = None if examined.diagnosis is None else examined.diagnosis.reruns
-        helped = reruns is not None and reruns.best is not None
+        helped = examined.diagnosis is not None and examined.diagnosis.helped is not None
         if self._fork.visible != helped:
             self._fork.visible = helped
         if (text := text_of(examined)) != self._text.content:
@@ -49,8 +48,9 @@ def text_of(examined: Examined) -> str:
     """Returns the examination as HTML."""
     found = examined.diagnosis
     ranked = () if found is None else found.ranked[:SHOWN]
-    table = () if found is None or found.reruns is None else rerun_table(found.reruns)
-    return render("doctor.html", examined=examined, found=found, ranked=ranked, table=table)
+    reruns = [] if found is None else [each for each in (found.set_back, found.reruns) if each is not None]
+    tables = [(each, rerun_table(each)) for each in reruns]
+    return render("doctor.html", examined=examined, found=found, ranked=ranked, tables=tables)
 
 
 PANELS = (Panel("Explain", 101, DoctorPanel),)

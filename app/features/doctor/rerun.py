@@ -1,21 +1,24 @@
-"""Forks a run before its bad stretch, and reruns the stretch: unchanged first, then with one setting changed."""
+"""Reruns a run, or forks it before its bad stretch: unchanged first, then with one setting changed."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
+from ispom.evaluation.trajectory_error import alignment_of, error_against_truth
 from ispom.methods import Config
-from ispom.settings import alternatives
+from ispom.methods import method as registered
+from ispom.settings import alternatives, not_default
 from ispom.types import Frame, Image, Measurement, Sequence, Step
 
 from ...engine.differences.compare import FOLLOWED, MethodRow, divergences, step_row
 from ...engine.playback import Playback, Snapshot
+from ...engine.run_events.table import EventRecorder
 from .origin import Origin, without_points
 from .stretch import Stretch
 
@@ -23,6 +26,9 @@ SEEDS = (None, 1, 2)
 """Of the repetitions of a rerun: with the images as they are, then with noise on them."""
 NOISE = 1
 """Largest noise of a repetition [grey levels]: less than that of any camera, and enough for other tracks."""
+WHOLE = 400
+"""A run of so many measurements, or fewer, is rerun from its start to its end where a setting is set back; of a longer
+one only the stretch is."""
 Advance = Callable[[str], bool]
 """Called before each frame with what is done; False where no time is left. It may raise to end the work."""
 Steps = Mapping[str, list[tuple[int, Step]]]
@@ -33,11 +39,50 @@ class _Late(Exception):
     """No time is left."""
 
 
-def rerun(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns:
+def set_back(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns | None:
+    """Returns what happens where a setting that differs from its default is set back to it, one at a time; None where
+    all are as by default. The same run gives the same answer, but for what `advance` left out.
+
+    A short run is rerun as a whole, for a setting acts from the start. Ground truth, where there is one, judges the
+    outcomes and nothing else.
+    """
+    try:
+        playback = origin.afresh()
+    except InputError as fault:
+        return Reruns(stretch.first, stretch.last, note=f"The run cannot be rerun: {fault}.", set_back=True)
+    about = stretch.event.method if stretch.event is not None else ""
+    trials = [
+        Trial(m, name, getattr(playback.config.of(m), name), value)
+        for m in sorted(playback.methods, key=lambda m: m != about)
+        for name, value in not_default(playback.config.of(m))
+    ]
+    if not trials:
+        return None
+    own = max((stage.until for stage in playback.earlier), default=0)
+    end = len(playback.sequence) - 1
+    first, last = (own, end) if end - own < WHOLE else (max(own, stretch.first), stretch.last)
+    tried, left, note = list[Tried](), [trial.option for trial in trials], ""
+    try:
+        for _ in _played(playback, first - 1, "reaching the stretch", advance):
+            pass
+        kind = stretch.event.kind if stretch.event is not None else ""
+        bench = _Bench(playback, playback.snapshot, first, last, advance, kind=kind, judged=True)
+        for trial in trials:
+            tried.append(bench.tried(trial))
+            left.remove(trial.option)
+    except _Late:
+        note = "No time was left to set all settings back to their defaults."
+    except InputError as fault:
+        note = f"The run cannot be rerun: {fault}."
+    return Reruns(first, last, tuple(tried), tuple(left), note, set_back=True)
+
+
+def rerun(origin: Origin, stretch: Stretch, advance: Advance, known: Collection[Trial] = ()) -> Reruns:
     """Returns what other settings do to the stretch. The same run gives the same answer, but for what `advance` left
     out.
 
-    A setting is tried for each method that lost frames or failed checks there, that of the event first.
+    A setting is tried for each method that lost frames or failed checks there, that of the event first; those that are
+    known already are not.
     """
     first, last = stretch.first, stretch.last
     try:
@@ -63,6 +108,7 @@ def rerun(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns:
         for m in bad
         for name, value in alternatives(playback.config.of(m))
     ]
+    trials = [trial for trial in trials if trial not in known]
     if not trials:
         note = f"{note} The run lost too little there for a setting to help, so none was tried.".lstrip()
     tried, left = list[Tried](), list[str]()
@@ -92,6 +138,10 @@ class _Bench:
     """By method: of the unchanged repetitions so far."""
     known_later: dict[str, Outcome] = field(default_factory=dict)
     """By method: of the unchanged settings in the frames after the stretch."""
+    kind: str = ""
+    """Of the event that is to be explained."""
+    judged: bool = False
+    """Whether outcomes have an error against the ground truth, and their events."""
 
     def unchanged(self) -> Steps:
         """All methods with their own settings: the steps, which must be those of the run."""
@@ -106,15 +156,18 @@ class _Bench:
 
     def tried(self, trial: Trial) -> Tried:
         """A trial; where it helps, with its repetitions, and those of the unchanged settings. Raises _Late."""
-        known = self.known[trial.method]
-        found = Tried(trial, (self._outcome(trial, None),), tuple(known))
+        known = self.known.setdefault(trial.method, [])
+        if not known:
+            known.append(self._outcome(replace(trial, value=trial.before), None))
+        found = Tried(trial, (self._outcome(trial, None),), tuple(known), event=self.kind)
         for seed in SEEDS[len(known) :] if found.helps else ():
             known.append(self._outcome(replace(trial, value=trial.before), seed))
         found = replace(found, unchanged=tuple(known))
         for seed in SEEDS[1:]:
             if found.helps:
                 found = replace(found, outcomes=(*found.outcomes, self._outcome(trial, seed)))
-        return replace(found, later=self._later(trial)) if found.helps else found
+        ended = self.last == len(self.playback.sequence) - 1
+        return replace(found, later=self._later(trial)) if found.helps and not ended else found
 
     def _later(self, trial: Trial) -> tuple[Outcome, Outcome]:
         """In as many frames after the stretch: of a trial, and of the unchanged settings."""
@@ -130,8 +183,27 @@ class _Bench:
         doing = f"rerunning the stretch with {trial.option}"
         last = min(2 * self.last - self.first + 1, len(fork.sequence) - 1) if later else self.last
         counted = range(self.last + 1 if later else self.first, last + 1)
-        events = (e for e in _played(fork, last, doing, self.advance) if e.index in counted)
-        return Outcome.of((e.index, step) for e in events for step in e.steps if step.method == trial.method)
+        recorder, steps = EventRecorder(), list[tuple[int, Step]]()
+        for e in _played(fork, last, doing, self.advance):
+            if self.judged:
+                recorder.add(e)
+            if e.index in counted:
+                steps += ((e.index, step) for step in e.steps if step.method == trial.method)
+        alarms = (e.kind for e in recorder.log.events if e.severity.alarming and e.method == trial.method)
+        return Outcome.of(steps, alarms, self._error_m(fork, trial.method) if self.judged else None)
+
+    def _error_m(self, fork: Playback, method: str) -> float | None:
+        """The absolute trajectory error from the first frame to where the fork stands, aligned as in the run's metrics;
+        None without ground truth, or with too few poses."""
+        sequence = fork.sequence
+        found = fork.finish().trajectories.get(method) if sequence.truth is not None else None
+        if sequence.truth is None or found is None:
+            return None
+        part = found.select(found.times_ns >= sequence.times_ns[self.first])
+        error = error_against_truth(
+            part, sequence.truth, sequence.rig, alignment_of(registered(method).unit == "metric")
+        )
+        return None if error is None else error.ate_m
 
 
 def config_of(trial: Trial, run: Config) -> Config:

@@ -92,11 +92,11 @@ class DoctorService(Service):
         """Forks the run before the stretch, with the setting that helped. InputError where none did, or another run is
         shown."""
         run, found = self.run, self.state[Examined].diagnosis
-        reruns = None if found is None else found.reruns
+        reruns = None if found is None else found.helped
         if run is None or run is not self._examined or reruns is None or reruns.best is None:
             raise InputError("no setting helped the run that is shown: find its cause first")
         config = config_of(reruns.best.trial, run.playback.config)
-        self.session.player.move(*moves.seek(run, reruns.first - 1))
+        self.session.player.move(*moves.seek(run, max(reruns.first - 1, 0)))
         name = reruns.best.trial.option.removeprefix("--")
         self.session.service(BranchService).fork(self.state.methods, config, name)
 

@@ -27,7 +27,7 @@ def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
         text.append(f"The recording says nothing about: {', '.join(found.silent)}.")
     if found.left:
         text.append(f"No time was left for: {', '.join(found.left)}. Give more --seconds.")
-    return text + ([] if found.reruns is None else rerun_lines(found.reruns))
+    return text + [row for each in (found.set_back, found.reruns) if each is not None for row in rerun_lines(each)]
 
 
 def rerun_lines(reruns: Reruns) -> list[str]:
@@ -90,6 +90,7 @@ def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
         ],
         "silent": list(found.silent),
         "left": list(found.left),
+        "set_back": None if found.set_back is None else _plain_reruns(found.set_back),
         "reruns": None if found.reruns is None else _plain_reruns(found.reruns),
     }
 
@@ -115,4 +116,5 @@ def _plain_outcome(outcome: Outcome) -> dict[str, Any]:
         "located": len(outcome.located),
         "segments": outcome.segments,
         "failed": dict(outcome.failed),
+        "error_m": outcome.error_m,
     }

@@ -23,13 +23,16 @@ def doctor(
     at: Annotated[int | None, "Frame that went wrong; null for the worst event."] = None,
     seconds: Annotated[float, f"After this time no new suspect is examined; at most {MOST_SECONDS:g}."] = SECONDS,
     settings: Annotated[
-        bool, "Whether the stretch is also rerun with other settings, one at a time; it comes last."
+        bool,
+        "Whether it is also rerun: settings that differ from their defaults first, other ones last, one at a time.",
     ] = True,
 ) -> dict[str, Any]:
-    """Says which cause explains a bad stretch of the run, by its images, times and tracks; ground truth is not used.
+    """Says which cause explains a bad stretch of the run, by its settings, images, times and tracks. Ground truth is
+    used only to judge a setting that is set back to its default.
     `answer` is a sentence, `causes` are keys of what was found, the strongest first, and `ranked` has for each suspect
-    the evidence, its strength (from 1 on it is found), frames to look at, and what to do. `reruns` has for each setting
-    that was tried the frames located and the checks that failed. It takes about a minute."""
+    the evidence, its strength (from 1 on it is found), frames to look at, and what to do. `set_back` and `reruns` have
+    for each setting that was tried the frames located, the checks that failed, and the error where it is known. It
+    takes about a minute."""
     run = agents.run
     if run.live:
         raise InputError("a live source is still recording: wait for its end")

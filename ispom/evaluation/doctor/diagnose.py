@@ -41,12 +41,13 @@ def diagnose(
 
 def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
     """Returns the diagnosis with what reruns showed among its suspects."""
-    ranked = sorted((*found.ranked, *reruns.ranked), key=_place)
-    return replace(found, ranked=tuple(ranked), reruns=reruns)
+    ranked = tuple(sorted((*found.ranked, *reruns.ranked), key=_place))
+    return replace(found, ranked=ranked, **{"set_back" if reruns.set_back else "reruns": reruns})
 
 
-def _place(each: Ranked) -> tuple[bool, bool, float]:
-    """Causes before the others. What images and times show comes before what tracks and calibrations explain, which are
-    tested fairly on good images only."""
-    plain = each.suspect.how in ("images", "times")
-    return not each.finding.found, each.finding.found and not plain, -each.finding.strength
+def _place(each: Ranked) -> tuple[bool, int, float]:
+    """Causes before the others. A setting of the run comes first: that without it the run goes better was seen, and not
+    concluded. What images and times show comes before what tracks and calibrations explain, which are tested fairly on
+    good images only."""
+    order = {"setting": 0, "images": 1, "times": 1}.get(each.suspect.how, 2)
+    return not each.finding.found, order if each.finding.found else 0, -each.finding.strength

@@ -11,9 +11,10 @@ from .examination import Examination
 if TYPE_CHECKING:
     from .reruns import Reruns
 
-How = Literal["images", "times", "tracks", "counterfactual", "rerun"]
+How = Literal["setting", "images", "times", "tracks", "counterfactual", "rerun"]
 """Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it;
-`rerun`: the run's own method, forked before the stretch, with another setting."""
+`rerun`: the run's own method, forked before the stretch, with another setting; `setting`: the same, with a setting that
+differs from its default set back to it."""
 
 DIGITS = 5
 """Significant digits of figures."""
@@ -84,6 +85,8 @@ class Diagnosis:
     """Keys of suspects for which no time was left."""
     reruns: Reruns | None = None
     """Of the run's own methods with other settings; None where there is no run, or nobody asked."""
+    set_back: Reruns | None = None
+    """With the settings that differ from their defaults set back to them, one at a time; None where none does."""
 
     @property
     def causes(self) -> tuple[Ranked, ...]:
@@ -91,11 +94,16 @@ class Diagnosis:
         return tuple(each for each in self.ranked if each.finding.found)
 
     @property
+    def helped(self) -> Reruns | None:
+        """The reruns that have a setting that helped, those that set one back to its default first; None without one."""
+        return next((each for each in (self.set_back, self.reruns) if each is not None and each.best is not None), None)
+
+    @property
     def answer(self) -> str:
         """One or two sentences."""
         if not self.causes:
             unknown = " The time was too short for all suspects." if self.left else ""
-            tried = "" if self.reruns is None else f" {self.reruns.answer}"
+            tried = "".join(f" {each.answer}" for each in (self.set_back, self.reruns) if each is not None)
             return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}{tried}"
         best = self.causes[0]
         return f"The likely cause: {best.suspect.name}. {best.finding.evidence}"

@@ -1,10 +1,15 @@
-"""What reruns of a bad stretch show: one setting of a method is changed at a time. Ground truth plays no part."""
+"""What reruns show: one setting of a method is changed at a time.
+
+A setting that differs from its default is set back to it, over the whole run where that is short, and judged by what a
+run is for: the error where there is ground truth, else warnings and losses, checks and located frames. Other values are
+judged without any truth.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +24,8 @@ LEAST_FRAMES, LEAST_SHARE = 2, 0.05
 """A setting helps where it changes at least this number of frames, and this share of them."""
 WORSE, GOOD_PX = 2.0, 1.0
 """Where residuals are larger by this factor, and larger than this, worse poses are only accepted for longer."""
+BETTER = 1.5
+"""The error falls noticeably by this factor: to two thirds."""
 SHOWN_FRAMES = 4
 
 
@@ -36,10 +43,14 @@ class Outcome:
     """By key of a check: in how many frames it failed."""
     failing: int
     """Frames in which any failed."""
+    alarms: Mapping[str, int] = field(default_factory=dict)
+    """By kind: the warnings and losses that began."""
+    error_m: float | None = None
+    """The absolute trajectory error, aligned as in the metrics of a run; None without ground truth."""
 
     @staticmethod
-    def of(steps: Iterable[tuple[int, Step]]) -> Outcome:
-        """Of the steps by index of their frames."""
+    def of(steps: Iterable[tuple[int, Step]], alarms: Iterable[str] = (), error_m: float | None = None) -> Outcome:
+        """Of the steps by index of their frames, and the kinds of the warnings and losses that began."""
         own = tuple(steps)
         located = {
             i: float(np.median(step.residuals_px)) if len(step.residuals_px) else np.nan
@@ -48,7 +59,8 @@ class Outcome:
         }
         failed = [{d.key or d.name for d in step.decisions if d.failed} for _, step in own]
         counts = Counter(key for keys in failed for key in keys)
-        return Outcome(len(own), located, sum(step.restarted for _, step in own), dict(counts), sum(map(bool, failed)))
+        segments, failing = sum(step.restarted for _, step in own), sum(map(bool, failed))
+        return Outcome(len(own), located, segments, dict(counts), failing, Counter(alarms), error_m)
 
     def __add__(self, later: Outcome) -> Outcome:
         """Returns that of both stretches."""
@@ -72,7 +84,8 @@ class Outcome:
         """In a row of a table."""
         begun = counted(self.segments, "segment")
         located = f"{len(self.located)} of {self.frames} frames located"
-        return f"{located}, {begun} begun, checks that failed: {self.failures}"
+        error = "" if self.error_m is None else f", error {_length(self.error_m)}"
+        return f"{located}{error}, {begun} begun, checks that failed: {self.failures}"
 
     @property
     def failures(self) -> str:
@@ -114,24 +127,52 @@ class Tried:
     """Of the run's own settings, with the same images."""
     later: tuple[Outcome, Outcome] | None = None
     """In the frames after the stretch, of the trial and of the run's own settings; None where nobody looked."""
+    event: str = ""
+    """The kind of warning or loss that is to be explained; empty where there is none."""
 
     @cached_property
     def gains(self) -> Mapping[str, float]:
         """By how much its worst outcome is better than the best unchanged one, in words for that: over what is needed.
-        Empty where it locates fewer frames, begins more segments, or only accepts worse poses."""
+        Empty where it locates fewer frames, begins more segments, or only accepts worse poses.
+
+        The error decides where it is known: a few frames fewer are no loss then, and a larger error is.
+        """
         own, other = self.outcomes, self.unchanged
         longer = min(len(o.located) for o in own) - max(len(o.located) for o in other)
         cleaner = min(o.failing for o in other) - max(o.failing for o in own)
         joined = min(o.segments for o in other) - max(o.segments for o in own)
         first_map = all(o.segments == 0 for o in other) and max(o.segments for o in own) == 1
+        margin = other[0].margin
+        fall = self._fall
+        if fall is not None and (fall >= BETTER or fall * BETTER <= 1):
+            if longer <= -margin or fall < 1:
+                return {}
+            before_m, after_m = (_length(o[0].error_m or 0.0) for o in (other, own))
+            return {f"the error falls from {before_m} to {after_m}": float(np.log(fall) / np.log(BETTER))}
         if longer < 0 or (joined < 0 and not first_map) or self._tolerated:
             return {}
-        margin = other[0].margin
+        removed = min(o.alarms.get(self.event, 0) for o in other) if self._explained else 0
         return {
+            f"the event ({self.event}) does not happen": float(removed),
             f"{counted(longer, 'frame')} more located ({margin:.2g} needed)": longer / margin,
             f"checks fail in {counted(cleaner, 'frame')} fewer ({margin:.2g} needed)": cleaner / margin,
             f"{counted(joined, 'segment')} fewer begun": float(joined),
         }
+
+    @property
+    def _fall(self) -> float | None:
+        """The smallest error unchanged over the largest one with the setting; None where one of them is not known."""
+        own, other = ([o.error_m for o in outcomes] for outcomes in (self.outcomes, self.unchanged))
+        known = [[error for error in errors if error is not None] for errors in (own, other)]
+        if len(known[0]) < len(own) or len(known[1]) < len(other):
+            return None
+        return min(known[1]) / max(*known[0], 1e-9)
+
+    @property
+    def _explained(self) -> bool:
+        """Whether the event happens without the change only."""
+        own, other = ([o.alarms.get(self.event, 0) for o in outcomes] for outcomes in (self.outcomes, self.unchanged))
+        return bool(self.event) and not any(own) and all(other)
 
     @property
     def only_delays(self) -> bool:
@@ -145,6 +186,11 @@ class Tried:
     def strength(self) -> float:
         """From 1 on it helps."""
         return max(0.0, *self.gains.values()) if self.gains and not self.only_delays else 0.0
+
+    @property
+    def gain(self) -> str:
+        """What is gained most, in words; empty where nothing is."""
+        return max(self.gains, key=lambda words: self.gains[words], default="")
 
     @property
     def _tolerated(self) -> bool:
@@ -171,8 +217,9 @@ class Tried:
             f"With {self.trial.option}: {own[0].words}; unchanged ({_text(self.trial.before)}): {other[0].words}."
         )
         if self.helps:
-            better = max(self.gains, key=lambda words: self.gains[words])
-            evidence += f" In the worst of {count} reruns, {count - 1} of them with noise: {better}."
+            repeated = f"so it is in the worst of {count} reruns, {count - 1} of them with noise on the images"
+            evidence = f"With {self.trial.option}, {self.gain}; {repeated}. {evidence}"
+        errors = {"error_m": own[0].error_m, "error_unchanged_m": other[0].error_m}
         if self.only_delays:
             evidence += " It only delays the trouble: in the frames after the stretch that is lost again."
         return Finding(
@@ -185,6 +232,7 @@ class Tried:
                 "failing_unchanged": min(o.failing for o in other),
                 "segments": max(o.segments for o in own),
                 "segments_unchanged": max(o.segments for o in other),
+                **{name: error for name, error in errors.items() if error is not None},
             },
             tuple(newly[:: len(newly) // SHOWN_FRAMES + 1]),
         )
@@ -202,6 +250,8 @@ class Reruns:
     """Options for which no time was left."""
     note: str = ""
     """Why nothing was tried, or what to keep in mind of what was."""
+    set_back: bool = False
+    """Whether settings that differ from their defaults were set back to them."""
 
     @property
     def best(self) -> Tried | None:
@@ -214,7 +264,9 @@ class Reruns:
         if not self.tried:
             return self.note
         best = self.best
-        text = "No setting tried changes it." if best is None else f"It goes better with {best.trial.option}."
+        text = "No setting tried changes it."
+        if best is not None:
+            text = f"It goes better with {best.trial.option}: {best.gain}."
         return f"{text} {self.note}".rstrip()
 
     @property
@@ -229,9 +281,14 @@ class Reruns:
 
     def _suspect(self, trial: Trial, finding: Finding) -> Suspect:
         name = f"the setting {trial.key} is {_text(trial.before)}"
-        remedy = f"Run again with `{trial.option}`, or fork the run: `ispom fork RUN --at {self.first} {trial.option}`."
-        return Suspect(trial.key, name, "rerun", remedy, lambda seen: finding)
+        fork = f", or fork the run: `ispom fork RUN --at {self.first} {trial.option}`" if self.first > 0 else ""
+        remedy = f"Run again with `{trial.option}`{fork}."
+        return Suspect(trial.key, name, "setting" if self.set_back else "rerun", remedy, lambda seen: finding)
 
 
 def _text(value: Any) -> str:
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 1 else f"{1000 * metres:.3g} mm"

@@ -67,7 +67,7 @@ def test_without_a_setting_that_helped_nothing_is_forked(session: Session) -> No
 
 @pytest.mark.slow
 def test_a_setting_that_helped_is_forked_with(tmp_path: Path) -> None:
-    """In the page an examination has a minute; the reruns come last."""
+    """In the page an examination has a minute; settings that differ from their defaults come first."""
     config = Config({"monocular": ModernMonocularConfig(max_tracks=50)})
     session = started(
         tmp_path, "sim:tiny", opener=lambda source, _=None: open_sequence(source), builder=build,
@@ -80,12 +80,14 @@ def test_a_setting_that_helped_is_forked_with(tmp_path: Path) -> None:
         session.post(Examine(50))
         wait_for(lambda: examined(session).diagnosis or examined(session).problem, "the answer", 300.0)
         found = examined(session).diagnosis
-        assert found is not None and found.reruns is not None and not found.reruns.note
-        best = found.reruns.best
+        assert found is not None and found.helped is not None and found.helped is found.set_back
+        best = found.helped.best
         assert best is not None and best.trial.key == "monocular.max-tracks"
         session.post(ForkWithRemedy())
         wait_for(lambda: len(session.state[Branches].all) == 2, "the fork", 60.0)
         branch = session.state[Branches].all[1]
-        assert branch.at == found.reruns.first and session.state.config.of("monocular").max_tracks == best.trial.value
+        assert (
+            branch.at == found.helped.first + 1 and session.state.config.of("monocular").max_tracks == best.trial.value
+        )
     finally:
         session.close(5.0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.doctor.diagnose import with_reruns
-from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked, Suspect
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.geometry import Pose
 from ispom.settings import alternatives
@@ -60,6 +61,43 @@ def test_what_is_lost_again_after_the_stretch_is_only_delayed() -> None:
     assert replace(better, later=(outcome(40), outcome(40))).helps
     delayed = replace(better, later=(outcome(40, segments=1), outcome(40)))
     assert not delayed.helps and delayed.only_delays and not delayed.finding.found
+
+
+def with_error(error_m: float | None, located: int = 40, alarms: Iterable[str] = ()) -> Outcome:
+    return replace(outcome(located), error_m=error_m, alarms=Counter(alarms))
+
+
+def test_an_error_that_falls_by_a_third_in_all_repetitions_helps() -> None:
+    found = tried([with_error(0.144)] * 3, [with_error(0.947), with_error(0.8), with_error(0.9)])
+    assert found.helps and found.finding.values["error_m"] == 0.144
+    assert found.finding.values["error_unchanged_m"] == 0.947
+    assert "947 mm" in found.finding.evidence and "144 mm" in found.finding.evidence
+    assert not tried([with_error(0.7)] * 3, [with_error(0.947)] * 3).helps
+    assert not tried([with_error(0.144), with_error(0.9), with_error(0.144)], [with_error(0.947)] * 3).helps
+
+
+def test_an_error_that_rises_is_no_help_and_a_few_frames_are_no_loss() -> None:
+    assert not tried([with_error(0.9)] * 3, [with_error(0.1, located=30)] * 3).helps
+    assert tried([with_error(0.1, located=39)] * 3, [with_error(0.9)] * 3).helps
+    assert not tried([with_error(0.1, located=20)] * 3, [with_error(0.9)] * 3).helps
+
+
+def test_a_rerun_without_the_event_explains_it() -> None:
+    clean, doubtful = with_error(None), with_error(None, alarms=["scale", "scale"])
+    explained = replace(tried([clean] * 3, [doubtful] * 3), event="scale")
+    assert explained.helps
+    assert not replace(explained, event="lost").helps
+    assert not replace(explained, unchanged=(doubtful, clean, doubtful)).helps
+    assert not replace(explained, outcomes=(clean, doubtful, clean)).helps
+
+
+def test_a_setting_set_back_comes_before_what_images_show() -> None:
+    dark = Ranked(Suspect("darkness", "", "images", "", lambda seen: None), Finding(9.0, ""))
+    trials = (tried([with_error(0.1)] * 3, [with_error(0.9)] * 3),)
+    found = with_reruns(Diagnosis(0, 50, (dark,)), Reruns(0, 50, trials, set_back=True))
+    assert [each.suspect.key for each in found.causes] == ["stereo.max-tracks", "darkness"]
+    assert found.helped is found.set_back and found.reruns is None
+    assert "fork" not in found.causes[0].suspect.remedy
 
 
 def test_an_outcome_counts_frames_checks_and_segments() -> None:

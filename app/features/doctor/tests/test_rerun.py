@@ -9,14 +9,16 @@ import pytest
 
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.evaluation.doctor.reruns import Reruns
+from ispom.evaluation.metrics import path_errors
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 
 from ....engine.differences.compare import MethodRow, step_row
 from ....engine.events import Stepped
 from ....engine.playback import Playback
+from ..job import examine
 from ..origin import Origin
-from ..rerun import rerun, with_noise
+from ..rerun import rerun, set_back, with_noise
 from ..stretch import Stretch
 
 FIRST, LAST = 30, 55
@@ -40,7 +42,7 @@ def origin(max_tracks: int) -> Origin:
         for event in run(max_tracks)[first : last + 1]:
             yield from (step_row(event.index, step, event.errors_m.get(step.method)) for step in event.steps)
 
-    return Origin(lambda: playback(max_tracks), rows)
+    return Origin(lambda: playback(max_tracks), rows, lambda: playback(max_tracks))
 
 
 def reran(max_tracks: int, advance: Callable[[str], bool] = lambda doing: True) -> Reruns:
@@ -69,12 +71,58 @@ def test_far_too_few_tracks_are_named_with_the_option_that_helps() -> None:
     assert found.ranked[0].suspect.key == "monocular.max-tracks" and found.ranked[0].finding.found
 
 
+@cache
+def of_few_tracks_set_back() -> Reruns:
+    found = set_back(origin(50), STRETCH, lambda doing: True)
+    assert found is not None
+    return found
+
+
+def test_a_setting_that_differs_from_its_default_is_set_back_to_it_over_the_whole_run() -> None:
+    found = of_few_tracks_set_back()
+    assert [t.trial.option for t in found.tried] == ["--monocular.max-tracks 500"]
+    assert (found.first, found.last) == (0, len(open_sequence("sim:tiny")) - 1)
+    best = found.best
+    assert best is not None and len(best.outcomes) == len(best.unchanged) == 3
+    assert found.ranked[0].suspect.how == "setting" and found.ranked[0].finding.found
+
+
+def test_the_error_of_a_rerun_is_that_of_the_metrics() -> None:
+    sequence, outcome = open_sequence("sim:tiny"), of_few_tracks_set_back().tried[0].outcomes[0]
+    whole = playback(500)
+    while not whole.done:
+        whole.step()
+    trajectory = whole.finish().trajectories["monocular"]
+    assert sequence.truth is not None
+    assert outcome.error_m == path_errors(trajectory, sequence.truth, sequence.rig, metric=False)["ate_m"]
+
+
+def test_a_run_by_default_has_nothing_to_set_back() -> None:
+    assert set_back(origin(500), STRETCH, lambda doing: False) is None
+
+
+def test_what_was_set_back_is_not_tried_again() -> None:
+    known = [t.trial for t in of_few_tracks_set_back().tried]
+    found = rerun(origin(50), STRETCH, nothing, known)
+    assert "--monocular.max-tracks 500" not in found.left and found.left
+
+
+def test_settings_are_set_back_before_the_suspects() -> None:
+    doing = list[str]()
+    now = iter(range(10_000))
+    found = examine(
+        open_sequence("sim:tiny"), STRETCH, 3, lambda p: doing.append(p.doing), lambda: next(now), origin(50)
+    )
+    assert "max-tracks" in doing[0] and any("reading" in each for each in doing[1:])
+    assert found.set_back is not None and found.set_back.left == ("--monocular.max-tracks 500",)
+
+
 def test_the_unchanged_rerun_is_the_run() -> None:
     assert not of_few_tracks().note
 
 
 def test_a_run_that_is_not_the_same_is_said() -> None:
-    other = Origin(lambda: playback(51), origin(50).rows)
+    other = Origin(lambda: playback(51), origin(50).rows, lambda: playback(51))
     assert rerun(other, STRETCH, nothing).note
 
 
