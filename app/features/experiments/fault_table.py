@@ -85,16 +85,20 @@ def _faults(rows: Sequence[Row]) -> str:
         counts, answers = _counts(own), Counter(map(_said, own))
         said = ", ".join(f"{answer} {count}" for answer, count in answers.most_common())
         if not own[0]["right"]:
-            lines.append((kind, "none is known", str(len(own)), f"{answers[NOTHING]} named nothing", "", "", said))
+            lines.append((kind, "none is known", str(len(own)), f"{answers[NOTHING]} named nothing", "", "", "", said))
             continue
         total.update(counts)
         known += 1
         right = " or ".join(own[0]["right"])
-        lines.append((kind, right, *(str(counts[key]) for key in ("cases", "first", "third")), _ratio(counts), said))
+        lines.append(
+            (kind, right, *(str(counts[key]) for key in ("cases", "first", "third", "silent")), _ratio(counts), said)
+        )
     cases = max(1, total["cases"])
     first, third = (f"{100 * total[key] / cases:.0f} %" for key in ("first", "third"))
-    lines.append((f"all {known} kinds", "", str(total["cases"]), first, third, _ratio(total), ""))
-    head = ("fault", "right", "cases", "first", "in the first three", "figure within 2 sigma", "what came first")
+    ends = (str(total["cases"]), first, third, str(total["silent"]), _ratio(total), "")
+    lines.append((f"all {known} kinds", "", *ends))
+    head = ("fault", "right", "cases", "first", "in the first three", "cannot tell", "figure within 2 sigma")
+    head = (*head, "what came first")
     return _table(head, lines)
 
 
@@ -107,6 +111,7 @@ def _counts(rows: Sequence[Row]) -> Counter[str]:
             "cases": 1,
             "first": int(bool(places) and min(places) == 0),
             "third": int(bool(places) and min(places) < 3),
+            "silent": int(not row["causes"] and all(key in row["silent"] for key in row["right"])),
             "stated": int(bool(stated)),
             "within": int(bool(stated) and all(within(f) for f in stated)),
         })  # fmt: skip
