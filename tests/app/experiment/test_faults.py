@@ -118,6 +118,7 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
         made("jpeg", [], ["blur"]),
         made("clock", ["clock"], []),
         made("blur", ["blur"], [], simulated=False),
+        made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="rover"),
     ]
     text = markdown(found, "r")
     assert "2 stretches, 1 alarms." in text
@@ -126,7 +127,8 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
     assert "| clock | clock | 1 | 0 | 0 | 1 |  | no cause 1 |" in simulated
     assert "| jpeg | none is known | 2 | 1 named nothing |  |  |  | no cause 1, blur 1 |" in simulated
     assert "| all 2 kinds |  | 4 | 25 % | 50 % | 1 | 1 of 2 |  |" in simulated
-    assert "| blur | blur | 1 | 0 | 0 | 0 |  | no cause 1 |" in real
+    assert "| blur | blur | 2 | 1 | 1 | 0 |  | no cause 1, blur 1 |" in real
+    assert "On `drive`, `rover` (after `unlevel`)." in real
 
 
 def test_options_of_faults_are_not_those_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
