@@ -12,6 +12,7 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -269,6 +270,7 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
     return rows
 
 
+@cache
 def rules_hash() -> str:
     """Returns what names the rules of the doctor: 12 digits of the hash of its files."""
     folder, digest = Path(rules.__path__[0]), hashlib.sha256()
