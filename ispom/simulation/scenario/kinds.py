@@ -61,7 +61,7 @@ class FaultKind:
         if not self.fault:
             return None
         fault: Any = fault_of_words(self.fault)
-        camera = rig.video or rig.left
+        camera = rig.left if self.needs == (STEREO,) else rig.video or rig.left
         factor = max(1.0, camera.width / WIDTH_PX) if camera is not None else 1.0
         return replace(fault, **{name: factor * getattr(fault, name) for name in self.sizes})
 
