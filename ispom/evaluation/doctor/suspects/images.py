@@ -8,18 +8,14 @@ import numpy as np
 from ispom.geometry import Array
 from ispom.types import Image
 
-from ..examination import Examination, Shot
+from ..examination import Examination
 from ..finding import Finding, Suspect
+from .cover import COVERED_LENS, blocks
 
 DARK_LEVELS = 36.0
 """Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
 IN_A_ROW = 3
 """Dark or blurred images that stop the tracks: one or two are passed over by most methods."""
-BLOCK_PX = 20
-COVERED_LEVELS, COVERED_STD = 45.0, 4.0
-"""Grey level and its standard deviation in a block of an image, of something dark before the lens."""
-COVERED_SHARE = 0.12
-"""Of the image's area, in half of the frames or more."""
 EDGE_PX = 5.0
 """Width of the strongest edges, their step over their steepest slope, from which on an image is blurred: that of a blur
 of 2 px (1 sigma). Sharp images have about 3."""
@@ -56,43 +52,6 @@ def darkness(seen: Examination) -> Finding | None:
         f"The darkest images in a row have a grey level of {level:.0f} of 255; {where} dark (below {DARK_LEVELS:.0f}).",
         {"mean_grey": level, "dark_images": float(len(dark))},
         (shots[int(dark[0]) if len(dark) else int(levels.argmin())][0],),
-    )
-
-
-def blocks(image: Image) -> tuple[Array, Array]:
-    """Returns mean and standard deviation (H, W) of blocks of the image."""
-    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
-    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX].astype(np.float32)
-    apart = cut.reshape(rows, BLOCK_PX, columns, BLOCK_PX)
-    return apart.mean(axis=(1, 3)), apart.std(axis=(1, 3))
-
-
-def covered(seen: Examination) -> Finding | None:
-    """Measures the area of a camera's images that is dark and uniform all the time, while others are bright."""
-    best: tuple[float, str, Shot | None] = (0.0, "", None)
-    bright = max((float(np.percentile(i, 90)) for s in seen.shots for i in s.images.values()), default=0.0)
-    for name in seen.rig.cameras:
-        own = [shot for shot in seen.shots if name in shot.images]
-        if not own or bright < 2 * COVERED_LEVELS:
-            continue
-        masks = []
-        for shot in own:
-            mean, std = blocks(shot.images[name])
-            masks.append((mean < COVERED_LEVELS) & (std < COVERED_STD))
-        shares = np.array([mask.mean() for mask in masks])
-        always = float(np.mean(np.mean(masks, axis=0) >= 0.9))
-        half = float(np.median(shares))
-        share = max(always, half if half > 0.9 else 0.0)
-        if share > best[0]:
-            best = (share, name, own[int(np.argmax(shares))])
-    share, name, shot = best
-    return Finding(
-        share / COVERED_SHARE,
-        f"{100 * share:.0f} % of the {name or 'camera'} image is dark and uniform in all frames."
-        if name
-        else "No part of an image is dark and uniform all the time.",
-        {"covered_share": share},
-        () if shot is None else (shot.index,),
     )
 
 
@@ -211,13 +170,7 @@ IMAGES = (
         "Film with more light, a wider aperture or a longer exposure as far as motion blur allows it.",
         darkness,
     ),
-    Suspect(
-        "covered-lens",
-        "something covers a part of the lens",
-        "images",
-        "Clear the lens, or mask this part of the image.",
-        covered,
-    ),
+    COVERED_LENS,
     Suspect(
         "blur",
         "the images are blurred",
