@@ -53,6 +53,14 @@ def test_darkness() -> None:
     assert finding is not None and finding.found
 
 
+def test_a_black_sky_is_no_lack_of_light() -> None:
+    images = [image.copy() for image in LONG]
+    for image in images:
+        image[:190] = 3
+    finding = darkness(seen(images))
+    assert np.mean(images) < 36 and finding is not None and not finding.found
+
+
 def with_dark(images: list[Image], rows: int = 240, columns: int = 80) -> list[Image]:
     """Returns the images with a dark part at the left, or at the top."""
     dark = [image.copy() for image in images]
@@ -160,6 +168,13 @@ def test_the_camera_s_motion_is_no_jump_of_the_exposure() -> None:
     assert images[1].mean() > 1.05 * images[0].mean()
     finding = exposure_jumps(seen(images))
     assert finding is not None and finding.values["largest_gain"] < 1.03
+
+
+def test_of_few_corners_that_are_followed_no_gain_is_known() -> None:
+    """Each image shows another place."""
+    images = [picture(seed) for seed in range(8)]
+    brighter = [np.clip(image * (1.4 if i % 2 else 1.0), 0, 255).astype(np.uint8) for i, image in enumerate(images)]
+    assert exposure_jumps(seen(brighter)) is None
 
 
 def test_something_on_the_lens_stays_where_it_is() -> None:

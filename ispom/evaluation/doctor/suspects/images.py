@@ -13,7 +13,8 @@ from ..finding import Finding, Suspect
 from .cover import COVERED_LENS, blocks
 
 DARK_LEVELS = 36.0
-"""Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
+"""Mean grey level of the brighter half of a dark image: at this one, noise is a third of the texture of an ordinary
+scene."""
 IN_A_ROW = 3
 """Dark or blurred images that stop the tracks: one or two are passed over by most methods."""
 EDGE_PX = 5.0
@@ -34,13 +35,16 @@ AROUND_PX = 15
 """Side of the surroundings of a corner whose brightness is compared: those by which it is followed."""
 LEAST_CORNERS = 20
 """Followed from a frame to the next, so that they tell the gain."""
+FOLLOWED = 0.5
+"""Share of the corners that are followed, so that these are no chance: fewer say nothing, as at a low frame rate."""
 GAIN_JUMPS = 1
 """Jumps in the stretch from which on they are a cause."""
 
 
 def darkness(seen: Examination) -> Finding | None:
-    """Compares the mean grey level of the darkest few images in a row with that of a dark one."""
-    shots = [(shot.index, float(np.mean([image.mean() for image in shot.images.values()]))) for shot in seen.shots]
+    """Compares the mean grey level of the darkest few images in a row with that of a dark one. The brighter half of an
+    image counts: a black sky is no lack of light."""
+    shots = [(shot.index, float(np.mean([_lit_level(i) for i in shot.images.values()]))) for shot in seen.shots]
     if len(shots) < IN_A_ROW:
         return None
     levels = np.array([mean for _, mean in shots])
@@ -53,6 +57,12 @@ def darkness(seen: Examination) -> Finding | None:
         {"mean_grey": level, "dark_images": float(len(dark))},
         (shots[int(dark[0]) if len(dark) else int(levels.argmin())][0],),
     )
+
+
+def _lit_level(image: Image) -> float:
+    """Returns the mean grey level of the brighter half of the blocks."""
+    means = np.sort(blocks(image)[0], axis=None)
+    return float(means[len(means) // 2 :].mean()) if means.size else float(image.mean())
 
 
 def edge_width_px(image: Image) -> float:
@@ -128,7 +138,8 @@ def exposure_jumps(seen: Examination) -> Finding | None:
     """Counts changes of the gain: the median ratio of the brightness around corners that are followed from a frame of
     the main camera to the next. Blocks at the same place of the image would show other parts of the scene.
 
-    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one.
+    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one. None where too few
+    corners are followed from any frame to the next.
     """
     uv, shots = seen.tracked.uv, seen.main_shots
     around = [cv2.blur(shot.images[seen.main], (AROUND_PX, AROUND_PX)).astype(np.float32) for shot in shots]
@@ -137,7 +148,7 @@ def exposure_jumps(seen: Examination) -> Finding | None:
         both = np.isfinite(uv[:, f - 1, 0]) & np.isfinite(uv[:, f, 0])
         before, now = (_at(around[k], uv[both, k]) for k in (f - 1, f))
         usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
-        if usable.sum() >= LEAST_CORNERS:
+        if usable.sum() >= LEAST_CORNERS and both.sum() >= FOLLOWED * np.isfinite(uv[:, f - 1, 0]).sum():
             logs = np.log(now[usable] / before[usable])
             low, median, high = np.percentile(logs, [25, 50, 75])
             alike = max(low, -high) >= abs(median) / 2
