@@ -33,7 +33,11 @@ for _tag in ("opencv-matrix", "opencv-nd-matrix"):
 def read_mapping(path: Path) -> dict[Any, Any]:
     """Returns the mapping of a YAML file, also of OpenCV. Raises InputError where it is missing, malformed or no
     mapping."""
-    text = read_text(path, MAX_BYTES)
+    return mapping_of(path, read_text(path, MAX_BYTES))
+
+
+def mapping_of(path: Path, text: str) -> dict[Any, Any]:
+    """Returns the mapping of the text of such a file. Raises InputError as `read_mapping`."""
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text
     content = parse_yaml(path, text)

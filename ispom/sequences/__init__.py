@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ispom.errors import InputError, as_text, counted
 from ispom.io.calibrations.pair import unit_note
-from ispom.io.files import bounded, exists, expanded, is_folder, names
+from ispom.io.files import bounded, confined, confinement, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.format import FORMATS, Format, format_of
 from ispom.sequences.format import opened as format_opened
@@ -136,12 +136,13 @@ def _unit_notes(source: str, sequence: Sequence) -> tuple[str, ...]:
 
 
 def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
-    """The same sequence, whose images are read within the policy's bounds, too."""
-    if policy.places is None:
+    """The same sequence, whose images are read within the policy's bounds, and within what it is confined to, too."""
+    places = confinement()
+    if policy.places is None and places is None:
         return sequence
 
     def load(i: int) -> Measurement:
-        with bounded(policy.places):
+        with bounded(policy.places), confined(places):
             return sequence.load(i)
 
     return replace(sequence, load=load)
