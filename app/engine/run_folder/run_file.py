@@ -109,7 +109,7 @@ def run_file(
         sequence.name,
         dict(options),
         dict(config),
-        list(sequence.notes),
+        list(map(str, sequence.notes)),
         {"video": 0, "stereo": 0, **Counter(sequence.kinds)},
         round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0,
         images_sha256,
