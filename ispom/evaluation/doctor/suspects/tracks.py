@@ -12,6 +12,7 @@ from ..finding import Finding, Suspect
 from ..start import rotation_residuals, triangulate
 from .images import low_texture
 from .lens import ON_LENS
+from .level import UNLEVEL
 
 NEGATIVE_SHARE = 0.5
 """Share of the matches with a negative disparity from which on left and right are exchanged."""
@@ -147,6 +148,7 @@ TRACKS = (
         "Exchange the two folders or topics of the images, or the two cameras in the rig's file.",
         exchanged,
     ),
+    UNLEVEL,
     ON_LENS,
     Suspect(
         "too-fast",
