@@ -30,6 +30,7 @@ from ..headless.console import Progress as OfRun
 from ..headless.console import silent, wait_for_compiler
 from . import cluster
 from .execute import execute_in_order, finished_before
+from .faults import FAULTS, faults
 from .missing import missing
 from .options import Experiment
 from .page import PAGE, write_output
@@ -48,6 +49,8 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
 
     The exit code is 0, also where runs failed: those are rows that say why. InputError as `completed`.
     """
+    if options.plan == FAULTS:
+        return faults(options, builder)
     plan = read_plan(options)
     if options.shard is not None:
         return _shard(options, plan, shard_of(options.shard), builder)
