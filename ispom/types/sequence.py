@@ -130,3 +130,15 @@ class Sequence:
     def truncated(self, count: int) -> Sequence:
         """Returns the first `count` measurements."""
         return replace(self, times_ns=self.times_ns[:count], kinds=self.kinds[:count])
+
+    def part(self, first: int, last: int) -> Sequence:
+        """Returns measurements `first` to `last`, both included, as 0 and on."""
+        prepare, end = self.prepare, last + 1
+        return replace(
+            self,
+            times_ns=self.times_ns[first:end],
+            kinds=self.kinds[first:end],
+            load=lambda i: self.load(first + i),
+            prepare=None if prepare is None else lambda i: prepare(first + i),
+            grow=None,
+        )

@@ -24,18 +24,21 @@ from ispom.io.whole import require_no_links, write_whole
 from ...engine import warmup
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
+from ...engine.run_folder.run_folder import locked
 from ...engine.signals import terminable
 from ..headless.console import Progress as OfRun
 from ..headless.console import silent, wait_for_compiler
 from . import cluster
 from .execute import execute_in_order, finished_before
+from .faults import FAULTS, faults
+from .missing import missing
 from .options import Experiment
 from .page import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
 from .results import by_plan
 from .row import Row
-from .shards import MISSING, Shard, failures, report_text, retried, shard_of
+from .shards import MISSING, Shard, failures, report_text, retried, running, shard_of
 from .statistics import Outcome
 
 COMMAND, PLAN = "experiment", "plan.yaml"
@@ -46,20 +49,27 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
 
     The exit code is 0, also where runs failed: those are rows that say why. InputError as `completed`.
     """
+    if options.plan == FAULTS:
+        return faults(options, builder)
     plan = read_plan(options)
     if options.shard is not None:
         return _shard(options, plan, shard_of(options.shard), builder)
     rows, outcomes = completed(options, plan, builder, Terminal())
     failed = [row for row in rows if row.failure is not None]
     lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
-    lines += [
-        f"{'holds' if o.holds else 'does not hold'}: {o.statement.text} ({o.holding} of {o.runs})" for o in outcomes
-    ]
+    lines += [f"{o.verdict}: {o.statement.text} ({_counts(o)})" for o in outcomes]
     if find_spec("matplotlib") is None:
         lines.append("no figures: they are drawn with Matplotlib, run 'pip install matplotlib', and this command again")
     lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / PAGE}")
     sys.stdout.write("\n".join(map(printable, lines)) + "\n")
     return 0
+
+
+def _counts(outcome: Outcome) -> str:
+    """Returns in how many runs it holds, how many say nothing, and how much was located."""
+    untested = [f"{outcome.untested} not tested"] if outcome.untested else []
+    coverage = [outcome.coverage] if outcome.statement.needs_coverage and outcome.coverage else []
+    return ", ".join([f"{outcome.holding} of {outcome.runs}", *untested, *coverage])
 
 
 def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> int:
@@ -68,10 +78,19 @@ def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> i
         raise InputError("--shard computes a part, --merge tables all parts: give one of them")
     workers = _workers(options, 0)
     retried(lambda: _claim(options.out, plan))
+    report = options.out / shard.file
+    report.parent.mkdir(exist_ok=True)
+    require_no_links(options.out, report)
+    with locked(report):
+        return _part(options, plan, shard, report, workers, builder)
+
+
+def _part(options: Experiment, plan: Plan, shard: Shard, report: Path, workers: int, builder: Builder) -> int:
     runs = shard.of(list(plan.runs()))
     before = [row for run in runs if (row := finished_before(plan, run, options.out)) is not None]
     done_before = {row.run for row in before}
     left, rows = [run for run in runs if run not in done_before], before
+    _say_missing(plan, left)
     with terminable() as signals:
         _compile(left)
         with closing(_scheduled(plan, left, options, workers, builder, Terminal())) as done:
@@ -79,9 +98,6 @@ def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> i
                 rows.append(row)
                 signals.check()
     rows = by_plan(plan, rows)
-    report = options.out / shard.file
-    report.parent.mkdir(exist_ok=True)
-    require_no_links(options.out, report)
     write_whole(report, report_text(rows))
     failed = [row for row in rows if row.failure is not None]
     lines = [f"failed: {row.run}: {row.failure}" for row in failed]
@@ -98,6 +114,13 @@ def _claim(out: Path, plan: Plan) -> None:
         write_whole(out / PLAN, content)
 
 
+def _say_missing(plan: Plan, runs: Sequence[Run]) -> None:
+    """A sentence on standard error for each thing that runs will miss, before the first of them."""
+    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    for sentence in missing(plan, runs):
+        console.print(printable(f"missing: {sentence}"))
+
+
 def _compile(runs: Iterable[Run]) -> None:
     """What the methods need, once and not in each worker."""
     for line in {run.line for run in runs}:
@@ -110,10 +133,20 @@ def completed(
 ) -> tuple[Sequence[Row], Sequence[Outcome]]:
     """Every run of the plan, and what became of its statements; all is written.
 
-    InputError for what is wrong with the plan, the folder or the cluster. A signal ends it with what was computed so
-    far written.
+    InputError for what is wrong with the plan, the folder or the cluster, and where another command writes into the
+    folder. A signal ends it with what was computed so far written.
     """
     workers = _workers(options)
+    claim_folder(options.out, COMMAND)
+    with locked(options.out):
+        if not options.merge and (part := running(options.out)) is not None:
+            raise InputError(f"{options.out}: shard {part} is being computed: wait for its end, or give --merge")
+        return _completed(options, plan, workers, builder, watcher)
+
+
+def _completed(
+    options: Experiment, plan: Plan, workers: int, builder: Builder, watcher: Watcher
+) -> tuple[Sequence[Row], Sequence[Outcome]]:
     _claim(options.out, plan)
     runs = list(plan.runs())
     before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
@@ -122,6 +155,7 @@ def completed(
         known = failures(options.out)
         rows += [Row(run, known.get(run.folder.as_posix(), MISSING)) for run in left]
         left = []
+    _say_missing(plan, left)
     outcomes: Sequence[Outcome] = ()
     with terminable() as signals:
         _compile(left)

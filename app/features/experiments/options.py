@@ -7,6 +7,8 @@ from pathlib import Path
 
 import tyro
 
+from ...engine.options import Name
+
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
@@ -14,7 +16,10 @@ class Experiment:
     same command continues where an earlier one was stopped."""
 
     plan: tyro.conf.Positional[str]
-    """fig8, fig9, table1, table2, table3, table4 (of the paper), or a YAML file as in docs/howto/experiment.md."""
+    """fig8, fig9, table1, table2, table3, table4 (of the paper), a YAML file as in docs/howto/experiment.md, or faults:
+    known faults are put onto the sources, and a table says what methods and doctor make of them."""
+    more: tyro.conf.Positional[tuple[str, ...]] = ()
+    """The same as --sources."""
     out: Path
     """Folder to write to: new, empty, or that of an experiment to go on with."""
     sources: tuple[str, ...] = ()
@@ -38,3 +43,14 @@ class Experiment:
     """Compute nothing: table the runs that are in the folder, a missing one as a failed row."""
     recordings: bool = False
     """Write run.rrd of each run, too."""
+    fault: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Of faults: NAME or NAME:SETTING=VALUE,... as in docs/howto/faults.md; can be given several times. Default: all
+    that suit a source. healthy is none."""
+    stretches: str = "1"
+    """Of faults: frames such as 0-44,105-149, or a number of stretches of 45 frames, even along the recording."""
+    methods: tuple[Name, ...] = ()
+    """Of faults: methods to run. Default: all default ones that the source has the cameras for."""
+    doctor_only: bool = False
+    """Of faults: run no method."""
+    table: Path | None = None
+    """Of faults: a Markdown file, in which the table is written between its two marks, too."""

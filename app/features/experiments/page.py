@@ -82,7 +82,8 @@ def _bounds(outcome: Outcome) -> str:
         what += f" on {statement.over_source}" if statement.over_source is not None else ""
     limits = [f"≤ {statement.at_most:g}"] if statement.at_most is not None else []
     limits += [f"≥ {statement.at_least:g}"] if statement.at_least is not None else []
-    limits += ["or none"] if statement.or_fails else []
+    limits += [f"or {kind}" for kind in statement.or_fails]
+    limits += [f"with ≥ {statement.least_located_percent:g} % located"] if statement.needs_coverage else []
     return f"{what}: {' '.join(limits)}" + (
         f" in {100 * statement.share:g} % of the runs" if statement.share < 1 else ""
     )
@@ -94,7 +95,9 @@ def _values_text(outcome: Outcome) -> str:
     if not values:
         return "–"
     middle = values[len(values) // 2] if len(values) % 2 else sum(values[len(values) // 2 - 1 :][:2]) / 2
-    return shown(middle) + (f" ({shown(values[0])} to {shown(values[-1])})" if len(values) > 1 else "")
+    spread = f" ({shown(values[0])} to {shown(values[-1])})" if len(values) > 1 else ""
+    coverage = f", {outcome.coverage}" if outcome.statement.needs_coverage and outcome.coverage else ""
+    return f"{shown(middle)}{spread}{coverage}"
 
 
 def _cells(plan: Plan, row: Row) -> dict[str, Any]:

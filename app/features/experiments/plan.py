@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import PurePath
+from typing import Literal
 
 import msgspec
 
@@ -15,6 +16,13 @@ from ...presentation.colours import METHOD, OTHERS, css
 from ...presentation.texts import METRE, Unit
 
 Value = bool | int | float | str
+FailureKind = Literal["no motion", "lost"]
+"""How a run may fail that did what it could: `no motion`, no method found any; `lost`, too few frames are located for
+the quantity."""
+COVERAGE = "located_percent"
+"""Stands beside every error."""
+COUNTS = frozenset({"rate_hz", "poses", "located", COVERAGE, "lost", "segments", "path_length_m"})
+"""Quantities that tell themselves how much was located."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +54,18 @@ class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     over_source: str | None = None
     at_most: float | None = None
     at_least: float | None = None
-    or_fails: bool = False
-    """A run that finds no motion counts as holding."""
+    or_fails: tuple[FailureKind, ...] = ()
+    """Kinds of failure that count as holding. With any other failure the run could not test it."""
     share: float = 1.0
     """Of the runs, 0..1, in which it must hold."""
+    least_located_percent: float = 50.0
+    """Share of the frames that must be located [%] where the quantity is an error or a scale: one of fewer frames says
+    little of the method."""
+
+    @property
+    def needs_coverage(self) -> bool:
+        """Whether the quantity is an error or a scale, of the frames that are located only."""
+        return self.quantity not in COUNTS
 
 
 class Field(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

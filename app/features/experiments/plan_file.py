@@ -18,7 +18,7 @@ from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
 
 from .options import Experiment
-from .plan import Field, Line, Plan, Statement, Value
+from .plan import COVERAGE, Field, Line, Plan, Statement, Value
 
 MAX_RUNS = 100_000
 
@@ -57,16 +57,20 @@ def built_in() -> dict[str, Any]:
 def read_plan(options: Experiment) -> Plan:
     """The plan that the command asks for; InputError with the place in the file for what is wrong with it."""
     known, plan_name = built_in(), options.plan
+    if options.fault or options.methods or options.doctor_only or options.table is not None:
+        raise InputError(
+            "--fault, --methods, --doctor-only and --table are of `ispom experiment faults`: leave them out"
+        )
     if plan_name in known:
         plan = _plan(plan_name, plan_name, parse_yaml(plan_name, known[plan_name].read_text(encoding="utf-8")))
     elif exists(expanded(plan_name)):
         plan = _plan(Path(plan_name).stem, plan_name, read_mapping(expanded(plan_name)))
     else:
-        raise InputError(f"{plan_name} is no plan of an experiment: give {', '.join(known)}, or a YAML file")
-    if options.sources:  # instead of all that the plan says of sources
+        raise InputError(f"{plan_name} is no plan of an experiment: give {', '.join(known)}, faults, or a YAML file")
+    if sources := (*options.more, *options.sources):  # instead of all that the plan says of sources
         lines = tuple(replace(line, sources=()) for line in plan.lines)
-        plan = replace(plan, sources=options.sources, lines=lines)
-    plan = replace(plan, seeds=plan.seeds if options.seeds is None else _seeds("--seeds", options.seeds))
+        plan = replace(plan, sources=sources, lines=lines)
+    plan = replace(plan, seeds=plan.seeds if options.seeds is None else seeds_of("--seeds", options.seeds))
     if options.max_exposures is not None:
         plan = replace(plan, max_exposures=options.max_exposures)
     runs = len(plan.sources) * len(plan.seeds) * len(plan.lines)
@@ -105,10 +109,10 @@ def _plan(name: str, where: str, content: Any) -> Plan:
         name,
         entry.title,
         tuple(entry.sources),
-        _seeds(f"{where}: seeds", entry.seeds),
+        seeds_of(f"{where}: seeds", entry.seeds),
         lines,
         entry.note,
-        entry.quantities,
+        (*entry.quantities, *(() if COVERAGE in entry.quantities else (COVERAGE,))),
         entry.statements,
         entry.stereo_every,
         entry.video_scale,
@@ -156,7 +160,7 @@ def _text(value: Value) -> str:
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
 
 
-def _seeds(where: str, seeds: int | str | list[int]) -> tuple[int, ...]:
+def seeds_of(where: str, seeds: int | str | list[int]) -> tuple[int, ...]:
     """0-9 or 3,5,8 or a list; each once, in order."""
     words = [str(v) for v in seeds] if isinstance(seeds, list) else str(seeds).split(",")
     found: set[int] = set()

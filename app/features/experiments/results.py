@@ -62,7 +62,7 @@ def write_summary(
         "plan": plan,
         "spreads": spreads,
         "paired": paired,
-        "statements": [{**vars(item), "holds": item.holds} for item in outcomes],
+        "statements": [{**vars(item), "verdict": item.verdict, "holds": item.holds} for item in outcomes],
     }
     text = json.dumps(msgspec.to_builtins(found), indent=1, allow_nan=False)
     write_whole(out / SUMMARY, text + "\n")

@@ -17,7 +17,8 @@ from ispom.types import Trajectory
 
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import METRICS, RUN, TRUTH, is_incomplete, trajectory_file
-from .plan import Run
+from ..headless.command import NO_MOTION
+from .plan import FailureKind, Run
 
 
 def paths_of(run: Run, folder: Path) -> tuple[Trajectory, Trajectory] | None:
@@ -45,6 +46,13 @@ class Row:
     """The numbers of metrics.json, and derived ones; None where it failed."""
     images_sha256: str | None = None
     """Of all images that the run saw."""
+
+    def failed(self, quantity: str) -> FailureKind | None:
+        """Returns how the method failed, where it was run and has no such number; None where it has one, or where
+        something else was wrong: a missing package or source, or a fault."""
+        if self.failure is not None:
+            return "no motion" if NO_MOTION in self.failure else None
+        return "lost" if (self.values or {}).get(quantity) is None else None
 
 
 def row_of(run: Run, folder: Path) -> Row | None:

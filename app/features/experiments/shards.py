@@ -22,6 +22,7 @@ from ispom.io.rows import read_text
 from ispom.io.whole import require_no_links
 
 from ...engine.outputs import json_text
+from ...engine.run_folder.run_folder import LOCK, is_locked
 from .plan import Run
 from .row import Row
 
@@ -86,6 +87,18 @@ def failures(out: Path) -> dict[str, str]:
                 raise InputError(f"{folder / name} is damaged: remove it, and run its shard again") from None
             found |= report.failures
     return found
+
+
+def running(out: Path) -> str | None:
+    """Returns the name of a part that is being computed in the folder now, such as 3-of-40; None without any."""
+    folder = out / FOLDER
+    require_no_links(out, folder / "any")
+    for name in sorted(names(folder)) if exists(folder) and is_folder(folder) else ():
+        if name.startswith(".") and name.endswith(LOCK):
+            file = folder / name[1 : -len(LOCK)]
+            if is_locked(file):
+                return file.stem
+    return None
 
 
 def retried(make: Callable[[], None]) -> None:

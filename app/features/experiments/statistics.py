@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.stats import wilcoxon
 
-from .plan import Plan, Statement
+from .plan import COVERAGE, Plan, Statement
 from .row import Row
 
 MIN_PAIRS = 5
@@ -53,24 +53,45 @@ class Paired:
     """The same, for all pairs of lines of this quantity and source together (Holm 1979)."""
 
 
+Verdict = Literal["holds", "does not hold", "could not be tested"]
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What became of a statement."""
 
     statement: Statement
     values: tuple[float, ...]
-    """Of its runs, in the order of the seeds."""
+    """Of its runs that have one, in the order of the seeds."""
+    located_percent: tuple[float | None, ...]
+    """Of the same runs: the share of their frames that is located."""
     missing: int
-    """Runs without the quantity: none of them counts as holding, unless the statement says so."""
+    """Runs without the quantity."""
     holding: int
+    untested: int
+    """Runs that say nothing of it: they could not be computed, or located too few frames."""
 
     @property
     def runs(self) -> int:
         return len(self.values) + self.missing
 
     @property
+    def verdict(self) -> Verdict:
+        """Runs that say nothing decide nothing: what holds or not does so whatever they would have said."""
+        needed = self.statement.share * self.runs
+        if self.runs and self.holding >= needed and self.untested < self.runs:
+            return "holds"
+        return "could not be tested" if self.holding + self.untested >= needed else "does not hold"
+
+    @property
     def holds(self) -> bool:
-        return self.runs > 0 and self.holding >= self.statement.share * self.runs
+        return self.verdict == "holds"
+
+    @property
+    def coverage(self) -> str:
+        """The least share of located frames, in words; an empty text where it is unknown."""
+        known = [share for share in self.located_percent if share is not None]
+        return f"{min(known):.0f} % of the frames located" if known else ""
 
 
 def spreads(plan: Plan, rows: Sequence[Row]) -> list[Spread]:
@@ -109,22 +130,47 @@ def outcomes(plan: Plan, rows: Sequence[Row]) -> list[Outcome]:
     """Of the plan's statements."""
     found = []
     for statement in plan.statements:
-        values, missing = [], 0
+        values, located, results = list[float](), list[float | None](), list[bool | None]()
         for source in plan.sources if statement.source is None else (statement.source,):
-            own = _by_seed(rows, statement.line, source, statement.quantity)
-            over = None
+            own, over = _rows_by_seed(rows, statement.line, source), None
             if statement.over_line is not None or statement.over_source is not None:
-                over = _by_seed(
-                    rows, statement.over_line or statement.line, statement.over_source or source, statement.quantity
-                )
-            seeds = {r.run.seed for r in rows if r.run.line.name == statement.line and r.run.source == source}
-            for seed in sorted(seeds):
-                value = _ratio(own, over, seed)
-                missing += value is None
-                values += [value] if value is not None else []
-        holding = sum(_within(statement, value) for value in values)
-        found.append(Outcome(statement, tuple(values), missing, holding + (missing if statement.or_fails else 0)))
+                over = _rows_by_seed(rows, statement.over_line or statement.line, statement.over_source or source)
+            for seed, row in sorted(own.items()):
+                value = value_of(row, statement.quantity)
+                if over is not None and value is not None:
+                    below = value_of(over[seed], statement.quantity) if seed in over else None
+                    value = value / below if below else None
+                if value is not None:
+                    values.append(value)
+                    located.append(value_of(row, COVERAGE))
+                results.append(_result(statement, row, value, over is None or _covers(statement, over.get(seed))))
+        holding, untested = results.count(True), results.count(None)
+        missing = len(results) - len(values)
+        found.append(Outcome(statement, tuple(values), tuple(located), missing, holding, untested))
     return found
+
+
+def _result(statement: Statement, row: Row, value: float | None, comparable: bool) -> bool | None:
+    """Returns whether a run holds; None where it says nothing."""
+    failed = row.failed(statement.quantity)
+    if failed is not None and failed in statement.or_fails:
+        return True
+    if row.failure is not None and failed is None:
+        return None  # it was not computed
+    if not comparable:
+        return None
+    if failed is not None or not _covers(statement, row):
+        small = statement.needs_coverage and statement.at_most is not None
+        return False if small else None  # who finds no way has no small error; of a large one that says nothing
+    return None if value is None else _within(statement, value)
+
+
+def _covers(statement: Statement, row: Row | None) -> bool:
+    """Whether enough frames are located for a statement on an error."""
+    if row is None:
+        return False
+    located = value_of(row, COVERAGE)
+    return not statement.needs_coverage or (located is not None and located >= statement.least_located_percent)
 
 
 def value_of(row: Row, quantity: str) -> float | None:
@@ -138,10 +184,8 @@ def _by_seed(rows: Sequence[Row], line: str, source: str, quantity: str) -> dict
     return {r.run.seed: v for r in own if (v := value_of(r, quantity)) is not None}
 
 
-def _ratio(own: dict[int, float], over: dict[int, float] | None, seed: int) -> float | None:
-    if seed not in own or (over is not None and not over.get(seed)):
-        return None
-    return own[seed] if over is None else own[seed] / over[seed]
+def _rows_by_seed(rows: Sequence[Row], line: str, source: str) -> dict[int, Row]:
+    return {r.run.seed: r for r in rows if r.run.line.name == line and r.run.source == source}
 
 
 def _within(statement: Statement, value: float) -> bool:

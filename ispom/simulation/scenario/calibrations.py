@@ -39,7 +39,7 @@ class WrongLens:
 
     def wrong(self, camera: Camera) -> Camera:
         factor = 1 + self.focal_percent / 100
-        lens = camera.distortion
+        lens = camera.distortion or ((0.0,) * 4 if self.k1 else ())
         return replace(
             camera,
             fx=factor * camera.fx,
@@ -89,6 +89,27 @@ class WrongPair(Spell):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Unlevel(Spell):
+    """The right images of the pair are not level with the left ones; the rig is unchanged."""
+
+    rows_px: Annotated[float, Range(-100, 100)] = 3.0
+    """By so many rows they are lower."""
+    roll_deg: Annotated[float, Range(-5, 5)] = 0.0
+    """They are turned about their middle, clockwise."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        def change(image: Image, _: FrameName, __: int) -> Image:
+            height, width = image.shape[:2]
+            matrix = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), -self.roll_deg, 1.0)
+            matrix[1, 2] += self.rows_px
+            seen = cv2.warpAffine(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(seen, np.uint8)
+
+        uncertain = replace(sequence, rig=sequence.rig.changed(pair_sigma=None))
+        return with_images(uncertain, change, self, "right")
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrongShutter:
     """Wrong line delay of all cameras with a rolling shutter."""
 
@@ -97,9 +118,8 @@ class WrongShutter:
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
-        video, left, right = (self.wrong(rig.camera(name)) for name in ("video", "left", "right"))
-        wrong = rig.changed(video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
-        return replace(sequence, rig=wrong)
+        cameras = {name: self.wrong(camera) for name, camera in rig.cameras.items()}
+        return replace(sequence, rig=rig.changed(**cameras, video_sigma=None, pair_sigma=None))
 
     def wrong(self, camera: Camera) -> Camera:
         return replace(camera, line_delay_s=(1 + self.percent / 100) * camera.line_delay_s)

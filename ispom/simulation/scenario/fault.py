@@ -62,7 +62,7 @@ def random_of(*what: object) -> np.random.Generator:
 
 
 def read_out(light: np.ndarray, noise_left: float, *what: object) -> Image:
-    """uint8 of grey levels (H, W, 3), with as much noise added as a sensor has and `noise_left` (a share) lacks."""
+    """uint8 of grey levels (H, W) or (H, W, 3), with as much noise as a sensor has and `noise_left` (a share) lacks."""
     sigma = NOISE_SIGMA * float(np.sqrt(max(0.0, 1 - noise_left**2)))
     noise = random_of(*what).standard_normal(light.shape, np.float32)
     return np.clip(light + np.float32(sigma) * noise + 0.5, 0, 255).astype(np.uint8)
@@ -122,6 +122,20 @@ class Clock:
 
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         return sequence.with_video_later(-self.late_s, -self.drift)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchanged(Spell):
+    """The left image is given as the right one, and the right one as the left one."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        def load(i: int) -> Measurement:
+            seen = sequence.load(i)
+            if isinstance(seen, Frame) and seen.kind == "stereo" and self.covers(sequence, seen.time_ns):
+                return seen.with_images(left=seen.right, right=seen.left)
+            return seen
+
+        return replace(sequence, load=load)
 
 
 def _chosen(fault: Dropped | Repeated, sequence: Sequence, seed: int, name: str) -> np.ndarray:

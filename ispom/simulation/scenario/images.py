@@ -83,7 +83,7 @@ class Blocked(Spell):
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         def change(image: Image, camera: FrameName, time_ns: int) -> Image:
             covered, width = image.copy(), round(self.share * image.shape[1])
-            dark = np.full((len(image), width, 3), COVERED, np.float32)
+            dark = np.full((len(image), width, *image.shape[2:]), COVERED, np.float32)
             covered[:, :width] = read_out(dark, 0.0, "blocked", seed, camera, time_ns)
             return covered
 
@@ -109,7 +109,7 @@ class Rain(Spell):
             inside, x, y = masks[key]
             through = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             blurred = cv2.GaussianBlur(through, (0, 0), max(0.5, 0.1 * self.radius_percent / 100 * image.shape[1]))
-            return np.where(inside[..., None], blurred, image).astype(np.uint8)
+            return np.where(inside.reshape(*inside.shape, *[1] * (image.ndim - 2)), blurred, image).astype(np.uint8)
 
         return with_images(sequence, change, self)
 

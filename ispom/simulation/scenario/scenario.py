@@ -10,10 +10,18 @@ from typing import Annotated, Any, Literal
 from ispom.errors import InputError
 from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.settings import Range, from_plain, settings
-from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
-from ispom.simulation.scenario.fault import Clock, Dropped, Fault, Repeated
+from ispom.simulation.scenario.calibrations import (
+    Unlevel,
+    WrongBaseline,
+    WrongLens,
+    WrongMount,
+    WrongPair,
+    WrongShutter,
+)
+from ispom.simulation.scenario.fault import Clock, Dropped, Exchanged, Fault, Repeated
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
 from ispom.simulation.scenario.sensors import SENSORS, Scenery, SimulatedSensor
+from ispom.simulation.scenario.spoilt import Fog, Jpeg, MotionBlur, MovingPatch, Noise, Smear
 from ispom.types import Sequence
 
 FAULTS: Mapping[str, type] = {
@@ -22,16 +30,24 @@ FAULTS: Mapping[str, type] = {
     "defocus": Defocus,
     "blocked": Blocked,
     "rain": Rain,
+    "motion-blur": MotionBlur,
+    "fog": Fog,
+    "smear": Smear,
+    "object": MovingPatch,
+    "noise": Noise,
+    "jpeg": Jpeg,
     "dropped": Dropped,
     "repeated": Repeated,
+    "exchanged": Exchanged,
     "clock": Clock,
     "wrong-lens": WrongLens,
     "wrong-baseline": WrongBaseline,
     "wrong-pair": WrongPair,
+    "unlevel": Unlevel,
     "wrong-mount": WrongMount,
     "wrong-shutter": WrongShutter,
 }
-"""Faults by their name in files and addresses."""
+"""Faults by their name in files and addresses. All but `wrong-shutter` change any recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +145,13 @@ def scenario_of_words(text: str) -> Scenario:
         else:
             world[key] = _plain(value)
     return _scenario(f"sim:{text}", {"scene": scene, **world, **{f"{key}s": value for key, value in listed.items()}})
+
+
+def fault_of_words(text: str) -> Fault:
+    """Reads a fault as in an address, such as `darkness:factor=0.1,from_s=3`. Raises InputError where it is invalid."""
+    name, _, chosen = text.partition(":")
+    pairs = [pair.partition("=") for pair in filter(None, chosen.split(","))]
+    return _named(f"fault {text}", {name: {k: _plain(v) for k, _, v in pairs}}, FAULTS, "fault")[1]
 
 
 def with_sensors(text: str, sensors: Iterable[Any]) -> str:

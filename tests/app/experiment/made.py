@@ -20,7 +20,12 @@ def plan(**changes) -> Plan:
 
 
 def row(line: Line, seed: int, source: str = "sim:tiny", **values: float | None) -> Row:
-    return Row(Run(line, source, seed), None, values)
+    """Of a run that located all frames, where the values say nothing else."""
+    return Row(Run(line, source, seed), None, {"located_percent": 100.0} | values)
+
+
+def failed(line: Line, seed: int, failure: str) -> Row:
+    return Row(Run(line, "sim:tiny", seed), failure)
 
 
 def quick(_: Plan, run: Run, out: Path, __: bool) -> Row:

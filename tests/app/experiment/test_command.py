@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 import yaml
 from ispom_app.cli.main import INTERRUPTED, main
+from ispom_app.engine.run_folder.run_folder import locked
 
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
@@ -132,3 +133,51 @@ def test_the_folder_of_something_else_is_left_alone(plan: Path, tmp_path: Path) 
     (tmp_path / "mine" / "thesis.txt").write_text("precious")
     assert run(plan, tmp_path / "mine") == 2
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def test_what_is_missing_is_said_before_the_first_run(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = yaml.safe_load(plan.read_text())
+    content["lines"]["F"] = {"method": "fused", "settings": {"fused.scheme": "9"}}
+    content["statements"] = [{"text": "t", "quantity": "ate_m", "line": "F", "at_most": 1}]
+    plan.write_text(yaml.safe_dump(content))
+    monkeypatch.setattr("ispom.estimators.survey.fused.find_spec", lambda name: None)
+    said = list[str]()
+
+    def build(config, methods, rig):
+        said.append(capsys.readouterr().err)
+        return helpers.build(config, methods, rig)
+
+    assert run(plan, tmp_path / "out", "--sources", content["sources"][0], "no/such", builder=build) == 0
+    assert "F: fused needs gtsam" in said[0] and "no/such does not exist" in said[0]
+    verdicts = json.loads((tmp_path / "out" / "summary.json").read_text())["statements"]
+    assert [v["verdict"] for v in verdicts] == ["could not be tested"]
+
+
+def test_coverage_stands_beside_the_errors(plan: Path, tmp_path: Path) -> None:
+    plan.write_text(plan.read_text() + "quantities: [ate_m]\n")
+    assert run(plan, tmp_path / "out") == 0
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "<th>frames located [%]</th>" in page
+
+
+def test_a_folder_has_one_experiment_at_a_time(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, codes = tmp_path / "out", list[int]()
+
+    def build(config, methods, rig):
+        codes.append(run(plan, out))
+        return helpers.build(config, methods, rig)
+
+    assert run(plan, out, builder=build) == 0
+    assert codes == [2, 2] and f"{out} is being written by another" in capsys.readouterr().err
+    assert [r["failure"] for r in rows(out)] == ["", ""]
+
+
+def test_a_part_that_is_computed_is_waited_for(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert run(plan, out, "--shard", "1/2") == 0
+    with locked(out / "shards" / "1-of-2.json"):
+        assert run(plan, out, "--shard", "1/2") == 2 and run(plan, out) == 2
+        assert "shard 1-of-2 is being computed" in capsys.readouterr().err
+    assert run(plan, out) == 0

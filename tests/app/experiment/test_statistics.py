@@ -6,7 +6,7 @@ import pytest
 from ispom_app.features.experiments.plan import Line, Statement
 from ispom_app.features.experiments.statistics import outcomes, paired, spreads
 
-from tests.app.experiment.made import LINES, plan, row
+from tests.app.experiment.made import LINES, failed, plan, row
 
 A, B = LINES
 
@@ -64,13 +64,57 @@ def test_a_statement_can_compare_two_sources() -> None:
     assert found.values == (3.0,) and found.holds
 
 
-def test_a_statement_may_say_that_a_run_fails() -> None:
-    rows = [row(A, 0, located_percent=80.0), row(A, 1, located_percent=20.0), row(A, 2)]
-    statements = [said(quantity="located_percent", at_most=50, or_fails=fails) for fails in (True, False)]
+NOTHING = "sim:tiny: no method found any motion: give images with texture in focus, and overlap"
+NO_EXTRA = "fused needs gtsam, which is not installed: run 'pip install gtsam small_gicp'"
+
+
+def test_a_statement_may_name_the_failure_that_confirms_it() -> None:
+    rows = [row(A, 0, located_percent=20.0), failed(A, 1, NOTHING), row(A, 2, located_percent=None)]
+    statements = [said(quantity="located_percent", at_most=50, or_fails=kinds) for kinds in (
+        ("no motion", "lost"), ("no motion",), ("lost",), ())]  # fmt: skip
     found = outcomes(plan(statements=tuple(statements)), rows)
-    assert [(o.holding, o.runs) for o in found] == [(2, 3), (1, 3)]
+    assert [(o.holding, o.untested, o.runs) for o in found] == [(3, 0, 3), (2, 1, 3), (2, 1, 3), (1, 2, 3)]
+    assert [o.verdict for o in found] == ["holds", *["could not be tested"] * 3]
 
 
-def test_a_statement_without_runs_does_not_hold() -> None:
+@pytest.mark.parametrize("failure", [NO_EXTRA, "RuntimeError: no such disparity", "no/such does not exist: correct it"])
+def test_any_other_failure_confirms_and_contradicts_nothing(failure: str) -> None:
+    statements = (
+        said(quantity="located_percent", at_most=50, or_fails=("no motion", "lost")),
+        said(at_most=1.0),
+        said(at_least=1.0),
+        said(over_line="b", at_least=1.0),
+    )
+    found = outcomes(plan(statements=statements), [failed(A, 0, failure), row(B, 0, ate_m=1.0)])
+    assert [(o.verdict, o.untested) for o in found] == [("could not be tested", 1)] * 4
+
+
+def test_what_is_clear_without_the_runs_that_say_nothing_is_said() -> None:
+    rows = [row(A, 0, ate_m=2.0), failed(A, 1, NO_EXTRA)]
+    found = outcomes(plan(statements=(said(at_most=1.0), said(at_most=3.0, share=0.5), said(at_most=3.0))), rows)
+    assert [o.verdict for o in found] == ["does not hold", "holds", "could not be tested"]
+
+
+def test_a_small_error_of_few_frames_is_none() -> None:
+    rows = [row(A, 0, ate_m=0.1, located_percent=43.0), row(B, 0, ate_m=1.0)]
+    statements = (
+        said(at_most=1.0),
+        said(at_most=1.0, least_located_percent=40.0),
+        said(at_least=0.05),
+        said(line="b", over_line="a", at_least=5.0),
+        said(quantity="located_percent", at_most=50.0),
+    )
+    found = outcomes(plan(statements=statements), rows)
+    expected = ["does not hold", "holds", "could not be tested", "could not be tested", "holds"]
+    assert [o.verdict for o in found] == expected
+    assert found[0].located_percent == (43.0,) and "43 %" in found[0].coverage
+
+
+def test_who_finds_no_motion_has_no_small_error() -> None:
+    (found,) = outcomes(plan(statements=(said(at_most=1.0),)), [failed(A, 0, NOTHING)])
+    assert found.verdict == "does not hold"
+
+
+def test_a_statement_without_runs_could_not_be_tested() -> None:
     (found,) = outcomes(plan(statements=(said(at_most=1.0),)), [])
-    assert not found.holds
+    assert not found.holds and found.verdict == "could not be tested"
