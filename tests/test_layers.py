@@ -16,7 +16,7 @@ LAYERS = (
     {"cameras"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list", "registry"},
-    {"numerics"},
+    {"numerics", "plausibility"},
     {"solvers", "io"},
     {"features", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
     {"estimators"},

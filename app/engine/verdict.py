@@ -73,6 +73,16 @@ def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
     return _initialising(made) if step.status == Status.INITIALISING else _tracking(made, values)
 
 
+def missing(step: Step) -> str:
+    """What a step without a pose waits for, by the check that failed; empty where none did."""
+    found = verdict(step, 0, {})
+    if found.decisive is not None:
+        return found.sentence
+    made = _Made(step, 0, registered(step.method).checks, ())
+    finding = next((d for d in reversed(step.decisions) if d.kind == "finding" and not d.passed), None)
+    return "" if finding is None else made.sentence(finding)
+
+
 def alarming(decision: Decision) -> bool:
     """Whether a check failed that a person should know of: a requirement or a warning, never a trigger or a finding."""
     return decision.failed or (decision.kind == "warning" and not decision.passed)

@@ -52,6 +52,7 @@ class Session:
         folders: Folders | None = None,
         recent: RecentSources | None = None,
         trajectory_options: tuple[TrajectoryOption, ...] = (),
+        compare_images: bool = False,
         extras: tuple[object, ...] = (),
     ) -> None:
         """`opener(source)` opens with the options of the command line, `opener(source, options)` with the page's.
@@ -60,7 +61,8 @@ class Session:
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the frames of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
-        `trajectory_options` are trajectories of other programs; `extras` are values that features look up by type.
+        `trajectory_options` are trajectories of other programs; `compare_images` gives none of a stored run before
+        all were compared with those that it saw; `extras` are values that features look up by type.
         """
         recent = recent or RecentSources(None)
         self.folders = folders or Folders()
@@ -85,7 +87,7 @@ class Session:
             self._player,
             viewers,
             compiler,
-            opener=SourceOpener(opener, builder, variant, trajectory_options, self.folders, source),
+            opener=SourceOpener(opener, builder, variant, trajectory_options, self.folders, source, compare_images),
             first=Open(source),
             autoplay=autoplay,
             methods=methods,

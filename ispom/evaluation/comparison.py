@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,15 @@ def coverage(estimate: Trajectory, reference: Trajectory, compared_ns: NDArray[n
     return Coverage(compared, max(expected, compared), int(gaps_ns.max()))
 
 
+AT_REST_M, AT_REST_DEG = 1e-3, 0.1
+"""Positions, or orientations, that differ by no more are one [m], [deg]."""
 STRAIGHT = 0.05
 """The rotation about a path is undetermined where its extent across is a smaller share of that along it."""
+
+
+Motion = Literal["rests", "turns", "straight", "free"]
+"""At one place without a rotation; at one place with one; on a line, so that positions hardly determine the rotation
+about it; anything else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +88,14 @@ class Comparison:
         return np.degrees(rotation_angle_rad(np.swapaxes(self.reference.rotations, 1, 2) @ self.estimate.rotations))
 
     @property
-    def straight(self) -> bool:
-        """Whether the compared positions lie so near a line that they hardly determine the rotation about it."""
+    def motion(self) -> Motion:
+        """What the compared poses of the reference do, as far as alignments depend on it."""
         centred = self.reference.translations - self.reference.translations.mean(axis=0)
+        if np.linalg.norm(centred, axis=1).max() <= AT_REST_M:
+            turned = rotation_angle_rad(self.reference.rotations[0].T @ self.reference.rotations)
+            return "turns" if np.degrees(turned.max()) > AT_REST_DEG else "rests"
         spread = np.linalg.svd(centred, compute_uv=False)
-        return bool(spread[1] <= STRAIGHT * spread[0])
+        return "straight" if spread[1] <= STRAIGHT * spread[0] else "free"
 
     @property
     def relative_errors(self) -> tuple[Array, Array]:

@@ -131,12 +131,6 @@ MIN_FOCAL, MAX_FOCAL = 0.01, 1000.0
 MAX_CENTRE = 10.0
 """Largest distance of the principal point from the image's centre, in longer sides."""
 MAX_COEFFICIENT = 1e4
-USUAL_CENTRE = 0.25
-"""The principal point is rarely farther from the image's centre than this share of its side,"""
-USUAL_ASPECT = 1.2
-"""Largest ratio of the two focal lengths,"""
-USUAL_FOCAL = 0.12
-"""and that of a lens that is no fisheye rarely shorter than this share of the longer side (a view of 153 degrees)."""
 UNDONE_PX = 1.0
 """A pixel's distortion counts as undone where distorting again leads back this near."""
 
@@ -214,22 +208,6 @@ def usable(camera: Camera, where: str) -> Camera:
     if not _distortion_undone(camera):
         raise InputError(f"{where}: the distortion cannot be undone in half of the image: correct its coefficients")
     return camera
-
-
-def doubts(camera: Camera, where: str) -> tuple[str, ...]:
-    """Sentences, beginning with `where`, about values that are possible, but more likely a mistake."""
-    out = []
-    for key, side in (("cx", camera.width), ("cy", camera.height)):
-        value = getattr(camera, key)
-        if abs(value - (side - 1) / 2) > USUAL_CENTRE * side:
-            out.append(f"{where}: {key} is {value:g} px, far from the middle of {side} px: check it")
-    if not 1 / USUAL_ASPECT <= camera.fx / camera.fy <= USUAL_ASPECT:
-        out.append(
-            f"{where}: fx is {camera.fx:g} px and fy {camera.fy:g} px, as of pixels that are not square: check it"
-        )
-    if camera.lens == "opencv" and min(camera.fx, camera.fy) < USUAL_FOCAL * camera.longer_side_px:
-        out.append(f"{where}: fx is {camera.fx:g} px, very short for a lens that is no fisheye: is it in millimetres?")
-    return tuple(out)
 
 
 def _distortion_undone(camera: Camera) -> bool:

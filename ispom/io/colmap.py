@@ -13,7 +13,7 @@ from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.calibrations.placed import Placed, camera_from
 from ispom.io.maps import SceneMap
-from ispom.io.rows import read_text
+from ispom.io.rows import numbers, read_text
 from ispom.types import Camera
 
 PIXEL = 0.5
@@ -139,11 +139,8 @@ def read_colmap_cameras(path: Path) -> list[Camera]:
             continue
         if len(words) < 4 or words[1] not in _COUNTS:
             raise InputError(f"{path} line {number}: give a camera of {', '.join(_COUNTS)}")
-        try:
-            values = [float(word) for word in words[2:]]
-        except ValueError:
-            raise InputError(f"{path} line {number} holds something else than numbers: correct that line") from None
-        if len(values) != 2 + _COUNTS[words[1]] or not np.isfinite(values).all():
+        values = numbers(path, number, words[2:]).tolist()
+        if len(values) != 2 + _COUNTS[words[1]]:
             raise InputError(f"{path} line {number}: {words[1]} has {_COUNTS[words[1]]} parameters: correct that line")
         out.append(_camera(path, number, words[1], values))
     if not out:

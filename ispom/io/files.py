@@ -21,7 +21,10 @@ _KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-_BOUNDS: ContextVar[tuple[Path, ...] | None] = ContextVar("bounds", default=None)
+Places = tuple[Path, ...] | None
+"""Folders and files outside of which nothing is opened; None sets no bound."""
+_BOUNDS: ContextVar[Places] = ContextVar("bounds", default=None)
+_CONFINED: ContextVar[Places] = ContextVar("confined", default=None)
 
 
 @contextmanager
@@ -35,16 +38,35 @@ def bounded(places: tuple[Path, ...] | None) -> Iterator[None]:
         _BOUNDS.reset(token)
 
 
+@contextmanager
+def confined(places: Places) -> Iterator[None]:
+    """As `bounded`, for what a file of somebody else names: no `bounded` within lifts it."""
+    resolved = None if places is None else tuple(Path(os.path.realpath(place)) for place in places)
+    token = _CONFINED.set(resolved)
+    try:
+        yield
+    finally:
+        _CONFINED.reset(token)
+
+
+def confinement() -> Places:
+    """Returns what `confined` set, for work that is done later."""
+    return _CONFINED.get()
+
+
 def inside(path: Path) -> bool:
     """Returns whether the bounds, if any are set, allow the path."""
-    bounds = _BOUNDS.get()
-    if bounds is None:
-        return True
+    set_bounds = [places for places in (_BOUNDS.get(), _CONFINED.get()) if places is not None]
+    return all(is_below(path, places) for places in set_bounds)
+
+
+def is_below(path: Path, places: tuple[Path, ...]) -> bool:
+    """Returns whether the path is one of these places or below one, links followed."""
     try:
         real = Path(os.path.realpath(path))
+        return any(real.is_relative_to(os.path.realpath(place)) for place in places)
     except (OSError, ValueError):
         return False
-    return any(real.is_relative_to(place) for place in bounds)
 
 
 def expanded(path: str | Path) -> Path:
@@ -138,6 +160,9 @@ def opened(path: Path) -> Iterator[BufferedReader]:
 
 
 def _require_inside(path: Path) -> None:
+    confined_to = _CONFINED.get()
+    if confined_to is not None and not is_below(path, confined_to):
+        raise InputError(f"{path} is outside of {confined_to[0]}, whose files name it: give it on the command line")
     if not inside(path):
         raise InputError(f"{path} is outside of the folder that --root allows: give a path inside")
 

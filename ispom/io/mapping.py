@@ -12,6 +12,7 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ispom.errors import InputError, counted
 from ispom.io.rows import read_text
+from ispom.io.values import LARGEST, number
 
 MAX_BYTES = 256 << 10
 MAX_DIGITS = 100
@@ -33,7 +34,11 @@ for _tag in ("opencv-matrix", "opencv-nd-matrix"):
 def read_mapping(path: Path) -> dict[Any, Any]:
     """Returns the mapping of a YAML file, also of OpenCV. Raises InputError where it is missing, malformed or no
     mapping."""
-    text = read_text(path, MAX_BYTES)
+    return mapping_of(path, read_text(path, MAX_BYTES))
+
+
+def mapping_of(path: Path, text: str) -> dict[Any, Any]:
+    """Returns the mapping of the text of such a file. Raises InputError as `read_mapping`."""
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text
     content = parse_yaml(path, text)
@@ -102,14 +107,22 @@ def _require_once(path: Path | str, node: MappingNode) -> None:
             names.add((key.tag, key.value))
 
 
-def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:
-    """Returns a list of one of `counts` finite numbers. Raises InputError that names the position where it is not."""
+def finite_numbers(
+    path: Path,
+    where: str,
+    value: Any,
+    counts: int | tuple[int, ...],
+    least: float = -LARGEST,
+    most: float = LARGEST,
+) -> list[float]:
+    """Returns a list of one of `counts` finite numbers within bounds. Raises InputError that names the position where
+    it is not."""
     counts = (counts,) if isinstance(counts, int) else counts
     good = isinstance(value, list) and len(value) in counts
     if not good or not all(_is_number(v) for v in value):
         expected = " or ".join([*map(str, counts[:-1]), counted(counts[-1], "finite number")])
         raise InputError(f"{path}: {where} needs {expected}: correct it")
-    return [float(v) for v in value]
+    return [number(f"{path}: {where}", v, least, most) for v in value]
 
 
 def _is_number(value: Any) -> bool:

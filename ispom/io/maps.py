@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.io.files import require_file
-from ispom.io.rows import LARGEST
+from ispom.io.values import LARGEST
 from ispom.types import FrameName, Landmarks, Trajectory, WorldLines
 
 MAX_BYTES = 1 << 30

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.files import names, read_bytes, require_file
-from ispom.io.rows import LARGEST
+from ispom.io.values import LARGEST
 from ispom.types import Image, Landmarks, Trajectory, WorldLines
 
 _VERTEX = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])

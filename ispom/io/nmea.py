@@ -10,11 +10,14 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.rows import read_text
+from ispom.io.values import number
 
 DAY_NS = 86_400 * 10**9
 UERE_M = {1: 5.0, 2: 1.0, 3: 3.0, 4: 0.02, 5: 0.5}
 """Standard deviation of a position at HDOP 1 [m] by the quality of the fix: single, differential, precise, fixed and
 floating ambiguities (usual figures of receivers' data sheets, as GGA holds none)."""
+MAX_HDOP = 1e4
+"""Receivers write 99.99, or 9999, where they know none."""
 VERTICAL = 1.5
 """The height's standard deviation relative to the horizontal one, likewise."""
 
@@ -71,12 +74,15 @@ def gga_of(sentence: str) -> Gga | None:
         return None
     try:
         quality, satellites = int(words[6]), int(words[7] or 0)
-        hdop, height = float(words[8] or 1), float(words[9]) + float(words[11] or 0)
+        hdop = number("HDOP", words[8] or 1, 0, MAX_HDOP)
+        height = number("height", words[9]) + number("geoid", words[11] or 0)
         latitude, longitude = _angle(words[2], words[3], 2, "NS"), _angle(words[4], words[5], 3, "EW")
         time_ns = _time_of_day_ns(words[1])
+    except InputError as error:
+        raise ValueError(str(error)) from None
     except (ValueError, IndexError):
         raise ValueError("a field is no number") from None
-    if not (abs(latitude) <= 90 and abs(longitude) <= 180 and np.isfinite([hdop, height]).all() and hdop >= 0):
+    if not (abs(latitude) <= 90 and abs(longitude) <= 180):
         raise ValueError("its position is no latitude and longitude")
     return Gga(time_ns, latitude, longitude, height, quality, hdop, satellites)
 

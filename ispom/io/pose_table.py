@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.io.rows import MAX_TIME_S, Row, latest, numbers, read_text
+from ispom.io.rows import Row, latest, numbers, read_text
+from ispom.io.values import MAX_TIME_S
 from ispom.types import FrameName, Trajectory
 
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}

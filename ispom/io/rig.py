@@ -6,7 +6,6 @@ name: `sensor` is its kind (imu, gnss, wheel, laser, or camera), `rig_from_NAME`
 
 from __future__ import annotations
 
-import re
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.camera import CAMERA_KEYS, INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.io.values import CAMERAS, is_sensor_name
 from ispom.types import (
     Camera,
     CameraSensor,
@@ -31,7 +31,6 @@ from ispom.types import (
     WheelOdometer,
 )
 
-CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
@@ -39,9 +38,7 @@ MAX_SHARE = 0.1
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 """Those that only a rig.yaml has."""
 OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
-NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
-RESERVED = frozenset({"rig", "world", "body", "board"})
-MAX_NOISE = 1e3
+LEAST_NOISE, MAX_NOISE = 1e-12, 1e3
 
 
 def rig_text(rig: Rig) -> str:
@@ -79,8 +76,7 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
 
 def _is_sensor(name: Any, entry: Any) -> bool:
     """Checks for an entry that is a sensor by its kind."""
-    named = isinstance(name, str) and NAME.fullmatch(name) is not None and name not in RESERVED
-    return named and isinstance(entry, dict) and entry.get("sensor") in ("camera", *OTHERS)
+    return is_sensor_name(name) and isinstance(entry, dict) and entry.get("sensor") in ("camera", *OTHERS)
 
 
 def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
@@ -97,10 +93,10 @@ def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
     if unknown := [str(key) for key in values if key not in noises]:
         known = ", ".join((f"rig_from_{name}", *noises))
         raise InputError(f"{path}: {name}.{unknown[0]} is not known, as it has {known}: correct it")
-    noise = {key: finite_numbers(path, f"{name}.{key}", [value], 1)[0] for key, value in values.items()}
-    for key, value in noise.items():
-        if not 0 < value <= MAX_NOISE:
-            raise InputError(f"{path}: {name}.{key} is {value:g}, give a positive value up to {MAX_NOISE:g}")
+    noise = {
+        key: finite_numbers(path, f"{name}.{key}", [value], 1, LEAST_NOISE, MAX_NOISE)[0]
+        for key, value in values.items()
+    }
     return OTHERS[kind](rig_from_sensor=pose, **noise)
 
 
@@ -147,11 +143,10 @@ def _sigma(path: Path, name: str, entry: Any) -> LensSigma | PairSigma:
     known = [field.name for field in fields(SIGMAS[name])]
     if not isinstance(entry, dict) or set(entry) != set(known):
         raise InputError(f"{path}: {name} must hold {', '.join(known)}, and no others: correct it")
-    values = {key: finite_numbers(path, f"{name}.{key}", [entry[key]], 1)[0] for key in known}
-    for key, value in values.items():
-        most = MAX_SIGMA.get(key, MAX_SHARE)
-        if not 0 <= value <= most:
-            raise InputError(f"{path}: {name}.{key} is {value:g}, give a value from 0 to {most:g}")
+    values = {
+        key: finite_numbers(path, f"{name}.{key}", [entry[key]], 1, 0, MAX_SIGMA.get(key, MAX_SHARE))[0]
+        for key in known
+    }
     return SIGMAS[name](**values)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -14,14 +13,11 @@ from scipy.spatial.transform import Rotation
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.files import MAX_BYTES, read_bytes
+from ispom.io.values import LARGEST, MAX_TIME_S, number
 from ispom.types import FrameName, Trajectory
 
 Row = tuple[int, list[str]]
 """Line number, counted from 1, and the words of the line."""
-MAX_TIME_S = 4_600_000_000
-"""No time is farther from zero (in 2115, counted since 1970): any two have a difference in 64 bits of nanoseconds."""
-LARGEST = 1e15
-"""No length, angle or intrinsic is larger; squares and cubes of it are still numbers."""
 
 
 def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
@@ -50,19 +46,15 @@ def read_rows(path: Path, columns: int) -> list[Row]:
     return rows
 
 
-def numbers(path: Path, line: int, words: list[str]) -> Array:
-    """Returns the words as finite numbers (N,). Raises InputError naming the first that is none."""
-    values = []
-    for word in words:
-        try:
-            values.append(float(word))
-        except ValueError:
-            values.append(math.nan)
-        if not math.isfinite(values[-1]):
-            raise InputError(f"{path} line {line}: '{word[:40]}' is not a finite number: correct that line")
-        if abs(values[-1]) > LARGEST:
-            raise InputError(f"{path} line {line}: '{word[:40]}' is too large for what it says: correct that line")
-    return np.array(values)
+def numbers(path: Path, line: int, words: list[str], least: float = -LARGEST, most: float = LARGEST) -> Array:
+    """Returns the words as finite numbers (N,) within bounds. Raises InputError naming the first that is none."""
+    try:
+        values = np.array([float(word) for word in words])
+        if ((values >= least) & (values <= most)).all():
+            return values
+    except ValueError:
+        pass
+    return np.array([number(f"{path} line {line}", word, least, most) for word in words])
 
 
 def matrix(path: Path, shape: tuple[int, int]) -> Array:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.geometry import Array
-from ispom.io.rows import MAX_TIME_S, numbers, read_text
+from ispom.io.rows import numbers, read_text
+from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number
 
 TIMES = {"time_ns": 1, "time_s": 10**9}
 IMU = ("gx", "gy", "gz", "ax", "ay", "az")
@@ -104,8 +105,8 @@ def gnss_sigma(table: Table, default_m: float | None) -> Array:
         sigma = np.full((len(table.times_ns), 3), default_m)
     else:
         raise InputError(f"{table.path} has no column sigma: add it, or give `sigma_m` [m] of the fixes")
-    if (sigma <= 0).any():
-        raise InputError(f"{table.path} has a standard deviation that is not positive: correct it")
+    for end in (sigma.min(), sigma.max()):
+        number(f"{table.path}: a standard deviation", end, LEAST_SIGMA, MOST_SIGMA)
     return sigma
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.io.files import require_file
-from ispom.io.rows import LARGEST, MAX_TIME_S, read_text
+from ispom.io.rows import read_text
+from ispom.io.values import LARGEST, MAX_TIME_S
 from ispom.types import TimedPoints
 
 COORDINATES = ("x", "y", "z")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from ispom.errors import InputError, as_text, counted
 from ispom.io.calibrations.pair import unit_note
-from ispom.io.files import bounded, exists, expanded, is_folder, names
+from ispom.io.files import bounded, confined, confinement, exists, expanded, is_folder, names
+from ispom.plausibility import Doubt
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.format import FORMATS, Format, format_of
 from ispom.sequences.format import opened as format_opened
@@ -30,6 +31,7 @@ from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_l
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
+from ispom.sequences.readings import with_doubts, with_notes
 from ispom.sequences.recording import Recording
 from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.types import FRAME_KINDS, Measurement, Sequence
@@ -113,8 +115,9 @@ def open_sequence(
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
-    notes = dict.fromkeys((*sequence.notes, *_unit_notes(source, sequence)))
-    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, notes)))
+    if not source.startswith("sim:"):  # a simulation is as it was ordered
+        sequence = with_doubts(with_notes(sequence, _unit_notes(source, sequence)), source)
+    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(_as_text, sequence.notes)))
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
     if sequence.prepare is None:  # images of simulations are made, not read
         require_readable(sequence)
@@ -126,22 +129,26 @@ def open_sequence(
     return prefetched(sequence)
 
 
+def _as_text(note: str) -> str:
+    return Doubt(note.key, as_text(note)) if isinstance(note, Doubt) else as_text(note)
+
+
 def _unit_notes(source: str, sequence: Sequence) -> tuple[str, ...]:
-    """A note about a pair whose baseline is hardly in metres, whichever file says so; a simulation's is as it was
-    ordered."""
-    if source.startswith("sim:") or not sequence.rig.has_stereo:
+    """A note about a pair whose baseline is hardly in metres, whichever file says so."""
+    if not sequence.rig.has_stereo:
         return ()
     note = unit_note(sequence.rig.baseline_m)
     return (f"{source}: {note}",) if note and not any(note[:30] in other for other in sequence.notes) else ()
 
 
 def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
-    """The same sequence, whose images are read within the policy's bounds, too."""
-    if policy.places is None:
+    """The same sequence, whose images are read within the policy's bounds, and within what it is confined to, too."""
+    places = confinement()
+    if policy.places is None and places is None:
         return sequence
 
     def load(i: int) -> Measurement:
-        with bounded(policy.places):
+        with bounded(policy.places), confined(places):
             return sequence.load(i)
 
     return replace(sequence, load=load)

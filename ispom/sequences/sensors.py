@@ -27,16 +27,19 @@ from ispom.io.files import is_folder
 from ispom.io.kitti import read_oxts_values
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.nmea import read_gga
-from ispom.io.rig import NAME, sensor_of
+from ispom.io.rig import OTHERS, sensor_of
 from ispom.io.sensor_tables import GEODETIC, IMU, LOCAL, gnss_sigma, read_table
-from ispom.types import GnssFix, ImuSamples, Measurement, Sensor, Sequence, WheelIncrement
+from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
+from ispom.plausibility.gnss import geodetic_doubts, null_fixes
+from ispom.plausibility.times import BEFORE_NS, time_doubts
+from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts, with_notes
+from ispom.types import GnssFix, ImuSamples, Kind, Measurement, Rig, Sensor, Sequence, WheelIncrement
 
 KINDS = ("imu", "gnss", "wheel")
 OWN = ("file", "columns", "clock_offset_s", "sigma_m", "origin")
 """Entries that a rig.yaml does not have."""
 NMEA_SUFFIXES = (".nmea", ".nma")
-BEFORE_NS = 100_000_000
-"""What is measured longer before the first frame is skipped."""
+MAX_HEIGHT_M = 1e6
 OXTS_GYROSCOPE, OXTS_ACCELEROMETER, OXTS_ACCURACY = slice(17, 20), slice(11, 14), 23
 """Columns of a line of KITTI's oxts: rates and accelerations about the unit's x, y, z, and the position's accuracy."""
 
@@ -45,63 +48,91 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
     """Returns the sequence with the measurements of the sensors that a YAML file describes.
 
     Raises InputError that names the file, entry or line that is wrong, and where a sensor measured before or after the
-    frames only. A gap of a sensor as long as the sequence is one of its notes.
+    frames only. What is likely a mistake, and a gap of a sensor as long as the sequence, are among its notes.
     """
     if sequence.grow is not None:
         raise InputError(f"--sensors {path}: a live camera takes in no files of other sensors: leave it out")
     sensors, measurements, notes = dict[str, Sensor](), list[Measurement](), list[str]()
+    readings = dict[str, Readings]()
     frames_ns = sequence.times_ns
     for name, given in read_mapping(path).items():
-        if not isinstance(given, dict) or given.get("sensor", name) not in KINDS or not NAME.fullmatch(str(name)):
+        if not isinstance(given, dict) or given.get("sensor", name) not in KINDS:
             known = ", ".join(KINDS)
             raise InputError(f"{path}: {str(name)[:40]} is no sensor of the kinds {known}: give `sensor` and `file`")
         entry = {"sensor": name, **given}
+        _require_free(path, sensor_name(str(path), name), entry["sensor"], sequence)
         sensors[name] = sensor_of(path, name, {k: v for k, v in entry.items() if k not in OWN})
-        found = list(_measured(path, name, entry, frames_ns))
-        inside = [m for m in found if frames_ns[0] - BEFORE_NS <= m.time_ns <= frames_ns[-1]]
+        found = _read(path, name, entry)
+        readings[name] = found
+        inside = list(_measured(name, found, frames_ns))
         if not inside:
             first, last = frames_ns[[0, -1]] * 1e-9
-            when = "nothing" if not found else f"{found[0].time_ns * 1e-9:.3f} to {found[-1].time_ns * 1e-9:.3f} s"
+            measured = f"{found.times_ns[0] * 1e-9:.3f} to {found.times_ns[-1] * 1e-9:.3f} s"
+            when = measured if len(found) else "nothing"
             about = f"{path}: {name} measured nothing within the frames' {first:.3f} to {last:.3f} s (it has {when})"
-            if not found or found[-1].time_ns < frames_ns[0] or found[0].time_ns > frames_ns[-1]:
-                raise InputError(f"{about}: correct its file or its clock_offset_s")
+            if not len(found) or found.times_ns[-1] < frames_ns[0] or found.times_ns[0] > frames_ns[-1]:
+                doubts = time_doubts(f"{path}: {name}", found.kind, found.times_ns, frames_ns)
+                unit = " (or the unit of its times)" if any(doubt.key == "time_unit" for doubt in doubts) else ""
+                raise InputError(f"{about}: correct its file or its clock_offset_s{unit}")
             notes.append(f"{about}.")
         measurements += inside
-    changed = replace(sequence, rig=sequence.rig.changed(**sensors), notes=(*sequence.notes, *notes))
-    return changed.with_measurements(measurements)
+    rig = sequence.rig.changed(**sensors)
+    doubts = sensor_doubts(lambda name: f"{path}: {name}", rig, readings, frames_ns_of(sequence))
+    notes += [*doubts, *mount_doubts(str(path), Rig(sensors))]
+    return with_notes(replace(sequence, rig=rig), tuple(notes)).with_measurements(measurements)
 
 
-def _measured(path: Path, name: str, entry: dict[Any, Any], frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
-    """Yields what one sensor measured, in the order of time."""
+def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None:
+    """Raises InputError where the sequence has a sensor of this name that is of another kind, or measured, too."""
+    there = sequence.rig.sensors.get(name)
+    if (there is not None and (there.kind != kind or kind in sequence.kinds)) or (name in OTHERS and name != kind):
+        raise InputError(f"{path}: {name} is the name of another sensor: choose another name, and give `sensor`")
+
+
+def _read(path: Path, name: str, entry: dict[Any, Any]) -> Readings:
+    """Returns all that one sensor measured, on the clock of the frames."""
     given = entry.get("file")
     if not isinstance(given, str):
         raise InputError(f"{path}: {name}.file is missing: name the file that holds its measurements")
     columns = entry.get("columns")
     if columns is not None and not (isinstance(columns, dict) and all(isinstance(v, str) for v in columns.values())):
         raise InputError(f"{path}: {name}.columns must map usual names to those of the file: correct it")
-    offset_ns = round(1e9 * _number(path, name, entry, "clock_offset_s", 0.0))
+    offset_s = _number(path, name, entry, "clock_offset_s", 0.0, -MAX_TIME_S, MAX_TIME_S)
     file, kind = path.parent / given, entry["sensor"]
     if kind == "gnss":
-        times_ns, positions, sigma = _fixes(path, name, entry, file, columns)
-        for time_ns, xyz, sigmas in zip(times_ns + offset_ns, positions, sigma, strict=True):
-            yield GnssFix(int(time_ns), xyz, np.diag(sigmas**2), name)
-        return
-    if kind == "wheel":
+        times_ns, values = _fixes(path, name, entry, file, columns)
+    elif kind == "wheel":
         table = read_table(file, columns)
-        turns = table.columns.get("turn")
-        rows = zip(table.times_ns[1:], table.times_ns[:-1], table.stacked(("distance",))[1:, 0], strict=True)
-        for i, (time_ns, since_ns, way) in enumerate(rows, 1):
-            turn = None if turns is None else float(turns[i])
-            yield WheelIncrement(int(time_ns) + offset_ns, int(since_ns) + offset_ns, float(way), turn, name)
-        return
-    if is_folder(file):
-        times_ns, values = read_oxts_values(file)
-        rates, forces = values[:, OXTS_GYROSCOPE], values[:, OXTS_ACCELEROMETER]
+        times_ns, values = table.times_ns, {"distances": table.stacked(("distance",))[1:, 0]}
+        values |= {"turns": table.columns["turn"][1:]} if "turn" in table.columns else {}
+    elif is_folder(file):
+        times_ns, rows = read_oxts_values(file)
+        values = {"rates": rows[:, OXTS_GYROSCOPE], "forces": rows[:, OXTS_ACCELEROMETER]}
     else:
         table = read_table(file, columns)
-        times_ns, samples = table.times_ns, table.stacked(IMU)
-        rates, forces = samples[:, :3], samples[:, 3:]
-    yield from imu_measurements(times_ns + offset_ns, rates, forces, frames_ns, name)
+        times_ns, rows = table.times_ns, table.stacked(IMU)
+        values = {"rates": rows[:, :3], "forces": rows[:, 3:]}
+    for end_ns in times_ns[[0, -1]].tolist():
+        number(f"{path}: {name}, a time with its clock_offset_s", offset_s + end_ns * 1e-9, -MAX_TIME_S, MAX_TIME_S)
+    return Readings(kind, times_ns + round(1e9 * offset_s), values)
+
+
+def _measured(name: str, found: Readings, frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
+    """Yields what one sensor measured within the frames' time, in the order of time."""
+    times_ns, values = found.times_ns, found.values
+    if found.kind == "imu":
+        yield from imu_measurements(times_ns, values["rates"], values["forces"], frames_ns, name)
+        return
+    ends_ns = times_ns[1:] if found.kind == "wheel" else times_ns
+    used = (ends_ns >= frames_ns[0] - BEFORE_NS) & (ends_ns <= frames_ns[-1])
+    if "geodetic" in values:
+        used &= ~null_fixes(values["geodetic"])
+    for i in np.flatnonzero(used).tolist():
+        if found.kind == "gnss":
+            yield GnssFix(int(times_ns[i]), values["xyz"][i], np.diag(values["sigma"][i] ** 2), name)
+        else:
+            turn = float(values["turns"][i]) if "turns" in values else None
+            yield WheelIncrement(int(ends_ns[i]), int(times_ns[i]), float(values["distances"][i]), turn, name)
 
 
 def imu_measurements(
@@ -109,8 +140,6 @@ def imu_measurements(
 ) -> Iterator[ImuSamples]:
     """Yields the samples from one frame to the next; those before BEFORE_NS and after the last frame are skipped."""
     keep = (times_ns >= frames_ns[0] - BEFORE_NS) & (times_ns <= frames_ns[-1])
-    if not keep.any() and len(times_ns):
-        keep[[0, -1]] = True  # for the message about the clock
     times_ns, rates, forces = times_ns[keep], rates[keep], forces[keep]
     part = np.searchsorted(frames_ns, times_ns)
     for index in np.split(np.arange(len(times_ns)), np.flatnonzero(np.diff(part)) + 1):
@@ -120,11 +149,10 @@ def imu_measurements(
 
 def _fixes(
     path: Path, name: str, entry: dict[Any, Any], file: Path, columns: dict[str, str] | None
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Returns times (N,), local positions (N, 3) and their standard deviations (N, 3)."""
-    default = _number(path, name, entry, "sigma_m", None)
-    if default is not None and default <= 0:
-        raise InputError(f"{path}: {name}.sigma_m is {default:g}, give a positive value")
+) -> tuple[NDArray[np.int64], dict[str, Array]]:
+    """Returns times (N,), and by name local positions `xyz` (N, 3), their standard deviations `sigma` (N, 3), and
+    perhaps what they were as latitude, longitude and height (`geodetic`, (N, 3))."""
+    default = _number(path, name, entry, "sigma_m", None, LEAST_SIGMA, MOST_SIGMA)
     if is_folder(file):
         times_ns, values = read_oxts_values(file)
         geodetic = values[:, :3]
@@ -138,14 +166,19 @@ def _fixes(
         table = read_table(file, columns)
         times_ns, sigma = table.times_ns, gnss_sigma(table, default)
         if not table.has(GEODETIC):
-            return times_ns, table.stacked(LOCAL), sigma
+            return times_ns, {"xyz": table.stacked(LOCAL), "sigma": sigma}
         geodetic = table.stacked(GEODETIC)
     if default is not None:
         sigma = np.full_like(sigma, default)
-    origin = geodetic[0]
+    doubts, nowhere = geodetic_doubts(f"{path}: {name}", geodetic)
+    if nowhere:
+        raise impossible(doubts)
+    origin = geodetic[int(np.argmin(null_fixes(geodetic)))]  # the first that is a fix
     if entry.get("origin") is not None:
-        origin = np.array(finite_numbers(path, f"{name}.origin", entry["origin"], 3))
-    return times_ns, local_of(geodetic, origin), sigma
+        bounds = ((-90, 90), (-360, 360), (-MAX_HEIGHT_M, MAX_HEIGHT_M))
+        given = finite_numbers(path, f"{name}.origin", entry["origin"], 3)
+        origin = np.array([number(f"{path}: {name}.origin", v, *b) for v, b in zip(given, bounds, strict=True)])
+    return times_ns, {"xyz": local_of(geodetic, origin), "sigma": sigma, "geodetic": geodetic}
 
 
 def local_of(geodetic: Array, origin: Array) -> Array:
@@ -155,7 +188,7 @@ def local_of(geodetic: Array, origin: Array) -> Array:
     return np.stack(pymap3d.geodetic2enu(*np.asarray(geodetic, float).T, *origin), axis=1)
 
 
-def _number(path: Path, name: str, entry: dict[Any, Any], key: str, default: Any) -> Any:
+def _number(path: Path, name: str, entry: dict[Any, Any], key: str, default: Any, least: float, most: float) -> Any:
     if entry.get(key) is None:
         return default
-    return finite_numbers(path, f"{name}.{key}", [entry[key]], 1)[0]
+    return finite_numbers(path, f"{name}.{key}", [entry[key]], 1, least, most)[0]

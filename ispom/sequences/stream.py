@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers
-from ispom.io.rows import MAX_TIME_S, increasing_times_ns, read_rows
+from ispom.io.rows import increasing_times_ns, read_rows
+from ispom.io.values import MAX_TIME_S
 from ispom.types import Camera, Image
 
 NOMINAL_HZ = 30.0

@@ -10,6 +10,8 @@ from typing import get_args
 import numpy as np
 
 from ispom.geometry import Array, Pose, rotation_angle_rad
+from ispom.methods import method as registered
+from ispom.methods import names
 from ispom.testing.trial import Trial, Walk
 from ispom.types import (
     Camera,
@@ -69,8 +71,14 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
         require(wrong is None, f"has tracks of another motion in the camera {name} {wrong}")
     wrong = _wrong_landmarks(step.landmarks)
     require(wrong is None, f"has landmarks {wrong}")
-    names = [(decision.key, decision.about) for decision in step.decisions]
-    require(len(set(names)) == len(names), "has a check twice in one Step: distinguish them by Decision.about")
+    checks = registered(step.method).checks if step.method in names() else {}
+    for decision in step.decisions:
+        of_pose = decision.key in checks and checks[decision.key].topic == "pose" and decision.passed
+        if of_pose and decision.name.startswith("inliers of") and step.status is Status.TRACKING:
+            same = decision.value == len(step.residuals_px)
+            require(same, f"counts {decision.value:g} {decision.name}, and has {len(step.residuals_px)} residuals_px")
+    made = [(decision.key, decision.about) for decision in step.decisions]
+    require(len(set(made)) == len(made), "has a check twice in one Step: distinguish them by Decision.about")
     for decision in step.decisions:
         wrong = _wrong_decision(decision)
         require(wrong is None, f"has a check {decision.key!r} {wrong}")

@@ -141,7 +141,7 @@ class Rig:
         """Returns a video camera alone: it is the rig."""
         return Rig.of(video=video)
 
-    def changed(self, **values: Any) -> Rig:
+    def changed(self, /, **values: Any) -> Rig:
         """Returns the rig with other values, named as in `of`; None removes a sensor.
 
         Raises KeyError for the pose of a sensor that the rig lacks, TypeError for what is no sensor.

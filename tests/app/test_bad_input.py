@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +22,7 @@ from ispom.features.pair_look import EXCHANGED
 from ispom.io import whole
 from ispom.io.trajectories import read_tum
 from ispom.methods import Config
-from ispom.types import Rig
+from ispom.types import Decision, Rig, Status, Step, Trajectory
 from tests import doubles
 from tests.alone import METHODS
 from tests.sequences.kitti_folder import make_drive
@@ -254,6 +255,31 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     message = sentence(capsys, str(drive), "--out", str(out), builder=build)
     assert "no method found any motion: give images with texture" in message
     assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
+
+
+class Waiting(doubles.FakeEstimator):
+    """Never starts, and says by which check."""
+
+    def step(self, state, exposure, asked=None):
+        check = Decision("nodes", 8.0, 80.0, False, key="nodes", kind="finding")
+        return state, Step(exposure.time_ns, Status.INITIALISING, decisions=(check,))
+
+    def finish(self, state, asked=None):
+        return Trajectory.empty()
+
+
+def test_a_method_that_never_starts_says_its_own_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive, out = make_drive(tmp_path / "kitti"), tmp_path / "out"
+    words = [str(drive), "--methods", "monocular", "stereo", "--out", str(out)]
+    message = sentence(capsys, *words, builder=lambda config, methods, rig: doubles.ensemble(methods, Waiting))
+    assert all(f"{method}: Nodes: 8" in message and "80" in message for method in ("monocular", "stereo"))
+
+    def one_waits(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
+        return doubles.ensemble(methods, lambda name: (Waiting if name == "stereo" else doubles.FullEstimator)(name))
+
+    assert main(["run", *words[:-1], str(tmp_path / "other"), "--no-recording"], one_waits) == 0
+    methods = json.loads((tmp_path / "other" / "metrics.json").read_text())["methods"]
+    assert "8" in methods["stereo"]["never_located"] and "never_located" not in methods["monocular"]
 
 
 def test_no_motion_of_images_that_are_mixed_up(

@@ -108,7 +108,7 @@ def test_other_sensors_are_read_back(tmp_path: Path) -> None:
         ("gnss_back:", "world:", "sensors that name their kind"),
         ("rig_from_gnss_back", "rig_from_gnss", r"gnss_back\.rig_from_gnss_back is missing"),
         ("gyroscope_noise", "noise", r"imu\.noise is not known, as it has rig_from_imu, gyroscope_noise"),
-        ("gyroscope_noise: 0.0002", "gyroscope_noise: -1", r"imu\.gyroscope_noise is -1, give a positive value"),
+        ("gyroscope_noise: 0.0002", "gyroscope_noise: -1", r"imu\.gyroscope_noise is -1, give a value from"),
         ("gyroscope_noise: 0.0002", "gyroscope_noise: often", r"imu\.gyroscope_noise needs 1 finite number"),
         ("sensor: camera", "sensor: imu", r"front\.width is not known"),
     ],

@@ -31,6 +31,8 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
 MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "joins": None}
 """Of one frame: another method's step does not report them again."""
+WAY = ("way_x", "way_y", "way_z")
+"""Keys of the mean step as a vector: far shorter than `moved_usual` where a pose only trembles about its place."""
 USUAL_STEPS = 10.0
 """Over about so many steps the usual one is an exponential mean."""
 MOTION: Mapping[str, tuple[str, str]] = {
@@ -52,6 +54,7 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
         found += [Quantity(method, key, "number", f"{key} of the pose as it was given then") for key in POSE]
         found += [Quantity(method, key, "number", text, unit) for key, (text, unit) in MOTION.items()]
+        found += [Quantity(method, key, "number", f"mean step along {key[-1]}, this one included") for key in WAY]
         for check in registered(method).checks.values():
             found += _of_check(method, check)
     return {quantity.name: quantity for quantity in found}
@@ -100,18 +103,23 @@ def row_with(before: Row, index: int, time_ns: int, values_by_method: Row) -> Ro
 
 
 def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, Value]:
-    """MOTION of a step, from its values and those of the method's step before it; none over a restart."""
+    """MOTION and WAY of a step, from its values and those of the method's step before it; none over a restart."""
     if now.get("restarted"):
-        return dict.fromkeys(MOTION)
+        return dict.fromkeys((*MOTION, *WAY))
     usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
+    way = {key: before.get(key) for key in WAY}
     if moved:  # a pose that is repeated, also for another camera's frame, has no motion
         usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
     was, here = (_numbers(values) for values in (before, now))
     if was is None or here is None:
-        return {"moved": None, "turned_deg": None, "moved_usual": usual}
+        return {"moved": None, "turned_deg": None, "moved_usual": usual, **way}
     away = min(math.dist(was[3:], here[3:]), math.dist(was[3:], [-q for q in here[3:]]))  # q and -q are one orientation
     turned = math.degrees(4 * math.asin(min(away / 2, 1.0)))
-    return {"moved": math.dist(was[:3], here[:3]), "turned_deg": turned, "moved_usual": usual}
+    moved = math.dist(was[:3], here[:3])
+    for axis, key in enumerate(WAY if moved else ()):
+        mean = _number(way[key]) or 0.0
+        way[key] = mean + (here[axis] - was[axis] - mean) / USUAL_STEPS
+    return {"moved": moved, "turned_deg": turned, "moved_usual": usual, **way}
 
 
 def _numbers(values: Mapping[str, Value]) -> list[float] | None:

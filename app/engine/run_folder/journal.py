@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ispom.geometry import Pose
-from ispom.io.rows import LARGEST, MAX_TIME_S
+from ispom.io.values import LARGEST, MAX_TIME_S
 from ispom.types import Trajectory
 
 from ..events import Stepped

@@ -107,7 +107,8 @@ def summary(report: Mapping[str, Any]) -> str:
         if entry["located"] and entry["lost"]:
             parts.append(f"lost in {entry['lost']}")
         if not entry["located"]:
-            parts = [f"never located: its {entry['poses']} poses are held ones"]
+            why = f" ({entry['never_located'].removesuffix('.')})" if "never_located" in entry else ""
+            parts = [f"never located{why}: its {entry['poses']} poses are held ones"]
         if "segments" in entry:
             parts.append(f"{len(entry['segments'])} segments that nothing joins")
         if entry.get("ate_m") is not None:

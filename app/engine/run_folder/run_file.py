@@ -15,12 +15,14 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.io.files import exists
-from ispom.io.mapping import read_mapping
+from ispom.io.mapping import MAX_BYTES, mapping_of
+from ispom.io.rows import read_text
 from ispom.methods import Config, in_order, method, names, with_dependencies
 from ispom.settings import from_plain
 from ispom.types import Sequence
 
 from ..playback import Stage
+from .own import is_signed, signed
 from .run_folder import RUN
 
 RunFrame = Literal["rig", "left", "video"]
@@ -56,6 +58,8 @@ class RunFile:
     """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
     placements: list[Mapping[str, Any]] = field(default_factory=list)
     """Where in the shared world each method's own world is, from which frame on; see placements.py."""
+    own: bool = False
+    """Whether this program wrote the file on this machine, and nobody changed it since; not in the file."""
 
     @property
     def earlier(self) -> tuple[Stage, ...]:
@@ -82,8 +86,10 @@ class RunFile:
 
     @property
     def text(self) -> str:
-        """The file's content."""
-        return yaml.safe_dump(asdict(self), sort_keys=False, allow_unicode=True)
+        """The file's content, signed by this machine."""
+        values = asdict(self)
+        del values["own"]
+        return signed(yaml.safe_dump(values, sort_keys=False, allow_unicode=True))
 
 
 def run_file(
@@ -103,7 +109,7 @@ def run_file(
         sequence.name,
         dict(options),
         dict(config),
-        list(sequence.notes),
+        list(map(str, sequence.notes)),
         {"video": 0, "stereo": 0, **Counter(sequence.kinds)},
         round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0,
         images_sha256,
@@ -148,7 +154,8 @@ def read_run_file(folder: Path) -> RunFile:
     path = folder / RUN
     if not exists(path):
         raise InputError(f"{folder} holds no run (no {RUN}): give a folder that `ispom run` wrote")
-    found = read_mapping(path)
+    text = read_text(path, MAX_BYTES)
+    found = mapping_of(path, text)
     for name, kind in _NEEDED.items():
         if not isinstance(found.get(name), kind):
             raise InputError(f"{path} has no {name} as `ispom run` writes it: restore the file, or run again")
@@ -172,6 +179,7 @@ def read_run_file(folder: Path) -> RunFile:
         platform=machine if isinstance(machine, str) else "",
         forked=forked,
         placements=placements,
+        own=is_signed(text),
     )
 
 

@@ -9,9 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from ispom.types import Status, images_of
+from ispom.types import Measurement, Status, images_of
 
 from ..events import Stepped
+from ..verdict import missing
+
+
+@dataclass
+class ImagesDigest:
+    """SHA-256 of all that the estimators saw: the time, size and pixels of each image."""
+
+    _sha256: Any = field(default_factory=hashlib.sha256)
+
+    def add(self, seen: Measurement) -> None:
+        for image in images_of(seen).values():
+            self._sha256.update(f"{seen.time_ns} {image.shape}\n".encode())
+            self._sha256.update(np.ascontiguousarray(image))
+
+    def hexdigest(self) -> str:
+        return self._sha256.hexdigest()
 
 
 @dataclass
@@ -27,17 +43,17 @@ class RunStatistics:
     segments in which it is never located included."""
     skipped: list[str] = field(default_factory=list)
     """What was wrong with each frame that was skipped; of a run that goes on at most one in a hundred."""
-    images: Any = field(default_factory=hashlib.sha256)
-    """SHA-256 of all that the estimators saw: the time, size and pixels of each image."""
+    waits: dict[str, str] = field(default_factory=dict)
+    """Of each method that was never located: the check that failed last, as a sentence."""
+    images: ImagesDigest = field(default_factory=ImagesDigest)
 
     def add(self, event: Stepped) -> None:
-        seen = event.exposure
-        for image in images_of(seen).values():
-            self.images.update(f"{seen.time_ns} {image.shape}\n".encode())
-            self.images.update(np.ascontiguousarray(image))
+        self.images.add(event.exposure)
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
             ms = 1000 * sum(step.seconds.values())
+            if not self.located.get(step.method) and step.status != Status.TRACKING and (why := missing(step)):
+                self.waits[step.method] = why
             self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins)
 
     def count(
@@ -61,5 +77,8 @@ class RunStatistics:
         """As metrics.json has it."""
         ms = self.ms.get(method, [])
         median, p95 = np.percentile(ms, [50, 95]).tolist() if len(ms) else (None, None)
-        counts = {"frames": len(ms), "located": self.located.get(method, 0), "lost": self.lost.get(method, 0)}
+        located, lost = self.located.get(method, 0), self.lost.get(method, 0)
+        counts: dict[str, Any] = {"frames": len(ms), "located": located, "lost": lost}
+        if not counts["located"] and method in self.waits:
+            counts["never_located"] = self.waits[method]
         return {**counts, "ms_per_exposure": {"median": median, "p95": p95}}

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Self
 
-from ispom.io.rows import MAX_TIME_S
+from ispom.io.values import MAX_TIME_S
 from ispom.types import Step
 
 from ..events import Stepped

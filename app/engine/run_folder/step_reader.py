@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
-from ispom.io.rig import NAME
+from ispom.io.values import is_name
 from ispom.types import Decision, DecisionKind, FrameName, Status
 
 from ..history.quantities import POSE, STEP_QUANTITIES, check_values, finite
@@ -115,7 +115,7 @@ def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record
         _require_pose(path, line, row, [values[name] for name in POSE])
     if values["status"] not in set(Status):
         raise _wrong(path, line, "status", row)
-    if not NAME.fullmatch(row["frame"]):
+    if not is_name(row["frame"]):
         raise _wrong(path, line, "frame", row)
     exposure, time_ns = (_whole(path, line, row, name) for name in ("exposure", "time_ns"))
     seconds = {

@@ -69,6 +69,7 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
         history_bytes=1_000_000 * options.history_mb,
         source_options=options.of_source,
         folders=Folders(),
+        compare_images=True,
         autoplay=False,
     )
     session.start()

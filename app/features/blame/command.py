@@ -22,7 +22,7 @@ from ...engine.outputs import claim_folder
 from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.signals import terminable
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 from ..headless.console import progress, wait_for_compiler
 from .found import PoseBlame, pose_blames, units_m
 from .options import Blame
@@ -37,7 +37,7 @@ def blame(options: Blame, builder: Builder = build) -> int:
     """Runs up to the frame, and prints. InputError where the run has no such frame, or no method a pose there."""
     run = read_run_file(options.run.expanduser())
     methods = _methods(run, options)
-    sequence = source_options(run).open(source_of(run, options.source))
+    sequence = stored_source(options.run.expanduser(), run, options.source).open()
     if not 0 <= options.at < len(sequence):
         raise InputError(
             f"--at is {options.at}, and the run has the frames 0 to {len(sequence) - 1}: give one of those"

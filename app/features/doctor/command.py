@@ -20,7 +20,7 @@ from ...engine.playback import Builder
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 from .job import Progress, examine
 from .options import Doctor
 from .origin import Origin
@@ -52,8 +52,8 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
 
 def opened(options: Doctor, run: RunFile) -> Sequence:
     """Returns the run's source. Where it has no calibration, the run's own is examined: its estimate took a while."""
-    source, rig = source_of(run, options.source), options.run / RIG
+    source, rig = stored_source(options.run, run, options.source), options.run / RIG
     if not exists(rig):
-        return source_options(run).open(source)
-    sequence = source_options(run).opened(source)
+        return source.open()
+    sequence = source.opened()
     return sequence if sequence.guess is None else replace(sequence, rig=read_rig(rig))

@@ -38,8 +38,8 @@ def examine(
     clock: Callable[[], float] = time.monotonic,
     origin: Origin | None = None,
 ) -> Diagnosis:
-    """Returns the diagnosis of a stretch. Where there is a run, settings that differ from their defaults are set back in
-    reruns first, which may take SETTINGS of the time; at last the run is forked and rerun with other ones.
+    """Returns the diagnosis of a stretch. Where there is a run, settings that differ from their defaults are set back
+    in reruns first, which may take SETTINGS of the time; at last the run is forked and rerun with other ones.
 
     `report` is called between two pieces of work; what it raises ends the examination. After `seconds` no new suspect
     is examined, and no frame rerun; what was left out is in the diagnosis, and only this depends on the time.

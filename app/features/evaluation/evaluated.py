@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.evaluation.comparison import Comparison, measures
+from ispom.evaluation.comparison import Comparison, Motion, measures
 from ispom.evaluation.trajectory_error import Alignment
 from ispom.io.trajectories import TrajectoryFile
 
@@ -56,6 +56,20 @@ def _kind(file: TrajectoryFile) -> str:
     return f"{file.format} with times in {file.unit}" if file.unit else file.format
 
 
+FROM_POSITIONS = ("se3", "sim3")
+"""Alignments that find a rotation from positions."""
+_FIRST = "--alignment first takes it from the first pose"
+MOTIONS: Mapping[Motion, str] = {
+    "rests": "the reference rests, without translation or rotation: its positions fix no alignment, and ATE says "
+    f"nothing of a motion; {_FIRST}",
+    "turns": "the reference only turns, without translation: its positions fix no alignment, and the rotation of ATE "
+    f"means nothing; {_FIRST}",
+    "straight": "the compared path is nearly straight: the alignment hardly fixes the rotation about it, on which the "
+    f"rotation of ATE depends; {_FIRST}",
+}
+"""What to know of an alignment by positions, where the reference moves so."""
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluated:
     """One estimate, by a name that no other has."""
@@ -73,11 +87,8 @@ class Evaluated:
     def notes(self, kind: Alignment) -> list[str]:
         """What keeps the numbers from meaning what they seem to."""
         found = repeated_note(self.name, self.file)
-        if kind in ("se3", "sim3") and self.found.straight:
-            found.append(
-                f"{self.name}: the compared path is nearly straight: the alignment hardly fixes the turn about it, "
-                "on which the rotation of ATE depends; --alignment first fixes it by the first pose"
-            )
+        if kind in FROM_POSITIONS and self.found.motion in MOTIONS:
+            found.append(f"{self.name}: {MOTIONS[self.found.motion]}")
         return found
 
 

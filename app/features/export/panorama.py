@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import cv2
@@ -11,14 +10,12 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Array
-from ispom.io.files import exists, expanded
 from ispom.io.rig import read_rig
 from ispom.reconstruction.panorama import equirectangular, spaced
-from ispom.sequences import open_sequence
 from ispom.types import Image, Sequence, Trajectory, main_image
 
-from ...engine.options import SourceOptions
 from ...engine.run_folder.run_file import read_run_file
+from ...session.review.stored import stored_source
 
 APART_DEG, MOST = 4.0, 200
 """Orientations of the images that are used differ by so much, and are no more than these."""
@@ -47,11 +44,7 @@ def panorama_png(run: Path, trajectory: Trajectory) -> tuple[bytes, str]:
 
 def _images(run: Path) -> Sequence:
     """Opens the source of the run again; no camera and no address is opened."""
-    file = read_run_file(run)
-    if not file.source.startswith("sim:") and not exists(expanded(file.source)):
-        raise InputError(f"{file.source} is not here: a panorama needs the images of the run")
-    names = [f.name for f in fields(SourceOptions)]
-    return open_sequence(file.source, **{n: file.options[n] for n in names if n in file.options})
+    return stored_source(run, read_run_file(run), cure="a panorama needs the images of the run: run again").opened()
 
 
 def _indices(sequence: Sequence, trajectory: Trajectory) -> np.ndarray:

@@ -1,4 +1,16 @@
-"""What the pairs say about each line: better, worse, or noise, and by what."""
+"""What the pairs say about each line: better, worse, the same, or that they cannot tell; and by what.
+
+`change` defines the tests. A line is
+
+- *worse* where an error grew, where its share of localised frames fell by more than `located`, or its time grew by more
+  than `time`: each of them tested. Where every other pair is within the margins, runs that fail now or lose frames are
+  no scatter either, and make it worse;
+- *better* where an error fell, and no error, share of localised frames or time can have become worse by more than its
+  margin; or where runs give a result that failed before, and every other pair is within the margins;
+- *the same* where all errors, the share of localised frames and the time are within their margins, and the same runs
+  failed;
+- else it *cannot tell*.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +25,11 @@ from ispom.errors import InputError, counted
 
 from ..experiments.plan import Plan
 from ..experiments.statistics import holm, value_of
-from .change import Change, change, pairs_needed
+from .change import FAILED, Change, change, pairs_needed
 from .pairs import Pair
+from .power import pairs_that_decide
 
-Verdict = Literal["better", "worse", "noise"]
+Verdict = Literal["better", "worse", "same", "cannot tell"]
 ERRORS = (
     "ate_m",
     "ate_percent",
@@ -37,7 +50,7 @@ class Rules:
 
     quantities: tuple[str, ...]
     effect: float
-    """Smallest change of interest, as the logarithm of a ratio."""
+    """The margin: the largest change of an error that is of no interest, as the logarithm of a ratio."""
     level: float
     """Probability of a false alarm, over all lines and quantities together."""
     located: float
@@ -48,12 +61,12 @@ class Rules:
 
 @dataclass(frozen=True)
 class Tested:
-    """A quantity of a line."""
+    """An error of a line, or the fall of its share of localised frames."""
 
     line: str
     quantity: str
     change: Change | None
-    """None where no pair has the quantity on both sides."""
+    """None where no pair has the share of localised frames on both sides."""
     p_worse: float = 1.0
     """Adjusted for all lines and quantities together (Holm)."""
     p_better: float = 1.0
@@ -66,7 +79,7 @@ class Judgement:
     line: str
     verdict: Verdict
     reasons: tuple[str, ...]
-    """Sentences: what made it better or worse, and what could not be tested."""
+    """Sentences: what made it better or worse, and what cannot be told."""
     tested: tuple[Tested, ...]
     runs: int
     newly_failed: int
@@ -79,6 +92,12 @@ class Judgement:
     segments: tuple[float, float] | None
     time: Change | None
     """Of the median time per frame."""
+    coverage: Tested | None = None
+    """Of the fall of the share of localised frames [percentage points]."""
+    pairs_that_decide: int | None = None
+    """Where it cannot tell: with about so many pairs like these it could; None: with no number."""
+    seeds_that_decide: int | None = None
+    """The same as seeds of the plan's simulations; None where it has none, too."""
 
 
 def rules_of(
@@ -117,16 +136,23 @@ def rules_of(
     return rules
 
 
+def strictest_level(plan: Plan, rules: Rules) -> float:
+    """Returns the level of the first test of Holm's."""
+    return rules.level / (len(plan.lines) * len(rules.quantities))
+
+
 def judged(plan: Plan, pairs: Sequence[Pair], rules: Rules) -> list[Judgement]:
     """Returns a judgement for each line. Raises InputError where no run of a line has one of the errors."""
-    tested = _adjusted([_tested(line.name, q, pairs, rules) for line in plan.lines for q in rules.quantities])
-    return [_judgement(line.name, pairs, tested, rules) for line in plan.lines]
+    errors = [_tested(line.name, q, pairs, rules) for line in plan.lines for q in rules.quantities]
+    tested = _adjusted(errors + [_coverage(line.name, pairs, rules) for line in plan.lines])
+    return [_judgement(plan, line.name, pairs, tested, rules) for line in plan.lines]
 
 
 def overall(judgements: Sequence[Judgement]) -> Verdict:
-    """Worse where a line is; better where one is better and none worse."""
+    """Worse where a line is; else "cannot tell" where a line cannot; else better where a line is."""
     found = {judgement.verdict for judgement in judgements}
-    return "worse" if "worse" in found else "better" if "better" in found else "noise"
+    order: tuple[Verdict, ...] = ("worse", "cannot tell", "better", "same")
+    return next(verdict for verdict in order if verdict in found)
 
 
 def percent(log_ratio: float) -> float:
@@ -136,41 +162,86 @@ def percent(log_ratio: float) -> float:
 
 def _tested(line: str, quantity: str, pairs: Sequence[Pair], rules: Rules) -> Tested:
     own = [pair for pair in pairs if pair.run.line.name == line]
-    logs = [log for pair in own if (log := pair.log_ratio(quantity)) is not None]
-    if not logs and not any(pair.gave(quantity)[0] for pair in own):
+    logs = [log for pair in own if (log := pair.score(quantity)) is not None]
+    if not any(pair.gave(quantity)[0] for pair in own):
         raise InputError(f"no run of line {line!r} had {quantity}: give sources with ground truth, or --quantities")
-    return Tested(line, quantity, change(np.array(logs), rules.effect, rules.level) if logs else None)
+    return Tested(line, quantity, change(np.array(logs), rules.effect, rules.level))
+
+
+def _coverage(line: str, pairs: Sequence[Pair], rules: Rules) -> Tested:
+    """Of the fall of the share of localised frames."""
+    falls = _falls([pair for pair in pairs if pair.run.line.name == line])
+    return Tested(line, LOCATED, change(np.array(falls), rules.located, rules.level) if falls else None)
+
+
+def _falls(pairs: Sequence[Pair]) -> list[float]:
+    return [-difference for pair in pairs if (difference := pair.difference(LOCATED)) is not None]
 
 
 def _adjusted(tested: Sequence[Tested]) -> list[Tested]:
-    some = [item.change for item in tested if item.change is not None]
+    """With the p of Holm. A coverage that did not change in any pair cannot give a false alarm: it is no test."""
+    some = [item.change for item in tested if _counts(item) and item.change is not None]
     worse, better = iter(holm([c.p_worse for c in some])), iter(holm([c.p_better for c in some]))
-    return [
-        item if item.change is None else replace(item, p_worse=next(worse), p_better=next(better)) for item in tested
-    ]
+    return [replace(item, p_worse=next(worse), p_better=next(better)) if _counts(item) else item for item in tested]
 
 
-def _judgement(line: str, pairs: Sequence[Pair], tested: Sequence[Tested], rules: Rules) -> Judgement:
+def _counts(item: Tested) -> bool:
+    return item.change is not None and (item.quantity != LOCATED or item.change.same < item.change.pairs)
+
+
+def _judgement(plan: Plan, line: str, pairs: Sequence[Pair], tested: Sequence[Tested], rules: Rules) -> Judgement:
     own = [pair for pair in pairs if pair.run.line.name == line]
-    mine = tuple(item for item in tested if item.line == line)
+    mine = tuple(item for item in tested if item.line == line and item.quantity != LOCATED)
+    coverage = next(item for item in tested if item.line == line and item.quantity == LOCATED)
     gave = [pair.gave(rules.quantities[0]) for pair in own]
     newly_failed, recovered = gave.count((True, False)), gave.count((False, True))
-    located = _means(own, LOCATED)
+    located, steady = _means(own, LOCATED), _rest_is_steady(own, rules)
     times = [log for pair in own if (log := pair.log_time_ratio) is not None]
     time = change(np.array(times), rules.time or 0.0, rules.level) if times else None
+    slower = rules.time is not None and (time is None or not time.at_most(rules.time))
+    covered = coverage.change is None or coverage.change.at_most(rules.located)
+
     worse = [f"{i.quantity} grew" for i in mine if i.p_worse <= rules.level]
-    if newly_failed > recovered:
+    if newly_failed > recovered and (steady or worse):
         worse.append(f"{counted(newly_failed, 'run')} gave a result before, and none now")
-    if located is not None and located[0] - located[1] > rules.located:
-        worse.append(f"the share of localised frames fell from {located[0]:.1f} to {located[1]:.1f} %")
+    fell = located is not None and located[0] - located[1] > rules.located
+    if coverage.p_worse <= rules.level or (fell and steady):
+        worse.append(_coverage_text(located))
     if rules.time is not None and time is not None and time.p_worse <= rules.level:
         worse.append("the time per frame grew")
-    better = [f"{i.quantity} fell" for i in mine if i.p_better <= rules.level]
-    verdict: Verdict = "worse" if worse else "better" if better else "noise"
+
+    fallen = [i for i in mine if i.p_better <= rules.level and i.change is not None and i.change.mean < 0]
+    better = [f"{i.quantity} fell" for i in fallen]
+    if recovered > newly_failed and steady:
+        better.append(f"{counted(recovered, 'run')} failed before, and gave a result now")
+    doubts = [
+        f"{i.quantity} may have grown by more than {percent(rules.effect):.3g} %"
+        for i in mine
+        if i not in fallen and (i.change is None or not i.change.at_most(rules.effect))
+    ]
+    if newly_failed:
+        doubts.append(f"{counted(newly_failed, 'run')} gave a result before, and none now")
+    if not covered:
+        doubts.append(f"the share of localised frames may have fallen by more than {rules.located:g} percentage points")
+    if slower:
+        doubts.append("the time per frame may have grown")
+    same = all(i.change is not None and i.change.within(rules.effect) for i in mine) and not recovered
+    steady_coverage = coverage.change is None or coverage.change.within(rules.located)
+
+    verdict: Verdict = "cannot tell"
+    if worse:
+        verdict, reasons = "worse", [*worse, *better]
+    elif better and (not doubts or (steady and recovered > newly_failed and covered and not slower)):
+        verdict, reasons = "better", better
+    elif same and steady_coverage and not doubts:
+        verdict, reasons = "same", []
+    else:
+        reasons = [*better, *doubts] or ["the change is not within the margins on both sides"]
+    decide = _pairs_that_decide(own, mine, rules, covered, slower) if verdict == "cannot tell" else None
     return Judgement(
         line,
         verdict,
-        (*worse, *better),
+        tuple(reasons),
         mine,
         len(own),
         newly_failed,
@@ -179,7 +250,53 @@ def _judgement(line: str, pairs: Sequence[Pair], tested: Sequence[Tested], rules
         _means(own, LOST),
         _means(own, SEGMENTS),
         time,
+        coverage,
+        decide,
+        None if decide is None else _seeds(plan, line, decide),
     )
+
+
+def _coverage_text(located: tuple[float, float] | None) -> str:
+    assert located is not None  # its change was tested
+    return f"the share of localised frames fell from {located[0]:.1f} to {located[1]:.1f} %"
+
+
+def _rest_is_steady(pairs: Sequence[Pair], rules: Rules) -> bool:
+    """Whether some pairs are within the margins, and all others fail or localise another share of the frames."""
+    steady = 0
+    for pair in pairs:
+        if abs(pair.score(rules.quantities[0]) or 0.0) == FAILED or abs(pair.difference(LOCATED) or 0) > rules.located:
+            continue
+        if any(abs(pair.score(quantity) or 0.0) > rules.effect for quantity in rules.quantities):
+            return False
+        steady += 1
+    return steady > 0
+
+
+def _pairs_that_decide(
+    pairs: Sequence[Pair], tested: Sequence[Tested], rules: Rules, covered: bool, slower: bool
+) -> int | None:
+    """Returns the largest of the numbers that what is undecided needs; None where one of them cannot be decided."""
+    level = rules.level / len(tested)
+    needs = [
+        pairs_that_decide(np.array(logs), rules.effect, level)
+        for item in tested
+        if (logs := [log for pair in pairs if (log := pair.score(item.quantity)) is not None])
+    ]
+    if not covered:
+        needs.append(pairs_that_decide(np.array(_falls(pairs)), rules.located, level, one_sided=True))
+    if slower and rules.time is not None:
+        times = [log for pair in pairs if (log := pair.log_time_ratio) is not None]
+        needs.append(pairs_that_decide(np.array(times), rules.time, level, one_sided=True) if times else None)
+    known = [need for need in needs if need is not None]
+    return max(len(pairs) + 1, *known) if len(known) == len(needs) else None
+
+
+def _seeds(plan: Plan, line: str, pairs: int) -> int | None:
+    """Returns how many seeds of the simulations give so many pairs; recordings have one each."""
+    sources = [source for source in plan.sources if plan.line(line).runs_on(source)]
+    simulated = sum(source.startswith("sim:") for source in sources)
+    return math.ceil((pairs - len(sources) + simulated) / simulated) if simulated else None
 
 
 def _means(pairs: Sequence[Pair], quantity: str) -> tuple[float, float] | None:

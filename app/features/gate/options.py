@@ -11,7 +11,8 @@ import tyro
 @dataclass(frozen=True, kw_only=True)
 class Gate:
     """Runs a plan with the code as it is now, and compares each run with the same run of the code before: better,
-    worse, or noise. For pull requests: the exit code is 0 for better or noise, 1 for worse, 2 for an error."""
+    worse, the same, or cannot tell. For pull requests: the exit code is 0 for better or the same, 1 for worse, 2 for a
+    mistake in what you gave, and 3 for cannot tell, with the number of runs that would decide."""
 
     plan: tyro.conf.Positional[str]
     """The plan, as for `ispom experiment`."""
@@ -24,13 +25,14 @@ class Gate:
     quantities: tuple[str, ...] = ()
     """Errors that decide, such as ate_m rpe_deg. Default: the first error among the plan's quantities."""
     effect: float = 1.0
-    """Changes of an error up to this are of no interest [%]."""
+    """The margin: changes of an error up to this are of no interest, and "the same" means no change beyond it [%]."""
     level: float = 1.0
-    """Probability of a false alarm where nothing got worse, over all lines and quantities together [%]."""
+    """Probability of a false alarm where nothing got worse, over all lines and quantities together, and of "the same"
+    for a line that changed by more than the margin [%]."""
     located: float = 1.0
-    """A line is worse whose mean share of localised frames falls by more than this [percentage points]."""
+    """The margin of the share of localised frames: a line is worse where it fell by more [percentage points]."""
     time: float | None = None
-    """A line is worse, too, whose time per frame grows by more than this [%]. Default: time is shown only."""
+    """A line is worse, too, whose time per frame grew by more than this [%]. Default: time is shown only."""
     sources: tuple[str, ...] = ()
     """Sources instead of the plan's, such as sim:tiny."""
     seeds: str | None = None

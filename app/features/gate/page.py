@@ -12,9 +12,10 @@ from ...presentation.templating import environment
 from ..experiments.plan import Plan, label
 from ..experiments.statistics import value_of
 from ..report.html import own_text, shown
-from .change import Change
+from .change import FAILED, Change
 from .judge import LOCATED, SEGMENTS, Judgement, Rules, Tested, Verdict, percent
 from .pairs import Pair
+from .power import MOST_PAIRS, POWER, Power
 from .worst import Worst, worst_first
 
 MOST_ROWS = 200
@@ -27,6 +28,8 @@ def signed_percent(log_ratio: float | None) -> str:
     """As a change in per cent: +3.1 %, and ±0 % where nothing changed."""
     if log_ratio is None:
         return "–"
+    if abs(log_ratio) > FAILED / 4:
+        return "without limit (failed runs)"
     value = percent(log_ratio)
     return "±0 %" if value == 0 else f"{value:+.3g} %".replace("-", "−")
 
@@ -40,7 +43,35 @@ def interval(change: Change) -> str:
 def line_text(judgement: Judgement) -> list[str]:
     """What the command prints of a line of the plan."""
     found = [f"{judgement.verdict}: {judgement.line}: {', '.join(map(_tested_text, judgement.tested))}"]
-    return found + [f"  {reason}" for reason in judgement.reasons]
+    found += [f"  {reason}" for reason in judgement.reasons]
+    return found + ([f"  {decides_text(judgement)}"] if judgement.verdict == "cannot tell" else [])
+
+
+def decides_text(judgement: Judgement) -> str:
+    """How many runs would decide where these cannot tell."""
+    pairs, seeds = judgement.pairs_that_decide, judgement.seeds_that_decide
+    if pairs is None:
+        return (
+            f"fewer than {MOST_PAIRS} runs like these would not decide: the change is too near to the margin, "
+            "so give another --effect"
+        )
+    of_seeds = "" if seeds is None else f", that is {seeds} seeds of each simulation"
+    return f"about {pairs} runs like these would decide{of_seeds}; there are {judgement.runs}"
+
+
+def power_text(power: Power, known: int | None = None) -> str:
+    """What the gate can find, before its runs, or after the first `known` ones."""
+    found = "no change" if power.smallest is None else f"a change of {signed_percent(power.smallest)} and more"
+    scatter = f"a factor of {math.exp(power.spread):.3g}"
+    because = {
+        "baseline": f"if before and after scatter as seeds of the baseline do, by {scatter}",
+        "assumed": f"if pairs scatter by {scatter}, which is assumed",
+        "pairs": f"as the {'pairs' if known is None else f'first {known} pairs'} scatter by {scatter}",
+    }[power.source]
+    return (
+        f"{power.line}: {power.pairs} runs find {found} of {power.quantity} with a probability of {100 * POWER:g} %, "
+        f"{because}"
+    )
 
 
 def _tested_text(tested: Tested) -> str:
@@ -68,10 +99,18 @@ def page(
     pairs: Sequence[Pair],
     worst: Worst | None,
     rules: Rules,
+    power: Sequence[Power],
 ) -> str:
     """Everything of the plan and the runs is escaped."""
     made = environment(__name__.rpartition(".")[0])
-    made.filters |= {"shown": shown, "label": label, "change": signed_percent, "interval": interval}
+    made.filters |= {
+        "shown": shown,
+        "label": label,
+        "change": signed_percent,
+        "interval": interval,
+        "power": power_text,
+    }
+    made.filters["decides"] = decides_text
     rows = [_cells(pair, rules) for pair in worst_first(pairs, rules)]
     return made.get_template("gate.html").render(
         css=own_text("page.css"),
@@ -84,6 +123,7 @@ def page(
         rows=rows[:MOST_ROWS],
         left=max(0, len(rows) - MOST_ROWS),
         pairs=len(pairs),
+        power=power,
         worst=worst,
         worst_text=None if worst is None else worst_text(worst, rules),
         plots=[_plot(item, pairs, rules) for j in judgements for item in j.tested if item.change is not None],
@@ -91,10 +131,16 @@ def page(
 
 
 def numbers(
-    verdict: Verdict, judgements: Sequence[Judgement], pairs: Sequence[Pair], worst: Worst | None, rules: Rules
+    verdict: Verdict,
+    judgements: Sequence[Judgement],
+    pairs: Sequence[Pair],
+    worst: Worst | None,
+    rules: Rules,
+    power: Sequence[Power],
 ) -> str:
-    """gate.json: verdicts, tests, pairs and the first divergence."""
+    """gate.json: verdicts, tests, power, pairs and the first divergence."""
     found: dict[str, Any] = {"verdict": verdict, "rules": asdict(rules), "lines": [asdict(j) for j in judgements]}
+    found["power"] = [asdict(each) for each in power]
     found["pairs"] = [_cells(pair, rules) for pair in pairs]
     found["worst"] = None
     if worst is not None:

@@ -17,6 +17,7 @@ from ..experiments.plan import Plan, Run
 from ..experiments.results import ROWS_CSV
 from ..experiments.row import Row, milliseconds, row_of
 from ..experiments.statistics import value_of
+from .change import FAILED
 
 NOTHING = 1e-9
 """Added to both errors [their unit]: what is below a nanometre is rounding."""
@@ -28,7 +29,7 @@ class Pair:
 
     before: Row
     after: Row
-    folders: tuple[Path, Path]
+    folders: tuple[Path, Path] = (Path(), Path())
 
     @property
     def run(self) -> Run:
@@ -45,6 +46,11 @@ class Pair:
         """After - before; None where one of them lacks the quantity."""
         before, after = value_of(self.before, quantity), value_of(self.after, quantity)
         return None if before is None or after is None else after - before
+
+    def score(self, quantity: str) -> float | None:
+        """The same, with `FAILED` where only the run after lacks the quantity, and -`FAILED` where only that before."""
+        had, has = self.gave(quantity)
+        return self.log_ratio(quantity) if had == has else FAILED if had else -FAILED
 
     def gave(self, quantity: str) -> tuple[bool, bool]:
         """Whether the run has the quantity, before and after."""

@@ -18,7 +18,6 @@ from ispom.types import FRAME_KINDS, Sequence
 
 from ...engine import warmup
 from ...engine.conditions.evaluate import Until, require_run, until
-from ...engine.events import Finished
 from ...engine.playback import Builder, Playback, Stage
 from ...engine.run_events.table import event_lines
 from ...engine.run_folder.results import summary
@@ -28,7 +27,7 @@ from .console import Progress, progress
 from .job import Job, Origin
 from .options import Run
 from .output import describe, write_inputs
-from .play import play
+from .play import Played, play
 
 NO_MOTION = "no method found any motion"
 """In the sentence of a run without two poses: by this an experiment knows it from other failures."""
@@ -93,8 +92,8 @@ def _run(job: Job, signals: Signals) -> None:
     try:
         played = play(job, signals)
         if job.watch.stop is None:
-            _require_poses(job, played.finished)
-        describe(job, played.images_sha256)
+            _require_poses(job, played)
+        describe(job, played.statistics.images.hexdigest())
         if problems := "; ".join(filter(None, (played.failure, folder.problem))):
             raise InputError(problems)
     except BaseException as error:
@@ -111,12 +110,19 @@ def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
         raise InputError(f"--at is {at}, but the last frame of the source is {last}: give a value from 0 to {last}")
 
 
-def _require_poses(job: Job, finished: Finished) -> None:
-    if all(len(finished.trajectories[method]) < 2 for method in job.methods):
+def _require_poses(job: Job, played: Played) -> None:
+    """Raises InputError where no method found a motion: with what is known of the source, or else with the check that
+    each method failed."""
+    if all(len(played.finished.trajectories[method]) < 2 for method in job.methods):
         source = without_secrets(job.options.source)
         mixed_up = [f"{note[0].lower()}{note[1:-1]}" for note in job.playback.sequence.notes if note in MIXED_UP]
-        cure = mixed_up[0] if mixed_up else "give images with texture in focus, and overlap"
-        raise InputError(f"{source}: {NO_MOTION}: {cure}")
+        waits = played.statistics.waits
+        why = "; ".join(f"{method}: {waits[method].removesuffix('.')}" for method in job.methods if method in waits)
+        # Where a method that they build on was located, the images are good.
+        texture = "" if any(played.statistics.located.values()) else "give images with texture in focus, and overlap"
+        cure = mixed_up[0] if mixed_up else texture
+        said = f"{cure} ({why})" if cure and why else cure or why or "give a longer sequence"
+        raise InputError(f"{source}: {NO_MOTION}: {said}")
 
 
 def _reason(error: BaseException, playback: Playback) -> str:

@@ -9,12 +9,13 @@ import tyro
 
 from ispom.ensemble import build
 from ispom.errors import InputError
+from ispom.io.files import confined
 from ispom.methods import with_dependencies
 
 from ...engine.options import config_of, settings_of
 from ...engine.playback import Builder, Stage
 from ...engine.run_folder.run_file import read_run_file
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 from .command import run as run_headless
 from .job import Origin
 from .options import Fork, Run
@@ -33,13 +34,15 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)
     here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_dependencies(run.methods), config))
     stages = (*stages, replace(here, until=options.at))
+    found = stored_source(options.run, run, options.source)
     again = Run(
-        source=source_of(run, options.source),
+        source=found.source,
         methods=options.methods or run.methods,
         settings=settings_of(config_of(options.settings)),
         out=options.out,
         recording=options.recording,
         frame=run.frame,
-        **vars(source_options(run)),
+        **vars(found.options),
     )
-    return run_headless(again, builder, Origin(run, options.run, stages))
+    with confined(found.places):
+        return run_headless(again, builder, Origin(run, options.run, stages))

@@ -64,8 +64,7 @@ class Played:
     """A run that came to its end, or to the frame that --until stopped it at."""
 
     finished: Finished
-    images_sha256: str
-    """Of all images that the estimators saw."""
+    statistics: RunStatistics
     failure: str | None
     """Why the recording ended early, one sentence; None where it did not."""
 
@@ -120,4 +119,4 @@ def play(job: Job, signals: Signals) -> Played:
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
             steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
     signals.check()
-    return Played(finished, steps.statistics.images.hexdigest(), steps.record.failure)
+    return Played(finished, steps.statistics, steps.record.failure)

@@ -18,7 +18,7 @@ from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import trajectory_file
 from ...engine.run_folder.step_reader import stored_steps
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 
 PREFERRED = ("integrated", "stereo", "integrated.paper", "stereo.paper")
 
@@ -63,7 +63,7 @@ def read_ran(folder: Path, source: str | None) -> Ran:
     metric = [m for m in run.methods if registered(m).unit == "metric" and exists(folder / trajectory_file(m))]
     if not metric:
         raise InputError(f"{folder} has no metric poses: run stereo or integrated on a recording with a stereo pair")
-    sequence = source_options(run).open(source_of(run, source))
+    sequence = stored_source(folder, run, source).open()
     paths = {m: read_tum(folder / trajectory_file(m), run.frame) for m in metric}
     lost = _lost(folder, metric)
     paths = {m: path.select(~np.isin(path.times_ns, lost[m])) for m, path in paths.items()}

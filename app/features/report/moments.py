@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.sequences import open_sequence
 from ispom.types import Image, TrackStatus, main_image
 
+from ...engine.run_folder.run_file import read_run_file
 from ...presentation import colours
 from ...presentation.texts import computing_time, length
+from ...session.review.stored import stored_source
 from .folder import Run
 from .steps import Steps
 
@@ -25,8 +26,6 @@ MOST, ALL = 6, 30
 WIDTH_PX = 400
 QUALITY = 70
 RECORDING = "run.rrd"
-OPENING = ("stereo_every", "video_scale", "seed", "max_exposures", "camera", "sensors")
-"""Options of a run that shape its sequence."""
 
 
 @dataclass(frozen=True)
@@ -137,11 +136,7 @@ def _rows(reader: Any, entity: str, indices: set[int], columns: tuple[str, ...])
 
 
 def _reread(run: Run, indices: set[int]) -> dict[int, bytes]:
-    source = run.manifest["source"]
-    if not source.startswith("sim:") and not Path(source).expanduser().exists():  # no camera or address is opened
-        raise InputError(f"{source} is not here")
-    options = {name: run.manifest["options"][name] for name in OPENING if name in run.manifest["options"]}
-    sequence = open_sequence(source, **options)
+    sequence = stored_source(run.path, read_run_file(run.path), cure="no image of it is shown").opened()
     found = {}
     for index in sorted(indices):
         if 0 <= index < len(sequence):

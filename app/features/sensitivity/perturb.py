@@ -27,7 +27,7 @@ from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.signals import terminable
 from ...presentation.texts import length, length_unit
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 from ..headless.console import progress, wait_for_compiler
 from .options import Perturb
 from .predictor import Prediction, Predictor
@@ -69,7 +69,7 @@ def perturb(options: Perturb, builder: Builder = build) -> int:
 def _rerun(options: Perturb, builder: Builder) -> dict[str, Trajectory]:
     """The final trajectories with the wrong calibration."""
     run = read_run_file(options.run)
-    sequence = options.wrong.of_sequence(source_options(run).open(source_of(run, options.source)))
+    sequence = options.wrong.of_sequence(stored_source(options.run, run, options.source).open())
     methods = with_dependencies(run.methods)
     playback = Playback(sequence, methods, run.configs(), builder)
     warmup.start(methods, run.configs())

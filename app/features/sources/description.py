@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ispom.errors import printable
 from ispom.methods import possible_methods
+from ispom.sequences.readings import Readings, readings_of
 from ispom.types import Camera, Kind, Sequence, Trajectory
 
 from ...engine.options import Options
@@ -50,9 +51,12 @@ def described(sequence: Sequence) -> list[str]:
     if rig.left is not None:
         what = f"baseline {rig.baseline_m:.4g} m, " if rig.has_stereo else ""
         lines += _camera("stereo", rig.left, what + _rate(sequence.times_ns[kinds == "stereo"], "pairs"))
+    readings = readings_of(sequence)
     for name, sensor in rig.sensors.items():
         if name not in ("video", "left", "right"):
             what = _rate(sequence.times_ns[kinds == sensor.kind], "measurements")
+            if name not in rig.cameras:
+                what = _measured(readings.get(name))
             lines += _camera(name, rig.camera(name), what) if name in rig.cameras else [_line(name, what)]
     lines.append(_line("span", _span(sequence.times_ns)))
     lines += [_line("gaps", text) for text in _gaps(sequence)]
@@ -72,6 +76,13 @@ def _camera(name: str, camera: Camera, what: str) -> list[str]:
         distortion = f"{camera.lens}, {distortion}"
     calibration = f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px, {distortion}"
     return [_line(name, f"{camera.width} x {camera.height} px, {what}"), _line("", calibration)]
+
+
+def _measured(found: Readings | None) -> str:
+    """The number of a sensor's measurements, however many of them are in one piece of the sequence, and their rate."""
+    if found is None:
+        return "0 measurements"
+    return _rate(found.times_ns[len(found.times_ns) - len(found) :], "measurements")
 
 
 def _rate(times_ns: NDArray[np.int64], unit: str) -> str:

@@ -12,7 +12,7 @@ from ...engine.options import SourceOptions
 from ...engine.run_folder.run_file import read_run_file
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.review.stored import source_of, source_options
+from ...session.review.stored import stored_source
 from ...session.service import Service
 from ...session.sources.opening import stored_at
 from ..branches.service import BranchService
@@ -96,7 +96,7 @@ class SweepService(Service):
             branches.show(known)
             return
         path = self.session.recordings / sweep.name / outcome.folder
-        stored = stored_at(str(path), self.session.opener.opener, self.session.opener.builder)
+        stored = stored_at(str(path), self.session.opener.opener, self.session.opener.builder)  # this program wrote it
         if stored is None:
             raise InputError(f"{path} holds no run any more: run the sweep again")
         found = CurrentRun.of_stored(stored, self.session.history_bytes)
@@ -117,7 +117,10 @@ class SweepService(Service):
         if run.stored is None:
             return state.source, state.source_options
         written = read_run_file(run.stored.path)
-        return source_of(written), source_options(written)
+        found = stored_source(run.stored.path, written, None, self.session.opener.asked_for)
+        if found.places is not None:
+            raise InputError("the run was made on another machine: run its source again, then sweep that run")
+        return found.source, found.options
 
     def _free(self) -> str:
         """A name that nothing in the folder has."""

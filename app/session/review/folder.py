@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.files import exists
+from ispom.io.files import confined, exists
 from ispom.io.rig import read_rig
 from ispom.io.trajectories import read_tum
 from ispom.methods import Config, method, with_dependencies
@@ -25,13 +25,22 @@ from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RECORDING, RIG, TRUTH, trajectory_file
 from .recording import identity
 from .records import Exposures, exposures, records
-from .stored import Stored, nobody, source_of, source_options
+from .stored import Stored, compared, nobody, stored_source
 
 Opener = Callable[[str, SourceOptions], Sequence]
 
 
-def read_stored(folder: Path, opener: Opener, builder: Builder) -> Stored:
-    """The run of a folder. `opener` opens its source. InputError where the folder holds no run, or not as written."""
+NAME_IT = "open that source first, or name it where the program is started"
+
+
+def read_stored(
+    folder: Path, opener: Opener, builder: Builder, named: Collection[str] = (), compare: bool = False
+) -> Stored:
+    """The run of a folder. `opener` opens its source, where `stored_source` allows it: a person `named` these before.
+
+    `compare`: no image is given before all were compared with those of the run. InputError where the folder holds no
+    run, or not as written.
+    """
     run, rig = read_run_file(folder), read_rig(folder / RIG)
     config, methods = run.configs(), with_dependencies(run.methods)
     if not methods:
@@ -40,7 +49,7 @@ def read_stored(folder: Path, opener: Opener, builder: Builder) -> Stored:
     if not len(found.kinds):
         raise InputError(f"{folder} holds no exposure: run again")
     recording, identity = _recording(folder)
-    sequence, unavailable = _sequence(folder, run, rig, found, opener)
+    sequence, unavailable = _sequence(folder, run, rig, found, opener, named, compare)
     playback = _playback(sequence, methods, config, run, builder, unavailable)
     if not unavailable:
         found = replace(found, times_ns=sequence.times_ns, kinds=sequence.kinds[: len(found.kinds)])
@@ -67,10 +76,17 @@ def _recording(folder: Path) -> tuple[Path | None, str]:
         return None, ""
 
 
-def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener) -> tuple[Sequence, str]:
+def _sequence(
+    folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener, named: Collection[str], compare: bool
+) -> tuple[Sequence, str]:
     """That of the source, or else one without images, and why."""
     try:
-        sequence = self_calibrated(opener(source_of(run), source_options(run)))
+        allowed = stored_source(folder, run, None, named, NAME_IT)
+        with confined(allowed.places):
+            sequence = opener(allowed.source, allowed.options)
+        if compare and run.images_sha256 is not None and not run.source.startswith("sim:"):
+            sequence = compared(sequence, run.images_sha256, run.source)
+        sequence = self_calibrated(sequence)
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its frames have other times"

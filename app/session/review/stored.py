@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from ispom.ensemble import Ensemble
-from ispom.errors import InputError
-from ispom.io.files import exists, expanded
+from ispom.errors import InputError, UnreadableImage
+from ispom.io.files import Places, confined, exists, expanded, is_below
 from ispom.methods import Config
 from ispom.sequences.address import is_address, is_device, without_secrets
-from ispom.types import Rig, Trajectory
+from ispom.types import Measurement, Rig, Sequence, Trajectory
 
 from ...engine.history.record import ExposureRecord
 from ...engine.options import SourceOptions
 from ...engine.playback import Playback
 from ...engine.run_folder.run_file import RunFile
+from ...engine.run_folder.run_folder import RUN
+from ...engine.run_folder.statistics import ImagesDigest
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +58,94 @@ _KINDS = {
 }
 
 
-def source_of(run: RunFile, moved_to: str | None = None) -> str:
-    """Where its images are; InputError where they are gone."""
+@dataclass(frozen=True)
+class StoredSource:
+    """A run's source, which may be opened."""
+
+    source: str
+    options: SourceOptions
+    """How it is opened."""
+    places: Places = None
+    """Only what lies here is read, links followed: the run's folder is somebody else's. None: anything."""
+
+    def open(self) -> Sequence:
+        """As `SourceOptions.open`."""
+        with confined(self.places):
+            return self.options.open(self.source)
+
+    def opened(self) -> Sequence:
+        """As `SourceOptions.opened`."""
+        with confined(self.places):
+            return self.options.opened(self.source)
+
+
+OPTION = "give --source with where it is now"
+
+
+def stored_source(
+    folder: Path, run: RunFile, moved_to: str | None = None, named: Collection[str] = (), cure: str = OPTION
+) -> StoredSource:
+    """Where the images of a run are, and what of the disk may be read for them. Every command, the page, and agents ask
+    this.
+
+    What a run.yaml that was not written on this machine names is opened only in the run's own folder, or where a person
+    named it: as `moved_to`, or among the sources `named` before. InputError, with the `cure`, for anything else, and
+    where the images are gone.
+    """
     source = moved_to or run.source
     if is_device(source) or is_address(source):
         raise InputError(
             f"the run was live, on {without_secrets(source)}, and its images are gone: fork a run on files"
         )
-    if not source.startswith("sim:") and not exists(expanded(source)):
-        raise InputError(f"{source}, the source of the run, is not there: give --source with where it is now")
-    return source
+    simulated, options = source.startswith("sim:"), source_options(run)
+    given = moved_to is not None or source in named
+    places = None if run.own else (folder,)
+    if places is not None:
+        allowed = (*places, _place(expanded(source))) if given and not simulated else places
+        files = {"source": None if simulated or given else source, "camera": options.camera, "sensors": options.sensors}
+        for name, file in files.items():
+            if file is not None and not is_below(expanded(file), allowed):
+                how = cure if name == "source" else "copy it into the folder of the run"
+                raise InputError(
+                    f"{folder / RUN} was not written on this machine, or was changed since, and names as {name} "
+                    f"{str(file)[:200]}, outside of its folder: {how}"
+                )
+    if not simulated and not exists(expanded(source)):
+        raise InputError(f"{source}, the source of the run, is not there: {cure}")
+    return StoredSource(source, options, None if given else places)
+
+
+def _place(source: Path) -> Path:
+    """The folder in which a source's other files are."""
+    return source if source.is_dir() else source.parent
+
+
+def compared(sequence: Sequence, expected: str, source: str) -> Sequence:
+    """The sequence, whose images are read once and compared with those of the run before the first one is given.
+
+    They are those whose digest is `expected`, all or the first ones. Where they are not, none can be read.
+    """
+    same: bool | None = None
+
+    def load(i: int) -> Measurement:
+        nonlocal same
+        if same is None:
+            same = _are_of(sequence, expected)
+        if not same:
+            raise UnreadableImage(f"the images of {source} are not those that the run saw: give the run's own")
+        return sequence.load(i)
+
+    return replace(sequence, load=load)
+
+
+def _are_of(sequence: Sequence, expected: str) -> bool:
+    found = ImagesDigest()
+    for i in range(len(sequence)):
+        with suppress(UnreadableImage):  # nor could the run read it
+            found.add(sequence.load(i))
+        if found.hexdigest() == expected:
+            return True
+    return False
 
 
 def source_options(run: RunFile) -> SourceOptions:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 
 from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError
@@ -39,6 +39,15 @@ class SourceOpener:
     """Where somebody at the page may look for runs and recordings."""
     named: str = ""
     """What the command line named may be opened wherever it is."""
+    compare: bool = False
+    """Whether images of stored runs are compared with those of the run before any is given: an agent sees them."""
+    _asked: set[str] = field(default_factory=set)
+    """Sources that were opened."""
+
+    @property
+    def asked_for(self) -> frozenset[str]:
+        """Sources that a person named or opened, which a stored run may name, too."""
+        return frozenset({self.named, *self._asked} - {""})
 
     def stored(self, source: str, memory_bytes: int) -> CurrentRun | None:
         """A run or a recording that is over, where the source is the path of one; else None.
@@ -47,7 +56,7 @@ class SourceOpener:
         """
         policy = ANY_SOURCE if self.named and source == self.named else SourcePolicy(self.folders.root)
         with bounded(policy.places):
-            found = stored_at(source, self.opener, self.builder, policy)
+            found = stored_at(source, self.opener, self.builder, policy, self.asked_for, self.compare)
             if found is None:
                 return None
             if self.trajectory_options:
@@ -72,6 +81,7 @@ class SourceOpener:
         cameras for, or else the usual ones.
         """
         sequence = self.opener(source) if options is None else self.opener(source, options)
+        self._asked.add(source)
         if sequence.guess is not None:
             progress(f"{without_secrets(source)} has no calibration: finding focal length and distortion in its images")
             sequence = self_calibrated(sequence)
@@ -95,10 +105,15 @@ class SourceOpener:
 
 
 def stored_at(
-    source: str, opener: Callable[..., Sequence], builder: Builder, policy: SourcePolicy = ANY_SOURCE
+    source: str,
+    opener: Callable[..., Sequence],
+    builder: Builder,
+    policy: SourcePolicy = ANY_SOURCE,
+    named: Collection[str] = (),
+    compare: bool = False,
 ) -> Stored | None:
-    """The run or the recording that is over, where the source is the path of one; else None. InputError where it cannot
-    be read, or `policy` forbids it."""
+    """The run or the recording that is over, where the source is the path of one; else None. `named` and `compare` as
+    in `read_stored`. InputError where it cannot be read, or `policy` forbids it."""
     if source.startswith("sim:") or is_device(source) or is_address(source):
         return None
     policy.check(source)
@@ -107,7 +122,8 @@ def stored_at(
         folder = path.parent if path.name == RECORDING else path
         if path.name == RUN or not (exists(folder / RUN) or path.suffix == ".rrd"):
             return None
-        return read_stored(folder, opener, builder) if exists(folder / RUN) else read_recording(path)
+        found = exists(folder / RUN)
+        return read_stored(folder, opener, builder, named, compare) if found else read_recording(path)
 
 
 def with_external_trajectories(

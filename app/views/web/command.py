@@ -64,6 +64,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             folders=Folders(None if command.root is None else command.root.expanduser()),
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
             trajectory_options=trajectories,
+            compare_images=command.agents is not None,
             extras=(library,),
             autoplay=not isinstance(command, Learn),
         )

@@ -50,6 +50,8 @@ SECOND_MOTION = Check(
 )
 
 
+SAME_MOTION = 0.8
+"""Share of the other points that a motion must explain as well, for points that it explains to be no second motion."""
 INLIER = 4.0
 """Inlier limit of the second motion, in loss widths: 2.0 px in the video and 0.7 px in a stereo pair at the defaults.
 In a pair the limit of the pose is 2.5 px: points just beyond it, which move alike in a part of the image, are no moving
@@ -78,7 +80,24 @@ def second_motion(x1: Array, x2: Array, outliers: NDArray[np.bool_], width: floa
 
     `width` of the robust loss, normalised.
     """
+    if enough_outliers(int(outliers.sum()), len(x1)):
+        outliers = outliers & ~_of_one_motion(x1, x2, ~outliers, width)
     return second_motion_decision(explained_by_motion(x1[outliers], x2[outliers], width), len(x1))
+
+
+def _of_one_motion(x1: Array, x2: Array, others: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
+    """Returns which of all points (N, 2) in two views one motion of the camera explains in a scene at rest, if it
+    explains the `others` (N,), which are no outliers; none if no motion does.
+
+    Near points of a camera that starts to drive are outliers of the far ones, which look like rest or a zoom. Whether
+    they move by themselves cannot be told from two views then.
+    """
+    found = relative_pose(x1, x2, width, SAMPLES)
+    if found is None:
+        return np.zeros(len(x1), bool)
+    explained = ~off_epipolar_lines(found.second_from_first, x1, x2, INLIER * width)
+    enough = explained[others].sum() >= SAME_MOTION * others.sum()
+    return explained if enough else np.zeros(len(x1), bool)
 
 
 def explained_by_motion(x1: Array, x2: Array, width: float) -> NDArray[np.bool_]:

@@ -25,11 +25,21 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method, require_frame
-from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, SLIP, STARTED
+from ispom.estimators.survey.fused_checks import (
+    CHECKS,
+    FITS,
+    GAINS,
+    LOCATED,
+    MAX_FIT,
+    MIN_GAIN,
+    SLIP,
+    START_SIGMA,
+    STARTED,
+)
 from ispom.estimators.survey.fused_graph import GAUGE, Graph
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import OTHERS, SCHEMES, FusedSettings
-from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, started
+from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, fix_checks, started
 from ispom.estimators.survey.fused_values import Noise, revised_nodes
 from ispom.geometry import Pose
 from ispom.stopwatch import Stopwatch
@@ -156,19 +166,22 @@ class Fused:
         known = self._metric or not self._sensors  # images alone keep their unit
         start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
-        waiting = replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
         if start is None:
-            return waiting
+            missing = fix_checks(nodes, self._config.start_m) if "gnss" in self._sensors else ()
+            decisions += tuple(check for check in missing if not check.passed)
+            return replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
         prior = self._graph.first_prior(
             start.nodes[0],
             self._graph.first_covariance(start.nodes[0].local_from_rig, self._config.tilt_deg),
             start.scale_sigma,
         )
+        waiting = replace(state, nodes=nodes)
         nodes, misfits = self._graph.optimised(start.nodes, prior)
-        deviation = self._graph.uncertainty(nodes, prior)[1]
+        certain = START_SIGMA.of(self._graph.uncertainty(nodes, prior)[1], WORST_SCALE)
         watch.lap("optimise")
-        if self._sensors and deviation > WORST_SCALE:
-            return waiting
+        if self._sensors and not certain.passed:
+            count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
+            return waiting, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
         state = replace(state, nodes=nodes, prior=prior, first=prior, walls=None)
         return self._reported(state, decisions, misfits, watch)
 

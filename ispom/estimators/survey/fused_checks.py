@@ -27,6 +27,32 @@ STARTED = Check(
     passes="Started: scale and directions are known after {value} nodes.",
     fails="Waiting: scale and directions are unknown after {value} nodes.",
 )
+START_WAY = Check(
+    "start_way",
+    "extent of the fixes before the start",
+    "requirement",
+    unit="m",
+    topic="map",
+    passes="The fixes lie {value:.1f} m apart ({threshold:.1f} needed).",
+    fails="Waiting: the fixes lie {value:.1f} m apart ({threshold:.1f} needed for scale and heading).",
+)
+START_FIXES = Check(
+    "start_fixes",
+    "fixes before the start",
+    "requirement",
+    topic="map",
+    passes="{value} fixes are there ({threshold} needed).",
+    fails="Waiting: {value} fixes are there ({threshold} needed for scale and heading).",
+)
+START_SIGMA = Check(
+    "start_sigma",
+    "relative standard deviation of the first estimate",
+    "requirement",
+    relation="<=",
+    topic="map",
+    passes="The first estimate is known to {value:.0%} (limit {threshold:.0%}).",
+    fails="Waiting: the first estimate is uncertain by {value:.0%} (limit {threshold:.0%}).",
+)
 SLIP = Check(
     "wheel_slip",
     "way of the wheels that the images do not confirm",
@@ -59,4 +85,4 @@ GAINS = {
     for sensor, name in NAMES.items()
     if sensor != "visual"
 }
-CHECKS = by_key(LOCATED, STARTED, SLIP, *FITS.values(), *GAINS.values())
+CHECKS = by_key(LOCATED, STARTED, START_FIXES, START_WAY, START_SIGMA, SLIP, *FITS.values(), *GAINS.values())

@@ -13,10 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from ispom.estimators.survey.fused_checks import START_FIXES, START_WAY
 from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
 from ispom.estimators.survey.fused_links import Inertial
 from ispom.estimators.survey.fused_values import Node
 from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.types import Decision
 
 OPTICAL_FROM_LEVEL = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Right, down, ahead of right (east), ahead (north), up."""
@@ -126,18 +128,26 @@ def _ahead_is_north(nodes: tuple[Node, ...], level_from_world: Array, camera_fro
     return so3_exp(np.array([0.0, 0.0, np.arctan2(ahead[0], ahead[1])])) @ level_from_world
 
 
+def fix_checks(nodes: tuple[Node, ...], start_m: float) -> tuple[Decision, ...]:
+    """Returns whether the fixes are enough, and lie far enough apart, for scale and heading."""
+    fixes = [fix for n in nodes for fix in n.fixes]
+    enough = START_FIXES.of(len(fixes), FEWEST_FIXES)
+    if not enough.passed:
+        return (enough,)
+    xy = np.array([fix.xyz_in_local[:2] for fix in fixes])
+    sigma = float(np.sqrt(np.mean([np.trace(fix.covariance[:2, :2]) / 2 for fix in fixes])))
+    extent = float(np.linalg.norm(xy - xy[0], axis=1).max())
+    return enough, START_WAY.of(extent, max(start_m, SPREAD * sigma))
+
+
 def _by_fixes(
     nodes: tuple[Node, ...], level_from_world: Array, camera_from_rig: Pose, scale: float | None, start_m: float
 ) -> tuple[float, Array, Array] | None:
     """Returns scale, (3, 3) local_from_world and the local position of the images' origin, by a similarity."""
+    if not all(check.passed for check in fix_checks(nodes, start_m)):
+        return None
     rows = [(n, fix) for n in nodes for fix in n.fixes]
-    if len(rows) < FEWEST_FIXES:
-        return None
     xyz = np.array([fix.xyz_in_local for _, fix in rows])
-    sigma = np.sqrt(np.mean([np.trace(fix.covariance[:2, :2]) / 2 for _, fix in rows]))
-    extent = np.linalg.norm(xyz[:, :2] - xyz[0, :2], axis=1).max()
-    if extent < max(start_m, SPREAD * sigma):
-        return None
     thens = [n.camera @ fix.camera_from_then for n, fix in rows if n.camera is not None]
     cameras = np.array([level_from_world @ pose.translation for pose in thens])
     arms = np.array(

@@ -30,11 +30,11 @@ from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method
 from ispom.estimators.survey.fused import METHOD as FUSED
 from ispom.estimators.survey.fused import WAITING_NODES, WORLD_FROM_LOCAL, Fused, FusedConfig
-from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, STARTED
+from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, START_SIGMA, STARTED
 from ispom.estimators.survey.fused_links import FLOOR_M, FLOOR_RAD, inertial_link
 from ispom.estimators.survey.fused_nodes import FusedState, ahead
 from ispom.estimators.survey.fused_settings import OTHERS
-from ispom.estimators.survey.fused_start import Start, resting, started
+from ispom.estimators.survey.fused_start import Start, fix_checks, resting, started
 from ispom.estimators.survey.fused_tight_graph import TightGraph, TightPrior
 from ispom.estimators.survey.fused_values import NO_POINTS, Node, Points, revised_nodes
 from ispom.geometry import Pose
@@ -155,9 +155,10 @@ class Tight(Fused):
         watch.lap("measure")
         begin = self._begin(nodes)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=begin is not None))
-        waiting = state, Step(time_ns, Status.INITIALISING, decisions=decisions)
         if begin is None:
-            return waiting
+            missing = fix_checks(nodes, self._config.start_m) if "gnss" in self._sensors else ()
+            decisions += tuple(check for check in missing if not check.passed)
+            return state, Step(time_ns, Status.INITIALISING, decisions=decisions)
         start, still = begin
         prior = self._tight.first_prior(start.nodes[0], still)
         nodes, misfits = self._tight.optimised(start.nodes, prior, state.lens)
@@ -167,8 +168,11 @@ class Tight(Fused):
         )
         covariance = self._tight.uncertainty(nodes, prior, state.lens)[0]
         watch.lap("optimise")
-        if not still and np.sqrt(np.trace(covariance[:3, :3])) > WORST_START * way:
-            return waiting
+        sigma_m = float(np.sqrt(np.trace(covariance[:3, :3])))
+        if not still and sigma_m > WORST_START * way:
+            certain = START_SIGMA.of(sigma_m / way if way else np.inf, WORST_START, passed=False)
+            count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
+            return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
         frames = state.frames.extended([(n.time_ns, n.number, Pose()) for n in nodes])
         state = replace(state, nodes=nodes, joint=prior, origin=prior, frames=frames)
         return self._told(state, decisions, misfits, watch)

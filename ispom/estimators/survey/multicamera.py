@@ -99,9 +99,9 @@ PARALLAX = Check(
     fails="Waiting: the tracks moved by {value:.1f} px ({threshold:.1f} needed).",
 )  # fmt: skip
 INLIERS = Check(
-    "rig_inliers", "inliers of the rig's pose", "requirement", "Rig located?", topic="pose",
-    passes="Located: {value} inliers in all cameras ({threshold} needed).",
-    fails="Lost: {value} inliers in all cameras ({threshold} needed).",
+    "rig_inliers", "points that fit the first estimate of the rig's pose", "requirement", "Rig located?", topic="pose",
+    passes="Located: {value} points fit the first estimate of the pose ({threshold} needed).",
+    fails="Lost: {value} points fit the first estimate of the pose ({threshold} needed).",
 )  # fmt: skip
 SCALE = Check(
     "relative_scale_sigma", "relative standard deviation of the scale", "finding", "Is the scale observable?", "<=",

@@ -95,8 +95,8 @@ class Diagnosis:
 
     @property
     def helped(self) -> Reruns | None:
-        """The reruns that have a setting that helped, those that set one back to its default first; None without one."""
-        return next((each for each in (self.set_back, self.reruns) if each is not None and each.best is not None), None)
+        """The reruns with a setting that helped: those that set one back to its default first; None without one."""
+        return next((r for r in (self.set_back, self.reruns) if r is not None and r.best is not None), None)
 
     @property
     def answer(self) -> str:

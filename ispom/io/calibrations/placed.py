@@ -12,8 +12,9 @@ import yaml
 from ispom.cameras import require_opencv
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.camera import doubts, usable
+from ispom.io.camera import usable
 from ispom.io.mapping import finite_numbers
+from ispom.plausibility.cameras import camera_doubts
 from ispom.types import Camera
 
 ROUNDED = 1e-3
@@ -80,7 +81,7 @@ def placed(
     notes: tuple[str, ...] = (),
 ) -> Placed:
     """Returns a camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
-    return Placed(name, camera, body_from_camera, (*notes, *doubts(camera, f"{path}: {where}".rstrip(": "))))
+    return Placed(name, camera, body_from_camera, (*notes, *camera_doubts(camera, f"{path}: {where}".rstrip(": "))))
 
 
 def camera_from(

@@ -19,8 +19,10 @@ from ispom.io.camera import INTRINSICS, SIZES, camera_of, skipped_note
 from ispom.io.colmap import read_colmap_cameras
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
-from ispom.io.rig import CAMERAS, ENTRIES, read_rig
+from ispom.io.rig import ENTRIES, read_rig
 from ispom.io.rows import read_text
+from ispom.io.values import CAMERAS
+from ispom.plausibility.mounts import order_doubts
 from ispom.types import Camera, Rig
 
 KNOWN = (
@@ -29,8 +31,6 @@ KNOWN = (
 )
 SUFFIXES = (".yaml", ".yml", ".xml", ".json")
 """Largest number of files that are examined in a folder."""
-UPSIDE_DOWN = 0.9
-"""First number of a quaternion that is likely its w."""
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
 _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
 
@@ -178,7 +178,10 @@ def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) 
     keys = {key for key in content if isinstance(key, str)}
     if keys & set(CAMERAS) or (keys and keys <= ENTRIES):
         rig = read_rig(path, every_placed)
-        cameras = [placed(path, p.name, p.name, p.camera, p.pose, _order_note(path, p)) for p in placed_of(rig)]
+        cameras = [
+            placed(path, p.name, p.name, p.camera, p.pose, order_doubts(str(path), p.name, p.pose))
+            for p in placed_of(rig)
+        ]
         return CalibrationFile(path, cameras, rig)
     if any(map(is_camera, keys)):
         return CalibrationFile(path, read_kalibr(path))
@@ -192,18 +195,6 @@ def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) 
         camera = placed(path, "", path.stem, camera_of(path, content), None, skipped_note(path, content))
         return CalibrationFile(path, [camera], entries=content)
     raise unknown
-
-
-def _order_note(path: Path, each: Placed) -> tuple[str, ...]:
-    """Returns a note about a camera of a rig.yaml that looks backwards, upside down: 1 0 0 0 is no rotation where w
-    comes first."""
-    x, y, z, w = each.pose.xyzw.tolist()
-    if abs(x) < UPSIDE_DOWN or max(map(abs, (y, z, w))) > 1 - UPSIDE_DOWN:
-        return ()
-    key = f"{each.name}.rig_from_{each.name}.rotation_xyzw"
-    return (
-        f"{path}: {key} turns the camera by 180 degrees about x: is its first number w? Then call it rotation_wxyz",
-    )
 
 
 def _of_opencv(path: Path, size: ImageSize | None) -> CalibrationFile:

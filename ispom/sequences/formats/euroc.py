@@ -16,8 +16,9 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.kalibr import read_euroc_sensor
 from ispom.io.calibrations.pair import pair_fault
 from ispom.io.files import exists, is_folder
-from ispom.io.rows import MAX_TIME_S, read_text
+from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
+from ispom.io.values import MAX_TIME_S
 from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side

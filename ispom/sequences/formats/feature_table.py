@@ -23,9 +23,12 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
+from ispom.io.camera import usable
 from ispom.io.files import exists
-from ispom.io.rows import MAX_TIME_S, numbers, read_text
+from ispom.io.rig import LEAST_NOISE, MAX_NOISE
+from ispom.io.rows import numbers, read_text
 from ispom.io.trajectories import read_tum
+from ispom.io.values import LARGEST, MAX_TIME_S
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.sensors import imu_measurements
 from ispom.types import Camera, Frame, Image, Imu, Measurement, Rig, Sequence
@@ -45,6 +48,8 @@ SPOT_PX = 2.0
 """Width (1 sigma) of a drawn spot [px]: corners are found in its middle, and the tracker's window holds it."""
 REACH_PX = 8
 """A spot is drawn up to this distance [px]."""
+WIDEST, LEAST_SHARE = 10.0, 0.9
+"""Normalised coordinates of a view of 169 degrees, and the least share of points in the image where some are beyond."""
 DARKEST, BRIGHTEST = 110, 250
 """Grey values of the spots' middles."""
 SIDE_PX = 4000
@@ -78,11 +83,20 @@ def open_feature_table(folder: Path) -> Sequence:
         )
     pixels = points.uv * [fx, fy] + [cx, cy]
     near = np.asarray((np.abs(pixels - [cx, cy]) < SIDE_PX / 2).all(axis=1))
+    far = float(np.abs(points.uv).max())
+    if not near.any() or (far > WIDEST and near.mean() < LEAST_SHARE):
+        raise InputError(
+            f"{path}: u_norm and v_norm reach {far:.4g}, far outside of an image: give normalised coordinates "
+            "((u - cx) / fx), not pixels"
+        )
     low = np.floor(pixels[near].min(axis=0)) - REACH_PX
     width, height = (np.ceil(pixels[near].max(axis=0)) + REACH_PX - low + 1).astype(int).tolist()
     camera = Camera(width, height, float(fx), float(fy), float(cx - low[0]), float(cy - low[1]))
+    usable(camera, f"{path}: its camera")
     noise: dict[str, Any] = {
-        f: float(np.sqrt(_values(path, meta, (key,))[0])) for f, key in IMU_NOISE.items() if key in meta
+        f: float(np.sqrt(_values(path, meta, (key,), LEAST_NOISE**2, MAX_NOISE**2)[0]))
+        for f, key in IMU_NOISE.items()
+        if key in meta
     }
     body_from_camera = Pose.from_xyzw(pose[3:], pose[:3])
     rig = Rig.of(video=camera, rig_from_video=body_from_camera, imu=Imu(**noise))
@@ -148,11 +162,11 @@ def _read(path: Path) -> tuple[dict[str, tuple[int, str]], tuple[NDArray[np.int6
 
 def _rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yields each line with its number, as words by column."""
-    lines = csv.reader(read_text(path).splitlines())
-    header = next(lines, [])
+    lines = _words(path)
+    _, header = next(lines, (1, []))
     if missing := [name for name in COLUMNS if name not in header]:
         raise InputError(f"{path} has no column {missing[0]} in its first line: restore it")
-    for line, words in enumerate(lines, 2):
+    for line, words in lines:
         if not words:
             continue
         if len(words) != len(header):
@@ -160,8 +174,26 @@ def _rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
         yield line, dict(zip(header, words, strict=True))
 
 
-def _values(path: Path, meta: dict[str, tuple[int, str]], keys: tuple[str, ...]) -> Array:
-    """Returns numbers (K,) of meta rows."""
+def _words(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yields each line with its number, as words. Raises InputError for a field that is longer than any value."""
+    line = 0
+    try:
+        for line, words in enumerate(csv.reader(read_text(path).splitlines()), 1):
+            yield line, words
+    except csv.Error:
+        raise InputError(
+            f"{path} line {line + 1} is no line of values separated by commas: correct that line"
+        ) from None
+
+
+def _values(
+    path: Path,
+    meta: dict[str, tuple[int, str]],
+    keys: tuple[str, ...],
+    least: float = -LARGEST,
+    most: float = LARGEST,
+) -> Array:
+    """Returns numbers (K,) of meta rows, within bounds."""
     if missing := [key for key in keys if key not in meta]:
         raise InputError(f"{path} has no meta row with the key {missing[0]}: add it")
-    return np.concatenate([numbers(path, meta[key][0], [meta[key][1]]) for key in keys])
+    return np.concatenate([numbers(path, meta[key][0], [meta[key][1]], least, most) for key in keys])

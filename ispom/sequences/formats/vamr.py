@@ -24,6 +24,7 @@ from ispom.io.camera import intrinsics_of, usable
 from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti import read_poses
 from ispom.io.rows import numbers, read_text
+from ispom.io.values import number
 from ispom.sequences.formats.folder import holds_images, named_images
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.images import read_image, require_size
@@ -156,11 +157,7 @@ def _rectified_camera(path: Path, content: configparser.ConfigParser, section: s
 
 def _values(path: Path, content: configparser.ConfigParser, section: str, key: str, count: int) -> list[float]:
     words = content.get(section, key, fallback="").strip().strip("[]").replace(",", " ").split()
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
-    if len(values) != count or not np.isfinite(values).all():
+    if len(words) != count:
         wanted = counted(count, "number")
         raise InputError(f"{path}: {section} has no {key} of {wanted}: restore the file")
-    return values
+    return [number(f"{path}: {section} {key}", word) for word in words]

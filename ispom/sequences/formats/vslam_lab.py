@@ -25,8 +25,9 @@ from ispom.io.calibrations.placed import Placed, camera_from, placed, pose_of
 from ispom.io.camera import coefficients, lens_of
 from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers, read_mapping
-from ispom.io.rows import MAX_TIME_S, read_text
+from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
+from ispom.io.values import MAX_TIME_S
 from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at

@@ -14,6 +14,8 @@ from ispom_app.engine.conditions.evaluate import hits
 from ispom_app.engine.conditions.parser import parse
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.agents.agent_session import AgentSession
+from ispom_app.features.agents.command import agent_session
+from ispom_app.features.agents.options import Mcp
 from ispom_app.features.agents.tool import MOST_ROWS, tools
 from ispom_app.features.branches.state import Branches
 from mcp_types import ImageContent
@@ -226,6 +228,33 @@ def test_runs_of_a_folder_are_listed_opened_and_compared(runs: Path, tmp_path: P
         asked(agents, script)
     finally:
         session.close(5)
+
+
+def test_no_image_is_shown_that_the_folder_of_a_stranger_names(tmp_path: Path) -> None:
+    """Its run.yaml may name anything on the disk; and what stands where a run's images were need not be those."""
+    drive, runs = make_drive(tmp_path / "kitti", FRAMES), tmp_path / "runs"
+    for name in ("own", "changed", "strange"):
+        words = ["run", str(drive), "--no-recording", "--out", str(runs / name)]
+        assert main(words, full) == 0
+    strange = runs / "strange" / "run.yaml"
+    strange.write_text(strange.read_text().replace("# Written on this machine", "# Written elsewhere"))
+    options = Mcp(runs=runs)
+
+    def look(key: str) -> str | None:
+        with agent_session(options, full) as agents:
+
+            async def script(agent: Agent) -> str | None:
+                await agent.ask("open_run", source=key)
+                found = await agent.result("picture", frame=2)
+                return found.content[0].text if found.is_error else None
+
+            return asked(agents, script)
+
+    assert look("own") is None
+    assert "was not written on this machine" in (look("strange") or "")
+    first, second = sorted((drive / "image_0").iterdir())[:2]
+    second.write_bytes(first.read_bytes())
+    assert look("changed") is not None
 
 
 def test_a_crash_is_logged_and_no_detail_reaches_the_agent(

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.run_folder.run_file import RunFile
-from ispom_app.features.evaluation.evaluated import distinct_names
+from ispom_app.features.evaluation.evaluated import MOTIONS, distinct_names
 
+from ispom.evaluation.comparison import Motion
 from ispom.geometry import Pose
 from ispom.io.trajectories import euroc_text, tum_text
 from ispom.types import Trajectory
@@ -188,6 +189,19 @@ def test_a_straight_path_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture[
     for alignment, noted in (("se3", True), ("first", False)):
         assert main(["evaluate", *[str(tmp_path / "a.tum")] * 2, "--alignment", alignment]) == 0
         assert ("nearly straight" in capsys.readouterr().out) == noted
+
+
+@pytest.mark.parametrize(("still", "motion"), [(False, "turns"), (True, "rests")])
+def test_a_reference_without_translation_is_not_called_straight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], still: bool, motion: Motion
+) -> None:
+    rotations = np.broadcast_to(np.eye(3), TRUTH.rotations.shape) if still else TRUTH.rotations
+    here = Trajectory(TRUTH.times_ns, rotations, 0 * TRUTH.translations)
+    (tmp_path / "a.tum").write_text(tum_text(here))
+    (tmp_path / "b.tum").write_text(tum_text(TRUTH))
+    assert main(["evaluate", str(tmp_path / "a.tum"), str(tmp_path / "b.tum")]) == 0
+    printed = capsys.readouterr().out
+    assert MOTIONS[motion] in " ".join(printed.split()) and MOTIONS["straight"] not in printed
 
 
 def test_names_are_distinct() -> None:

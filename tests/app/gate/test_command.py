@@ -72,7 +72,7 @@ def test_code_that_did_not_change_passes(before: Path, plan: Path, tmp_path: Pat
     out = tmp_path / "gate"
     assert ispom("gate", plan, out, "--baseline", before) == 0
     report = json.loads((out / "gate.json").read_text())
-    assert report["verdict"] == "noise" and report["worst"] is None
+    assert report["verdict"] == "same" and report["worst"] is None
     assert report["lines"][0]["tested"][0]["change"]["same"] == SEVEN
     assert [pair["errors"][0][3] for pair in report["pairs"]] == [0.0] * SEVEN
     page = (out / "gate.html").read_text()
@@ -82,7 +82,7 @@ def test_code_that_did_not_change_passes(before: Path, plan: Path, tmp_path: Pat
     assert ispom("gate", plan, tmp_path / "again", "--baseline", out / "after", "--candidate", before) == 0
 
 
-@pytest.mark.parametrize(("factor", "code", "verdict"), [(1.03, 1, "worse"), (0.97, 0, "better"), (1.005, 0, "noise")])
+@pytest.mark.parametrize(("factor", "code", "verdict"), [(1.03, 1, "worse"), (0.97, 0, "better"), (1.005, 0, "same")])
 def test_a_change_decides_the_exit_code(
     before: Path, after: Path, plan: Path, tmp_path: Path, factor: float, code: int, verdict: str
 ) -> None:
@@ -128,3 +128,32 @@ def test_damaged_metrics_are_a_mistake(before: Path, after: Path, plan: Path, tm
     next(after.glob("runs/*/*/metrics.json")).write_text('{"methods": []}')
     assert ispom("gate", plan, tmp_path / "gate", "--baseline", after, "--candidate", before) == 2
     assert "damaged" in capsys.readouterr().err
+
+
+def test_the_power_is_stated_before_the_runs_and_after_them(before: Path, plan: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "gate"
+    assert ispom("gate", plan, out, "--baseline", before) == 0
+    printed = capsys.readouterr().out.splitlines()
+    power = json.loads((out / "gate.json").read_text())["power"]
+    assert [each["source"] for each in power] == ["assumed", "pairs"], "one seed of each recording has no scatter"
+    assert power[1]["spread"] == 0.0 and power[1]["smallest"] < 0.011 < power[0]["smallest"]
+    stated = [line for line in printed if line.startswith(f"pair: {SEVEN} runs find")]
+    assert len(stated) == 2 and printed.index(stated[0]) == 0, "at once, and after the first pairs"
+
+
+def test_runs_that_scatter_end_with_a_code_of_their_own_and_the_number_that_decides(
+    before: Path, after: Path, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ratios = (13.7, 9.7, 6.6, 15.1, 0.55, 1.7, 0.38)
+    for file, ratio in zip(sorted(after.glob("runs/*/*/metrics.json")), ratios, strict=True):
+        report = json.loads(file.read_text())
+        report["methods"]["stereo"]["ate_m"] *= ratio
+        file.write_text(json.dumps(report))
+    out = tmp_path / "gate"
+    assert ispom("gate", plan, out, "--baseline", before, "--candidate", after) == 3
+    report = json.loads((out / "gate.json").read_text())
+    line = report["lines"][0]
+    assert report["verdict"] == line["verdict"] == "cannot tell"
+    assert SEVEN < line["pairs_that_decide"] < 40 and line["seeds_that_decide"] is None, "recordings have no seeds"
+    assert f"about {line['pairs_that_decide']} runs" in capsys.readouterr().out
+    assert f"about {line['pairs_that_decide']} runs" in (out / "gate.html").read_text()

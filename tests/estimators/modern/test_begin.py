@@ -85,6 +85,26 @@ def test_a_toy_full_of_corners_before_a_still_background_makes_none() -> None:
     assert said["second_motion"].value > 0.5 and not said["second_motion"].passed
 
 
+@pytest.mark.parametrize("way", [(0.0, 0.0, 0.06), (0.02, 0.0, 0.05), (0.03, 0.0, 0.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_near_things_beside_a_camera_that_starts_to_drive_are_no_moving_object(
+    way: tuple[float, float, float], seed: int
+) -> None:
+    """Most of the image is far, and looks like a zoom or like rest. What is near moves as the same drive moves it."""
+    rng = np.random.default_rng(seed)
+    far, near = rng.uniform((-12, -9, 28), (12, 9, 45), (240, 3)), rng.uniform((-2, 0.6, 2.5), (2, 1.0, 5), (260, 3))
+    xyz, found, made = np.concatenate([far, near]), Progress(Start(), (), None), 0
+    for i in range(FRAMES):
+        x = _seen(xyz - i * np.array(way)) + rng.normal(0, NOISE, (len(xyz), 2))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(len(xyz)), x), TRACKS, np.radians(1.0))
+        second = [d for d in found.decisions if d.key == "second_motion"]
+        made += any(d.key == "travel" and not d.passed for d in found.decisions)
+        assert all(d.passed for d in second), f"frame {i}: {second[0].about}"
+        if found.map is not None:
+            break
+    assert made or way[2] == 0, "a frame at which the camera seemed to stay"
+
+
 @pytest.mark.parametrize(("shared", "joined"), [(12, True), (4, False)])
 def test_a_start_that_shares_nothing_with_the_frames_before_is_a_segment_of_its_own(shared: int, joined: bool) -> None:
     rng = np.random.default_rng(2)

@@ -161,6 +161,17 @@ def test_fixes_turn_the_world_to_the_north() -> None:
         assert_allclose(pose.translation, [east, -up, north], atol=0.15)
 
 
+def test_fixes_that_are_not_enough_are_named_by_a_check() -> None:
+    """Good fixes that lie too near each other give no start: the check has how far apart they are."""
+    run = Run(FusedConfig(scheme="4", start_m=200.0, node_s=0.4), chosen("4"))
+    assert {step.status for step in run.steps} == {Status.INITIALISING}
+    way = run.values("start_way")[-1]
+    assert not way.passed and 5 < way.value < way.threshold == 200
+    assert not run.values("start_nodes")[-1].passed
+    few = run.values("start_fixes")[0]
+    assert not few.passed and few.value < few.threshold
+
+
 def test_images_alone_keep_their_unit() -> None:
     run = Run(config("9"), {})
     assert run.final.length == pytest.approx(UNIT * run.truth.length, rel=0.01)

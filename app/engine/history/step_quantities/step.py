@@ -46,7 +46,7 @@ QUANTITIES = (
     StepQuantity("scale_sigma", lambda s, _: s.scale_sigma, "standard deviation of the logarithm of the unit"),
     StepQuantity("sigma_position", lambda s, _: _sigma(s, slice(0, 3)), "1 sigma of the position along its worst axis"),
     StepQuantity("sigma_deg", _sigma_deg, "1 sigma of the orientation about its worst axis", unit="deg"),
-    StepQuantity("inliers", lambda s, _: len(s.residuals_px) or None, "points that agree with the pose"),
+    StepQuantity("inliers", lambda s, _: len(s.residuals_px) or None, "tracks that the pose of the step used"),
     StepQuantity(
         "residual_median_px",
         lambda s, _: float(np.median(s.residuals_px)) if len(s.residuals_px) else None,

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from ispom.methods import method as registered
 from ispom.types import Status
 
 from ....presentation.decisions import number
 from ....presentation.texts import length
+from ...history.quantities import WAY
+from ...history.quantity import Value
 from ...verdict import Severity, points, pose_detail
 from ..event import EventKind, Moment
 
@@ -81,22 +86,46 @@ SEGMENT = EventKind(
 
 
 JUMP_RATIO = 5
-"""A step so many times as long as the usual one is a jump."""
+"""A step so many times as long as the usual one, and the one before it, is a jump,"""
+JUMP_SIGMAS = 3
+"""if it is so many times its standard deviation, where that is known."""
+AT_REST = 0.35
+"""The length of the mean step, relative to the mean length of steps, below which a pose trembles about its place: its
+usual step is noise, and the first step of a drive is many times as long. From 5 steps on a straight way gives more."""
 
 
 def detect_jump(moment: Moment) -> str | bool | None:
     moved, usual = moment.now.get("moved"), moment.now.get("moved_usual")
     if not isinstance(moved, int | float) or not isinstance(usual, int | float):
         return None
-    if moved <= JUMP_RATIO * usual:
+    if moment.now.get("provisional") or moment.before.get("provisional"):
+        return None  # the first fit replaces such a pose
+    if moved <= max(JUMP_RATIO * usual, JUMP_RATIO * _known(moment.before, "moved"), JUMP_SIGMAS * _sigma(moment)):
         return False
+    if math.hypot(*(_known(moment.before, key) for key in WAY)) < AT_REST * usual:
+        return None
     metric = registered(moment.method).unit == "metric"
     far, often = (length(moved), length(usual)) if metric else (f"{number(moved)} units", number(usual))
     return f"Jump: moved {far} in one step, {number(moved / usual)} times its usual {often}."
 
 
+def _sigma(moment: Moment) -> float:
+    """Standard deviation of the step, as far as those of both poses are known."""
+    return math.hypot(*(_known(values, "sigma_position") for values in (moment.before, moment.now)))
+
+
+def _known(values: Mapping[str, Value], key: str) -> float:
+    """A number, 0 where it is not known."""
+    value = values.get(key)
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
 JUMP = EventKind(
-    "jump", "Jump", Severity.WARNING, f"A pose moves more than {JUMP_RATIO} times as far as usual.", detect_jump
+    "jump",
+    "Jump",
+    Severity.WARNING,
+    f"A pose that moves on goes more than {JUMP_RATIO} times as far as usual, and than its uncertainty allows.",
+    detect_jump,
 )
 
 KINDS = (LOST, NO_MAP, MAP, RELOCALISED, SEGMENT, JUMP)

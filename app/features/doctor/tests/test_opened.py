@@ -27,5 +27,5 @@ def test_images_without_a_calibration_have_that_of_the_run(tmp_path: Path) -> No
         cv2.imwrite(str(images / f"{k:06d}.png"), np.full((96, 128), 10 * k, np.uint8))
     assert open_sequence(str(images)).guess is not None
     (run / RIG).write_text(rig_text(Rig.single(Camera(128, 96, FX, FX, 63.5, 47.5))))
-    found = opened(Doctor(run=run), RunFile(str(images), "images", {}, {}))
+    found = opened(Doctor(run=run), RunFile(str(images), "images", {}, {}, own=True))
     assert len(found) == 5 and found.rig.camera("video").fx == FX

@@ -82,6 +82,28 @@ def test_a_jump_says_how_far() -> None:
     assert "5.5 units" in event.sentence and "5.5 times" in event.sentence
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_a_pose_at_rest_and_the_start_of_a_drive_are_no_jump(seed: int) -> None:
+    """A rest of 0.2 mm of noise; then half a metre a step."""
+    rng = np.random.default_rng(seed)
+    rest = rng.normal(0, 2e-4, 30)
+    drive = 0.5 * np.arange(1, 20) + rng.normal(0, 2e-4, 19)
+    assert told(logged(step(T, x=float(x)) for x in (*rest, *drive))) == []
+
+
+@pytest.mark.parametrize(("sigma", "jumps"), [(0.1, True), (2.0, False)])
+def test_a_jump_is_farther_than_the_poses_are_uncertain(sigma: float, jumps: bool) -> None:
+    moves = np.cumsum([0, 1, 1, 1, 1, 1, 6, 1])
+    covariance = sigma**2 * np.eye(6)
+    found = logged(step(T, x=float(x), covariance=covariance) for x in moves)
+    assert bool(found.events) is jumps
+
+
+def test_the_first_fit_of_a_provisional_pose_is_no_jump() -> None:
+    moves = np.cumsum([0, 1, 1, 1, 1, 1, 6, 1])
+    assert told(logged(step(T, x=float(x), provisional=i < 6) for i, x in enumerate(moves))) == []
+
+
 def test_a_warning_that_holds_on_is_one_event_and_ends_where_its_check_passes() -> None:
     bad, good = step(T, checks.SCALE_DRIFT.of(51, 10)), step(T, checks.SCALE_DRIFT.of(5, 10))
     found = logged([good, bad, step(T), bad, step(T), good])

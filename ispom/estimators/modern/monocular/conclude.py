@@ -159,7 +159,7 @@ def as_step(
         outcome.key_frame,
         {"video": as_tracks(before.live, followed, residual, fresh)},
         landmarks,
-        residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
+        residual[np.zeros(len(residual), bool) if outcome.inliers is None else outcome.inliers],
         revised,
         outcome.scale,
         seconds,

@@ -111,6 +111,8 @@ class Outcome:
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
     """(N,) residuals of the tracks [px]; NaN for those not used."""
+    inliers: NDArray[np.bool_] | None = None
+    """(N,) the tracks that the pose used, as the check `pose_points` counts them; None without a pose in a map."""
     covariance: Array | None = None
     uncertainty: MapUncertainty | None = None
     """Uncertainty of a map that is new, or was optimised."""

@@ -129,7 +129,7 @@ def _in_map(
     decisions: tuple[Decision, ...],
 ) -> tuple[TrackedFrame, Outcome]:
     """Returns the frame with its pose, and its outcome unless it becomes a keyframe."""
-    frame, residual_px = _without_outliers(setup, state, world, new, found)
+    frame, residual_px, inliers = _without_outliers(setup, state, world, new, found)
     outcome = Outcome(
         found.followed,
         Status.TRACKING,
@@ -137,6 +137,7 @@ def _in_map(
         world,
         decisions=decisions,
         residual_px=residual_px,
+        inliers=inliers,
         compared=found.compared,
     )
     return frame, outcome
@@ -144,19 +145,22 @@ def _in_map(
 
 def _without_outliers(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Localisation
-) -> tuple[TrackedFrame, NDArray[np.float32]]:
-    """Returns the frame with its pose and inlier tracks, and residuals (N,) [px]; the status of outliers is updated."""
+) -> tuple[TrackedFrame, NDArray[np.float32], NDArray[np.bool_]]:
+    """Returns the frame with its pose and the tracks that go on, residuals (N,) [px], and which tracks (N,) the pose
+    used; the status of outliers is updated."""
     status, live, motion = found.followed.status, state.live, required(found.motion, "the frame was not localised")
     place = np.searchsorted(live.ids, found.ids)
     residual = np.full(len(status), np.nan, np.float32)
     residual[place] = np.minimum(motion.distances * setup.camera.fx, MOST_SHOWN_PX)
+    inliers = np.zeros(len(status), bool)
+    inliers[place[motion.inliers]] = True
     status[place[motion.distances > MISTRACKED * setup.noise.width]] = TrackStatus.REPROJECTION
     frame = tracked_frame(setup.camera, live, found.followed, new.time_ns)
     frame = replace(frame, world_from_camera=motion.camera_from_world.inverse())
     untriangulated = frame.ids[world.points.places(frame.ids) < 0]
     moving = moving_tracks(world.keys[-1], frame, untriangulated, MOVING * setup.noise.width)
     status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
-    return frame.without(moving), residual
+    return frame.without(moving), residual, inliers
 
 
 def _key_frame(setup: Setup, outcome: Outcome, world: Map, frame: TrackedFrame, all_ids: NDArray[np.int64]) -> Outcome:

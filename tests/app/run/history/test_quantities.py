@@ -16,6 +16,7 @@ from ispom_app.engine.history.quantities import (
     POSE,
     STEP_QUANTITIES,
     USUAL_STEPS,
+    WAY,
     Row,
     quantities,
     row_after,
@@ -52,7 +53,7 @@ def rows(found: list[tuple[int, Measurement, Step]]) -> list[Row]:
 
 @pytest.mark.parametrize("method", names())
 def test_no_two_quantities_of_a_method_have_one_name(method: str) -> None:
-    own = [*(q.key for q in STEP_QUANTITIES), *POSE, *MOTION]
+    own = [*(q.key for q in STEP_QUANTITIES), *POSE, *MOTION, *WAY]
     keys = own + list(registry()[method].checks)
     assert len(set(keys)) == len(keys) and all(re.fullmatch(r"[a-z]+(_[a-z]+)*", key) for key in keys)
     of_checks = 4 * len(registry()[method].checks)
