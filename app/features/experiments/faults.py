@@ -181,7 +181,7 @@ def row_of(
         found = diagnose(seen, advance=lambda _: check_stop() is None)
         row |= {
             "causes": [each.suspect.key for each in found.causes],
-            "silent": list(found.silent),
+            "silent": [*found.silent, *(each.suspect.key for each in found.undecided)],
             "answer": found.answer,
             "strengths": {each.suspect.key: round(each.finding.strength, 3) for each in found.ranked},
             "figures": _figures(case.kind, whole, found, seen.rig.cameras[seen.main].width),

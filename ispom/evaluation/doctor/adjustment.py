@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from ispom.geometry import Array
@@ -58,6 +61,17 @@ def adjust(
     return scene, change_of(names, values), cost
 
 
+def uncertainties(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], change: Change) -> Array:
+    """Returns the standard deviation (N,) of each number in `names`, with poses, points and all these numbers free.
+
+    The scene and the change must be those that `adjust` has fitted. Errors of one track may be alike: each track counts
+    as one measurement (a sandwich of the normal equations and the tracks' own gradients).
+    """
+    values = np.array([change.value(name) for name in names])
+    equations = _Equations(scene, rig, seen, names, values, predicted(scene, rig, change, seen))
+    return equations.sigmas(tuple(range(len(names))))
+
+
 def _adjusted(
     scene: Scene,
     rig: Rig,
@@ -96,24 +110,30 @@ class Promise:
     gain: float
     """Share of the cost that one step with them free is expected to save."""
     sigmas: tuple[float, ...]
-    """Standard deviation of each number, in its own unit: what these observations can know of it at best."""
+    """Standard deviation of each number, in its own unit, with the numbers of its group free, too."""
 
 
-def screened(scene: Scene, rig: Rig, seen: Observations, subsets: tuple[tuple[str, ...], ...]) -> list[Promise]:
-    """Returns what each set of numbers promises.
+def screened(
+    scene: Scene, rig: Rig, seen: Observations, subsets: Mapping[tuple[str, ...], tuple[str, ...]]
+) -> dict[tuple[str, ...], Promise]:
+    """Returns what each set of numbers promises; its group, by which it is known, contains it.
 
     The scene must be one that `adjust` has fitted. One linearisation serves all.
     """
-    names = tuple(dict.fromkeys(name for subset in subsets for name in subset))
+    names = tuple(dict.fromkeys(name for group in subsets.values() for name in group))
     values = np.zeros(len(names))
     now = predicted(scene, rig, change_of(names, values), seen)
     equations = _Equations(scene, rig, seen, names, values, now)
     cost = float(costs(now.residuals).sum())
-    alone, _ = equations.saved(())
-    promises = []
-    for subset in subsets:
-        saved, sigmas = equations.saved(tuple(names.index(name) for name in subset))
-        promises.append(Promise((saved - alone) / max(cost, 1e-12), sigmas))
+    alone = equations.saved(())
+    known: dict[tuple[str, ...], Array] = {}
+    promises = {}
+    for subset, group in subsets.items():
+        saved = equations.saved(tuple(names.index(name) for name in subset))
+        if group not in known:
+            known[group] = equations.sigmas(tuple(names.index(name) for name in group))
+        sigmas = tuple(float(known[group][group.index(name)]) for name in subset)
+        promises[subset] = Promise((saved - alone) / max(cost, 1e-12), sigmas)
     return promises
 
 
@@ -134,12 +154,11 @@ class _Equations:
         good = np.asarray(np.isfinite(now.residuals).all(axis=1))
         residuals = np.where(good[:, None], now.residuals, 0.0)
         weights = np.where(good, 1 / (loss_px**2 + (residuals**2).sum(axis=1)), 0.0)
-        squares = (residuals**2).sum(axis=1)
-        self.variance = float((weights**2 * squares).sum() / 2 / max(weights.sum(), 1e-12))
+        self.curvature = loss_px**2 * float((weights**2).sum() / max(weights.sum(), 1e-12))
         root = np.sqrt(weights)[:, None]
         by_twist = np.where(good[:, None, None], now.by_twist, 0.0) * root[..., None]
         by_point = np.where(good[:, None, None], now.by_point, 0.0) * root[..., None]
-        self.residuals = (residuals * root).ravel()
+        self.residuals, self.point = (residuals * root).ravel(), seen.point
         rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
         before = (1 - now.weight)[:, None, None] * by_twist
         after = now.weight[:, None, None] * by_twist
@@ -198,23 +217,45 @@ class _Equations:
         points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
         return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
 
-    def saved(self, shared: tuple[int, ...]) -> tuple[float, tuple[float, ...]]:
-        """Returns how much one step with these shared values free lowers the cost, by the linearisation, and their
-        standard deviations."""
-        blocks = self.point_blocks + np.eye(3) * (1e-6 * np.einsum("pii->p", self.point_blocks) + 1e-9)[:, None, None]
-        width = len(self.matrix)
-        if not hasattr(self, "reduced"):
-            eliminated = np.einsum("cpi,pij->cpj", self.cross.reshape(width, self.points, 3), np.linalg.inv(blocks))
-            eliminated = eliminated.reshape(width, -1)
-            self.reduced = self.matrix - eliminated @ self.cross.T
-            self.reduced_gradient = self.gradient - eliminated @ self.point_gradient
-        free = np.r_[6 : 6 * self.poses, [6 * self.poses + k for k in shared]].astype(int)
-        system = self.reduced[np.ix_(free, free)] + np.diag(1e-6 * np.diag(self.matrix)[free] + 1e-9)
+    def saved(self, shared: tuple[int, ...]) -> float:
+        """Returns how much one step with these shared values free lowers the cost, by the linearisation."""
+        free, system = self._free(shared)
+        gradient = self._reduced[1][free]
+        return float(gradient @ np.linalg.solve(system, gradient))
+
+    def sigmas(self, shared: tuple[int, ...]) -> Array:
+        """Returns the standard deviations of these shared values, all of them free, with each track as one
+        measurement."""
+        free, system = self._free(shared)
         last = np.eye(len(free))[:, len(free) - len(shared) :]
-        solved = np.linalg.solve(system, np.column_stack([self.reduced_gradient[free], last]))
-        variances = self.variance * np.diag(solved[len(free) - len(shared) :, 1:])
-        sigmas = tuple(float(np.sqrt(max(v, 0.0))) for v in variances)
-        return float(self.reduced_gradient[free] @ solved[:, 0]), sigmas
+        moved = self._by_track[:, free] @ np.linalg.solve(system, last) / max(self.curvature, 1e-3)
+        count = np.count_nonzero(np.einsum("pii->p", self.point_blocks))
+        return np.sqrt((moved**2).sum(axis=0) * count / max(count - 1, 1))
+
+    def _free(self, shared: tuple[int, ...]) -> tuple[NDArray[np.int64], Array]:
+        free = np.r_[6 : 6 * self.poses, [6 * self.poses + k for k in shared]].astype(int)
+        return free, self._reduced[0][np.ix_(free, free)] + np.diag(1e-6 * np.diag(self.matrix)[free] + 1e-9)
+
+    @cached_property
+    def _eliminated(self) -> Array:
+        """(C, P, 3)"""
+        blocks = self.point_blocks + np.eye(3) * (1e-6 * np.einsum("pii->p", self.point_blocks) + 1e-9)[:, None, None]
+        cross = self.cross.reshape(len(self.matrix), self.points, 3)
+        return np.einsum("cpi,pij->cpj", cross, np.linalg.inv(blocks))
+
+    @cached_property
+    def _reduced(self) -> tuple[Array, Array]:
+        """The matrix and the gradient without the points."""
+        eliminated = self._eliminated.reshape(len(self.matrix), -1)
+        return self.matrix - eliminated @ self.cross.T, self.gradient - eliminated @ self.point_gradient
+
+    @cached_property
+    def _by_track(self) -> Array:
+        """(P, C) the gradient without the points that each track gives."""
+        rows = np.arange(len(self.residuals))
+        of_track = self._sparse([(rows, np.repeat(self.point, 2), self.residuals)], self.points)
+        own = self.point_gradient.reshape(-1, 3)
+        return (self.jacobian.T @ of_track).toarray().T - np.einsum("cpi,pi->pc", self._eliminated, own)
 
 
 def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:

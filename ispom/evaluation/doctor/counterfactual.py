@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.types import Rig
 
-from .adjustment import Promise, adjust, adjust_gradually, placed, screened
+from .adjustment import Promise, adjust, adjust_gradually, placed, screened, uncertainties
 from .hypothesis import Change
 from .scene import Observations, Scene, predicted
 from .start import Start
@@ -39,6 +41,8 @@ class Outcome:
     """What a change of the calibration does."""
 
     change: Change
+    costs: Array
+    """(P,) mean cost of each held-out point with the change; NaN for the others."""
     gain: float
     """Share of the cost of the held-out tracks that it explains; negative where it makes them worse."""
     z: float
@@ -49,43 +53,107 @@ class Outcome:
     """Held-out tracks."""
 
 
-def baseline(start: Start, rig: Rig) -> Baseline:
-    """Fits the scene to the tracks that are not held out, and judges it by those that are."""
-    out = start.held_out[start.seen.point]
-    used, held_out = start.seen.select(~out), start.seen.select(out)
+@dataclass(frozen=True)
+class Figure:
+    """A number of the calibration, as the tracks have it."""
+
+    value: float
+    sigma: float
+    """Standard deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """What a change does where each half of the tracks judges the change that the other half chose."""
+
+    figures: Mapping[str, Figure]
+    """By the number's name: the mean of the halves. It is as uncertain as the normal equations say, and as the halves
+    differ."""
+    gain: float
+    z: float
+    before_px: float
+    residual_px: float
+    tracks: int
+
+
+def baseline(start: Start, rig: Rig, held_out: NDArray[np.bool_] | None = None) -> Baseline:
+    """Fits the scene to the tracks that are not held out, and judges it by those that are: of the points (P,) as the
+    start has them, or these."""
+    out = (start.held_out if held_out is None else held_out)[start.seen.point]
+    used, judging = start.seen.select(~out), start.seen.select(out)
     scene, change, _ = min(
         (adjust(start.scene, rig, used, (), ROUGH_ITERATIONS), adjust_gradually(start.scene, rig, used)),
         key=lambda fitted: fitted[2],
     )
-    scene, _ = placed(scene, rig, change, held_out)
-    scene, costs = placed(
-        scene, rig, change, held_out
-    )  # so that a change is not credited with what was left to do here
-    return Baseline(rig, start.scene, scene, used, held_out, costs, _median(scene, rig, change, held_out))
+    scene, _ = placed(scene, rig, change, judging)
+    scene, costs = placed(scene, rig, change, judging)  # so that a change is not credited with what was left to do here
+    return Baseline(rig, start.scene, scene, used, judging, costs, _median(scene, rig, change, judging))
 
 
-def promising(base: Baseline, subsets: tuple[tuple[str, ...], ...]) -> dict[tuple[str, ...], Promise]:
+def promising(base: Baseline, subsets: Mapping[tuple[str, ...], tuple[str, ...]]) -> dict[tuple[str, ...], Promise]:
     """Returns what a linearisation at the baseline promises for each set of numbers: a rough gain, in a tenth of the
-    time of a test, and how well the observations know the numbers."""
-    return dict(zip(subsets, screened(base.scene, base.rig, base.used, subsets), strict=True))
+    time of a test, and how well the observations know the numbers where all of a group are free."""
+    return screened(base.scene, base.rig, base.used, subsets)
 
 
 def tested(base: Baseline, names: tuple[str, ...]) -> Outcome:
     """Returns what becomes of the held-out tracks when these numbers of the calibration are free."""
+    return _judged(base, *_freed(base, names))
+
+
+def _freed(base: Baseline, names: tuple[str, ...]) -> tuple[Scene, Change]:
     scene, change, _ = adjust_gradually(base.first, base.rig, base.used, names)
+    return scene, change
+
+
+def _judged(base: Baseline, scene: Scene, change: Change) -> Outcome:
     scene, after = placed(scene, base.rig, change, base.held_out)
-    return _outcome(base, change, base.costs, after, _median(scene, base.rig, change, base.held_out))
+    gain, z, tracks = _gain((base,), (after,))
+    return Outcome(change, after, gain, z, _median(scene, base.rig, change, base.held_out), tracks)
 
 
-def _outcome(base: Baseline, change: Change, before: Array, after: Array, residual_px: float) -> Outcome:
-    count = np.bincount(base.held_out.point, minlength=len(base.scene.points))
+def crossed(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> Crossed:
+    """Frees these numbers in each half, and judges them in the other."""
+    fitted = [_freed(base, names) for base in halves]
+    outcomes = [_judged(base, *fit) for base, fit in zip(halves, fitted, strict=True)]
+    gain, z, tracks = _gain(halves, tuple(outcome.costs for outcome in outcomes))
+    before_px = float(np.mean([base.residual_px for base in halves]))
+    after_px = float(np.mean([outcome.residual_px for outcome in outcomes]))
+    return Crossed(_figures(halves, names, fitted), gain, z, before_px, after_px, tracks)
+
+
+def figures(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> dict[str, Figure]:
+    """Returns these numbers where all of them are free, without a judgement."""
+    return _figures(halves, names, [_freed(base, names) for base in halves])
+
+
+def _figures(
+    halves: tuple[Baseline, ...], names: tuple[str, ...], fitted: list[tuple[Scene, Change]]
+) -> dict[str, Figure]:
+    values = np.array([[change.value(name) for name in names] for _, change in fitted])
+    sigmas = np.array([
+        uncertainties(scene, base.rig, base.used, names, change)
+        for base, (scene, change) in zip(halves, fitted, strict=True)
+    ])  # fmt: skip
+    count = len(halves)
+    by_equations = np.sqrt((sigmas**2).sum(axis=0)) / count
+    by_halves = values.std(axis=0, ddof=1) / np.sqrt(count)
+    return {
+        name: Figure(float(value), float(sigma))
+        for name, value, sigma in zip(names, values.mean(axis=0), np.maximum(by_equations, by_halves), strict=True)
+    }
+
+
+def _gain(halves: tuple[Baseline, ...], costs: tuple[Array, ...]) -> tuple[float, float, int]:
+    """Returns the share of the held-out cost that is saved, its mean over its standard error, and the tracks."""
+    before = np.concatenate([base.costs for base in halves])
+    after = np.concatenate(costs)
+    count = np.concatenate([np.bincount(base.held_out.point, minlength=len(base.costs)) for base in halves])
     valid = np.isfinite(before) & np.isfinite(after)
-    better = (before - after)[valid]
-    weights = count[valid] / count[valid].sum()
-    mean = float((weights * better).sum())
-    total = float((weights * before[valid]).sum())
+    better, weights = (before - after)[valid], count[valid] / count[valid].sum()
+    mean, total = float((weights * better).sum()), float((weights * before[valid]).sum())
     error = float(np.sqrt((weights**2 * (better - mean) ** 2).sum()))
-    return Outcome(change, mean / max(total, 1e-12), mean / max(error, 1e-12), residual_px, int(valid.sum()))
+    return mean / max(total, 1e-12), mean / max(error, 1e-12), int(valid.sum())
 
 
 def _median(scene: Scene, rig: Rig, change: Change, seen: Observations) -> float:

@@ -15,7 +15,7 @@ from ispom.types import Frame, Image, Rig, Sequence
 
 if TYPE_CHECKING:
     from .adjustment import Promise
-    from .counterfactual import Baseline
+    from .counterfactual import Baseline, Figure
     from .start import Start
     from .tracking import Tracked
 
@@ -85,12 +85,33 @@ class Examination:
         return None if self.start is None else baseline(self.start, self.rig)
 
     @cached_property
+    def halves(self) -> tuple[Baseline, ...]:
+        """The scene fitted to each half of the tracks, and judged by the other; empty where there is none."""
+        from .counterfactual import baseline
+
+        if self.start is None or self.baseline is None:
+            return ()
+        return self.baseline, baseline(self.start, self.rig, ~self.start.held_out)
+
+    @cached_property
     def promises(self) -> dict[tuple[str, ...], Promise]:
         """What freeing each set of numbers promises, by the names of `suspects.calibration`."""
         from .counterfactual import promising
         from .suspects.calibration import subsets
 
         return {} if self.baseline is None else promising(self.baseline, subsets(self.rig))
+
+    def with_others(self, group: tuple[str, ...]) -> dict[str, Figure]:
+        """Returns the numbers of a group where all of them are free; computed once."""
+        from .counterfactual import figures
+
+        if group not in self._with_others:
+            self._with_others[group] = figures(self.halves, group)
+        return self._with_others[group]
+
+    @cached_property
+    def _with_others(self) -> dict[tuple[str, ...], dict[str, Figure]]:
+        return {}
 
 
 def examination(sequence: Sequence, first: int, last: int, advance: Callable[[], None] = lambda: None) -> Examination:

@@ -32,6 +32,8 @@ class Finding:
     """The figures by name, with their unit in the name."""
     frames: tuple[int, ...] = ()
     """Measurements of the sequence that show it best, a few."""
+    undecided: str = ""
+    """What would decide it, one sentence, where the recording cannot tell whether the cause is there."""
 
     def __post_init__(self) -> None:
         """Rounds the figures to what they say. The same machine gives all digits again; another one with another BLAS
@@ -41,7 +43,7 @@ class Finding:
 
     @property
     def found(self) -> bool:
-        return self.strength >= 1
+        return self.strength >= 1 and not self.undecided
 
 
 def _rounded(value: float) -> float:
@@ -99,11 +101,19 @@ class Diagnosis:
         return next((r for r in (self.set_back, self.reruns) if r is not None and r.best is not None), None)
 
     @property
+    def undecided(self) -> tuple[Ranked, ...]:
+        """Those of which the recording cannot tell whether they are there, though something speaks for them."""
+        return tuple(each for each in self.ranked if each.finding.undecided)
+
+    @property
     def answer(self) -> str:
         """One or two sentences."""
         if not self.causes:
             unknown = " The time was too short for all suspects." if self.left else ""
             tried = "".join(f" {each.answer}" for each in (self.set_back, self.reruns) if each is not None)
+            if self.undecided:
+                name, open_ = self.undecided[0].suspect.name, self.undecided[0].finding
+                return f"Cannot tell whether {name}. {open_.evidence} {open_.undecided}{unknown}{tried}"
             return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}{tried}"
         best = self.causes[0]
         return f"The likely cause: {best.suspect.name}. {best.finding.evidence}"

@@ -18,6 +18,8 @@ class Change:
     perturbation: Perturbation = Perturbation()
     k1: float = 0.0
     """Of the main camera's lens, more than stated."""
+    k2: float = 0.0
+    """The next coefficient of the same lens."""
     line_delay_us: float = 0.0
     """Of all cameras, as if their images were 480 rows high: later by this from row to row [us]."""
     right_x_deg: float = 0.0
@@ -25,14 +27,18 @@ class Change:
     right_y_deg: float = 0.0
     right_z_deg: float = 0.0
 
+    def value(self, name: str) -> float:
+        """Returns one number, by its name in STEPS."""
+        return float(getattr(self if name in _OWN else self.perturbation, name))
+
     def of_rig(self, rig: Rig) -> Rig:
         """Returns the rig with the changes."""
         changed = self.perturbation.of_rig(rig)
         main = "video" if rig.video is not None else "left"
         cameras = dict(changed.cameras)
-        if self.k1:
+        if self.k1 or self.k2:
             for name in ("video",) if main == "video" else ("left", "right"):
-                cameras[name] = _with_k1(cameras[name], self.k1)
+                cameras[name] = _bent(cameras[name], self.k1, self.k2)
         if self.line_delay_us:
             for name, camera in cameras.items():
                 delay_s = camera.line_delay_s + self.line_delay_us * 1e-6 * 480 / camera.height
@@ -44,9 +50,9 @@ class Change:
         return changed
 
 
-def _with_k1(camera: Camera, k1: float) -> Camera:
+def _bent(camera: Camera, k1: float, k2: float) -> Camera:
     lens = camera.distortion or (0.0, 0.0, 0.0, 0.0)
-    return replace(camera, distortion=(lens[0] + k1, *lens[1:]))
+    return replace(camera, distortion=(lens[0] + k1, lens[1] + k2, *lens[2:]))
 
 
 STEPS = {
@@ -65,13 +71,14 @@ STEPS = {
     "shift_z_m": 0.001,
     "clock_ms": 0.2,
     "k1": 0.001,
+    "k2": 0.001,
     "line_delay_us": 0.5,
     "right_x_deg": 0.01,
     "right_y_deg": 0.01,
     "right_z_deg": 0.01,
 }
 """Each number that may be changed, and the step by which its effect is measured."""
-_OWN = ("k1", "line_delay_us", "right_x_deg", "right_y_deg", "right_z_deg")
+_OWN = ("k1", "k2", "line_delay_us", "right_x_deg", "right_y_deg", "right_z_deg")
 
 
 def change_of(names: tuple[str, ...], values: Array) -> Change:

@@ -82,8 +82,8 @@ def predicted(scene: Scene, rig: Rig, change: Change, seen: Observations, deriva
             continue
         camera = changed.camera(name)
         time_s[mine] += camera.line_delay_s * (seen.uv[mine, 1] - (camera.height - 1) / 2)
-        if name == "video":
-            time_s[mine] += clock_s
+        if name != "video":  # the poses are at the video's own times, between which the motion is not quite even
+            time_s[mine] -= clock_s
     knot = np.clip(np.searchsorted(scene.times_s, time_s, side="right") - 1, 0, len(scene.times_s) - 2)
     span = scene.times_s[knot + 1] - scene.times_s[knot]
     weight = (time_s - scene.times_s[knot]) / span

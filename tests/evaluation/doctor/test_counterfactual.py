@@ -29,6 +29,15 @@ def test_a_focal_length_is_found_by_its_size_twice_the_same() -> None:
     assert [asdict(each.finding) for each in again.ranked] == [asdict(each.finding) for each in found.ranked]
 
 
+@pytest.mark.slow
+def test_a_clock_is_found_by_its_delay() -> None:
+    """The fit had stopped at 14 ms: the delayed video's frames were between poses, where the motion is not even."""
+    found = diagnosis("sim:tiny?fault=clock:late_s=0.02").causes[0]
+    assert found.suspect.key == "clock"
+    values = found.finding.values
+    assert abs(values["clock_ms"] - 20) < 2 * values["clock_ms_sigma"] < 5
+
+
 def test_without_time_left_nothing_is_examined() -> None:
     seen = examination(open_sequence("sim:tiny"), 0, 8)
     found = diagnose(seen, advance=lambda name: False)

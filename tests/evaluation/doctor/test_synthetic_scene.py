@@ -13,7 +13,8 @@ from ispom.evaluation.doctor import counterfactual
 from ispom.evaluation.doctor.adjustment import Promise, placed
 from ispom.evaluation.doctor.counterfactual import Outcome
 from ispom.evaluation.doctor.examination import Examination
-from ispom.evaluation.doctor.hypothesis import Change
+from ispom.evaluation.doctor.finding import Finding
+from ispom.evaluation.doctor.hypothesis import Change, change_of
 from ispom.evaluation.doctor.scene import CAMERAS, Observations, Scene, predicted
 from ispom.evaluation.doctor.start import SIGNIFICANT, Start, significance
 from ispom.evaluation.doctor.suspects.calibration import CALIBRATION
@@ -67,6 +68,7 @@ def outcomes(wrong: Change, *subsets: tuple[str, ...]) -> list[Outcome]:
 
 
 TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
+BASELINE = ("baseline_percent",)
 CENTRE = ("video_centre_x_px", "video_centre_y_px")
 
 
@@ -93,6 +95,38 @@ def test_a_right_rig_leaves_nothing_to_explain() -> None:
         assert found.gain < 0.01
 
 
+def finding(key: str, stated: Change, seen: Start | None = None) -> Finding | None:
+    """Returns what a suspect of the calibration finds where the rig is stated with this change."""
+    suspect = next(each for each in CALIBRATION if each.key == key)
+    examined = Examination(stated.of_rig(RIG), (), np.zeros(0, np.int64))
+    examined.__dict__["start"] = start() if seen is None else seen
+    return suspect.examine(examined)
+
+
+WRONG = {
+    "video-focal": ("video_focal_percent", 3.0, 100 / 1.03 - 100),
+    "video-centre": ("video_centre_x_px", 6.0, -6.0),
+    "distortion": ("k1", 0.1, -0.1),
+    "mount-turned": ("turn_y_deg", 1.0, -1.0),
+    "pair-turned": ("right_x_deg", 0.3, -0.3),
+    "baseline": ("baseline_percent", 30.0, 100 / 1.3 - 100),
+}
+
+
+@pytest.mark.parametrize("key", WRONG)
+def test_a_wrong_number_is_found_with_an_interval_that_has_it(key: str) -> None:
+    name, wrong, right = WRONG[key]
+    found = finding(key, change_of((name,), np.array([wrong])))
+    assert found is not None and found.found
+    assert abs(found.values[name] - right) < 2 * found.values[f"{name}_sigma"] < abs(right)
+
+
+def test_a_lens_that_is_off_in_the_corners_does_not_accuse_the_focal_length() -> None:
+    """Both coefficients are wrong and nearly cancel each other where most points are; the focal length takes it up."""
+    found = finding("video-focal", Change(k1=0.12, k2=-0.12))
+    assert found is None or not found.found
+
+
 def test_held_out_points_are_found_again_from_far_too_deep() -> None:
     """A narrow loss leaves them where they are, for all that was seen of them seems wrong."""
     first = start()
@@ -105,7 +139,7 @@ def test_what_is_known_of_a_baseline_is_less_in_a_far_scene() -> None:
     known = []
     for farther in (1.0, 30.0):
         base = counterfactual.baseline(start(farther), RIG)
-        promise = counterfactual.promising(base, (("baseline_percent",),))["baseline_percent",]
+        promise = counterfactual.promising(base, {BASELINE: BASELINE})[BASELINE]
         known.append(promise.sigmas[0])
         found = counterfactual.tested(base, ("baseline_percent",)).change.perturbation.baseline_percent
         assert abs(found) < 4 * known[-1]

@@ -1,16 +1,23 @@
-"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks say what that explains."""
+"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks say what that explains.
+
+A number is a cause where held-out tracks are better with it, its interval excludes zero, and it is plausible. Its
+interval is as wide as the normal equations say (each track as one measurement), as two halves of the tracks differ, and
+as the number moves where the others of its group are free, too: a lens that fits badly in a corner is explained by many
+numbers, and none of them is then known.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 
 from ispom.types import Rig
 
-from ..counterfactual import Outcome, tested
+from ..counterfactual import Crossed, Figure, crossed
 from ..examination import Examination
 from ..finding import Finding, Suspect
-from ..hypothesis import Change
 
 GAIN = 0.05
 """Share of the cost of the held-out tracks that a cause explains at least; healthy recordings reach three quarters of
@@ -18,7 +25,7 @@ it, with changes too small to matter."""
 BASELINE_GAIN = 0.025
 """The same for the baseline: it shows only by the video camera's distance from the pair, in a few near tracks."""
 SURE = 2.5
-"""Mean improvement of a held-out track over its standard error, at least."""
+"""Mean improvement of a held-out track over its standard error, and a number over its standard deviation, at least."""
 PROMISE = 0.015
 """A change that promises less by the linearisation is not tested."""
 BASELINE_PROMISE = 0.004
@@ -26,55 +33,177 @@ BASELINE_PROMISE = 0.004
 promise half of it."""
 PARSIMONY = 0.01
 """Of causes that explain the same, one with fewer numbers is preferred: each further number costs this share."""
-UNMODELLED = 3.0
-"""Errors of tracks are alike from frame to frame, and the motion between two poses is not quite even: numbers are known
-worse by this factor than by independent errors."""
-LEAST_TRACKS = 25
+LEAST_TRACKS = 50
 """Fewer held-out tracks say nothing."""
+WEAK = 0.9
+"""Most that the strength is where something speaks against the cause."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """How a number of the calibration is said, and how much it can change."""
+
+    words: str
+    unit: str
+    most: float
+    """A larger change is no change of this kind."""
+
+
+NUMBERS: Mapping[str, Number] = {
+    # Stabilisation and crops keep three quarters of an image; an image of another size is refused when it is opened.
+    "video_focal_percent": Number("focal length of the video camera", "%", 25),
+    "pair_focal_percent": Number("focal length of the pair", "%", 25),
+    # A crop to one side by an eighth of 640 px.
+    "video_centre_x_px": Number("principal point of the video camera, x", "px", 80),
+    "video_centre_y_px": Number("principal point of the video camera, y", "px", 80),
+    "pair_centre_x_px": Number("principal point of the pair, x", "px", 80),
+    "pair_centre_y_px": Number("principal point of the pair, y", "px", 80),
+    # Wide lenses have -0.3 to -0.4, and the distortion may be missing.
+    "k1": Number("distortion k1", "", 0.5),
+    "k2": Number("distortion k2", "", 0.5),
+    # 100 us over 480 rows are 48 ms, longer than a frame lasts.
+    "line_delay_us": Number("line delay, for 480 rows,", "us", 100),
+    # Measured between other edges of the cameras; a unit that is mixed up is another cause.
+    "baseline_percent": Number("baseline", "%", 50),
+    # Where the cameras look elsewhere, no corner is found in both.
+    "right_x_deg": Number("turn of the right camera about x", "deg", 5),
+    "right_y_deg": Number("turn of the right camera about y", "deg", 5),
+    "right_z_deg": Number("turn of the right camera about z", "deg", 5),
+    "turn_x_deg": Number("turn of the mount about x", "deg", 10),
+    "turn_y_deg": Number("turn of the mount about y", "deg", 10),
+    "turn_z_deg": Number("turn of the mount about z", "deg", 10),
+    # Farther than a rig is wide, most often.
+    "shift_x_m": Number("shift of the mount along x", "m", 0.5),
+    "shift_y_m": Number("shift of the mount along y", "m", 0.5),
+    "shift_z_m": Number("shift of the mount along z", "m", 0.5),
+    # Several frames: a later start is another cause.
+    "clock_ms": Number("clock of the video camera", "ms", 300),
+}
+
+LENS = ("k1", "k2")
+CENTRE = ("video_centre_x_px", "video_centre_y_px")
+PAIR_CENTRE = ("pair_centre_x_px", "pair_centre_y_px")
+TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
+RIGHT = ("right_x_deg", "right_y_deg", "right_z_deg")
+SHIFT = ("shift_x_m", "shift_y_m", "shift_z_m")
+
+
+MAIN = ("video_focal_percent", *CENTRE, *LENS)
+OTHERS: Mapping[str, tuple[str, ...]] = {
+    "video_focal_percent": (*MAIN, *TURN),
+    "video_centre_x_px": (*MAIN, *TURN),
+    "k1": (*MAIN, *TURN, "pair_focal_percent", *PAIR_CENTRE, *RIGHT),
+    "line_delay_us": ("clock_ms", *TURN),
+    "clock_ms": ("line_delay_us", *TURN),
+    "pair_focal_percent": (*PAIR_CENTRE, *RIGHT, *LENS),
+    "pair_centre_x_px": ("pair_focal_percent", *RIGHT, *LENS),
+    "right_x_deg": ("pair_focal_percent", *PAIR_CENTRE, *LENS),
+    "baseline_percent": TURN,
+    "turn_x_deg": (*SHIFT, *CENTRE, "clock_ms"),
+    "shift_x_m": (*TURN, *CENTRE, "clock_ms"),
+}
+"""By the first number of a suspect: what may be wrong instead. For a camera, its lens and where it looks; for a mount,
+the camera's centre and clock, too. The lenses of all cameras are never free together: where all are wrong alike, the
+path of a car looks right."""
+
+
+def group_of(names: tuple[str, ...], rig: Rig) -> tuple[str, ...]:
+    """Returns these numbers and those that may be wrong instead, as far as the rig has them."""
+
+    def had(name: str) -> bool:
+        if name in LENS or name.startswith("line"):  # of the main camera
+            return not (_video(rig) and names[0].startswith(("pair", "right")))
+        if name.startswith("video"):
+            return _video(rig)
+        if name.startswith(("pair", "right")):
+            return _pair(rig) and not (_video(rig) and names == ("k1",))
+        return _both(rig)
+
+    return tuple(dict.fromkeys((*names, *(name for name in OTHERS[names[0]] if had(name)))))
+
+
+@dataclass(frozen=True)
+class Limits:
+    """From which on a change counts."""
+
+    gain: float = GAIN
+    promise: float = PROMISE
 
 
 def freed(
-    names: tuple[str, ...],
-    least: tuple[float, ...],
-    possible: Callable[[Rig], bool],
-    limits: tuple[float, float],
-    seen: Examination,
+    least: Mapping[str, float], possible: Callable[[Rig], bool], limits: Limits, seen: Examination
 ) -> Finding | None:
-    """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters; the limits are
-    those of gain and promise. Where the tracks know all of them worse than `least`, they say nothing."""
-    least_gain, least_promise = limits
-    if not possible(seen.rig) or (base := seen.baseline) is None:
+    """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters. Where the tracks
+    know none of them within its `least`, and nothing is promised, they say nothing."""
+    names = tuple(least)
+    if not possible(seen.rig) or seen.baseline is None:
         return None
     promise = seen.promises[names]
-    if promise.gain < least_promise:
-        if all(UNMODELLED * sigma > limit for sigma, limit in zip(promise.sigmas, least, strict=True)):
+    if promise.gain < limits.promise:
+        if all(SURE * sigma >= limit for sigma, limit in zip(promise.sigmas, least.values(), strict=True)):
             return None
         text = f"Freeing it promises to explain {100 * max(promise.gain, 0):.1f} % of the error, too little for a test."
-        return Finding(max(0.0, min(0.9, promise.gain / least_gain)), text, {"promise": promise.gain})
-    outcome = tested(base, names)
+        return Finding(max(0.0, min(WEAK, promise.gain / limits.gain)), text, {"promise": promise.gain})
+    outcome = crossed(seen.halves, names)
     if outcome.tracks < LEAST_TRACKS:
         return None
-    values = {name: value(outcome.change, name) for name in names}
-    matters = any(abs(v) >= limit for v, limit in zip(values.values(), least, strict=True))
-    strength = (1 - PARSIMONY * (len(names) - 1)) * outcome.gain / least_gain
-    if not matters or outcome.z < SURE:
-        strength = min(strength, 0.9)
-    return Finding(max(strength, 0.0), sentence(base.residual_px, outcome, values), {
-        "gain": outcome.gain, "z": outcome.z, "before_px": base.residual_px, "after_px": outcome.residual_px, **values,
-    })  # fmt: skip
+    explains = (1 - PARSIMONY * (len(names) - 1)) * outcome.gain / limits.gain
+    figures, against, undecided = outcome.figures, "", ""
+    if not any(abs(figures[name].value) >= limit for name, limit in least.items()):
+        against = "a change too small to matter"
+    elif explains >= 1 and outcome.z >= SURE:
+        group = seen.with_others(group_of(names, seen.rig))
+        figures = {name: _honest(figure, group[name], least[name]) for name, figure in figures.items()}
+        against, undecided = _doubts(figures, group, least)
+    elif outcome.z < SURE:
+        against = "a few tracks only say so"
+    strength = max(0.0, min(explains, WEAK) if against else explains)
+    text = sentence(outcome, figures) + (f" This is no cause: {against}." if against and explains >= 1 else "")
+    return Finding(
+        strength,
+        text,
+        {
+            "gain": outcome.gain, "z": outcome.z, "before_px": outcome.before_px, "after_px": outcome.residual_px,
+            **{name: figure.value for name, figure in figures.items()},
+            **{f"{name}_sigma": figure.sigma for name, figure in figures.items()},
+        },
+        undecided=undecided,
+    )  # fmt: skip
 
 
-def value(change: Change, name: str) -> float:
-    """Returns one number of a change."""
-    return float(getattr(change, name) if hasattr(change, name) else getattr(change.perturbation, name))
+def _honest(alone: Figure, with_others: Figure, least: float) -> Figure:
+    """Returns the number alone, as uncertain as it is with the others free, and as far as it moves then. Half of the
+    least change that matters is added: the scene, such as its motion between two poses, is no better than that."""
+    sigma = max(alone.sigma, with_others.sigma, abs(alone.value - with_others.value))
+    return Figure(alone.value, math.hypot(sigma, least / 2))
 
 
-def sentence(before_px: float, outcome: Outcome, values: dict[str, float]) -> str:
+def _doubts(figures: Mapping[str, Figure], group: Mapping[str, Figure], least: Mapping[str, float]) -> tuple[str, str]:
+    """Returns what speaks against the numbers as a cause, and, where nothing does but they are not known, what would
+    decide it; both empty where they are a cause."""
+    if any(abs(figure.value) > NUMBERS[name].most for name, figure in figures.items()):
+        return "so large a change is not plausible", ""
+    large = {name: figures[name] for name, limit in least.items() if abs(figures[name].value) >= limit}
+    if any(abs(figure.value) > SURE * figure.sigma for figure in large.values()):
+        return "", ""
+    if all(abs(figure.value - group[name].value) > SURE * group[name].sigma for name, figure in large.items()):
+        return "with the other numbers of the calibration free, too, this one does not stay", ""
+    return "", "More motion, and turns, near and far points, would decide it, or a calibration with a target."
+
+
+def said(name: str, figure: Figure) -> str:
+    """Returns a number with its uncertainty, such as "focal length of the video camera -2.9 % (+-0.4)"."""
+    number = NUMBERS[name]
+    unit = f" {number.unit}" if number.unit else ""
+    return f"{number.words} {figure.value:+.3g}{unit} (+-{figure.sigma:.2g})"
+
+
+def sentence(outcome: Crossed, figures: Mapping[str, Figure]) -> str:
     """Returns what the held-out tracks say."""
-    changes = ", ".join(f"{name.replace('_', ' ')} {v:+.3g}" for name, v in values.items())
+    changes = ", ".join(said(name, figure) for name, figure in figures.items())
     return (
         f"With {changes}, {outcome.tracks} tracks that had no part in the fit cost {100 * outcome.gain:.0f} % less "
-        f"({outcome.z:.0f} standard errors); their median error goes from {before_px:.2f} to "
+        f"({outcome.z:.0f} standard errors); their median error goes from {outcome.before_px:.2f} to "
         f"{outcome.residual_px:.2f} px."
     )
 
@@ -103,11 +232,11 @@ def _suspect(
     name: str,
     remedy: str,
     possible: Callable[[Rig], bool],
-    limits: tuple[float, float] = (GAIN, PROMISE),
+    limits: Limits = Limits(),
     **least: float,
 ) -> Suspect:
     _FREED.append((tuple(least), possible))
-    examine = partial(freed, tuple(least), tuple(least.values()), possible, limits)
+    examine = partial(freed, least, possible, limits)
     return Suspect(key, name, "counterfactual", remedy, examine)
 
 
@@ -158,7 +287,7 @@ CALIBRATION = (
         "the baseline of the pair is wrong",
         "Measure the distance of the two cameras again, or calibrate the pair with a target of known size.",
         _both,
-        (BASELINE_GAIN, BASELINE_PROMISE),
+        Limits(BASELINE_GAIN, BASELINE_PROMISE),
         baseline_percent=10.0,
     ),
     _suspect(
@@ -191,6 +320,6 @@ CALIBRATION = (
 )
 
 
-def subsets(rig: Rig) -> tuple[tuple[str, ...], ...]:
-    """Returns the sets of numbers that this rig has."""
-    return tuple(names for names, possible in _FREED if possible(rig))
+def subsets(rig: Rig) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Returns the sets of numbers that this rig has, and the group of each."""
+    return {names: group_of(names, rig) for names, possible in _FREED if possible(rig)}
