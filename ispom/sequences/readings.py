@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,12 +118,7 @@ def with_doubts(sequence: Sequence, where: str) -> Sequence:
     found = mount_doubts(where, sequence.rig)
     if readings:
         found += sensor_doubts(lambda n: f"{where}: {n}", sequence.rig, readings, frames_ns_of(sequence))
-    return with_notes(sequence, found) if found else sequence
-
-
-def with_notes(sequence: Sequence, notes: tuple[str, ...]) -> Sequence:
-    """Returns the sequence with more notes, each once."""
-    return replace(sequence, notes=tuple(dict.fromkeys((*sequence.notes, *notes))))
+    return sequence.with_notes(found)
 
 
 def impossible(doubts: tuple[Doubt, ...]) -> InputError:

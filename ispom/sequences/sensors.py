@@ -32,7 +32,7 @@ from ispom.io.sensor_tables import GEODETIC, IMU, LOCAL, gnss_sigma, read_table
 from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
 from ispom.plausibility.gnss import geodetic_doubts, null_fixes
 from ispom.plausibility.times import BEFORE_NS, time_doubts
-from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts, with_notes
+from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts
 from ispom.types import GnssFix, ImuSamples, Kind, Measurement, Rig, Sensor, Sequence, WheelIncrement
 
 KINDS = ("imu", "gnss", "wheel")
@@ -79,7 +79,7 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
     rig = sequence.rig.changed(**sensors)
     doubts = sensor_doubts(lambda name: f"{path}: {name}", rig, readings, frames_ns_of(sequence))
     notes += [*doubts, *mount_doubts(str(path), Rig(sensors))]
-    return with_notes(replace(sequence, rig=rig), tuple(notes)).with_measurements(measurements)
+    return replace(sequence, rig=rig).with_notes(notes).with_measurements(measurements)
 
 
 def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None:
