@@ -366,16 +366,9 @@ def test_few_images_are_loaded_however_long_the_recording_is() -> None:
         loaded.append(i)
         return Frame.video(i, textured(i % 20))
 
-    times_ns = np.arange(100_000) * 33_000_000
-    with_look(
-        replace(
-            sequence,
-            rig=Rig.single(sequence.rig.cameras["video"]),
-            times_ns=times_ns,
-            kinds=("video",) * 100_000,
-            load=load,
-        )
-    )
+    times_ns, kinds = np.arange(100_000) * 33_000_000, ("video",) * 100_000
+    rig = Rig.single(sequence.rig.cameras["video"])
+    with_look(replace(sequence, rig=rig, times_ns=times_ns, kinds=kinds, load=load))
     assert 4 <= len(set(loaded)) <= 7
 
 
