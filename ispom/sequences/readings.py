@@ -22,6 +22,10 @@ LEAST_SHARE = 0.9
 """Gravity is the mean specific force where the mean is so much of the mean length: the unit hardly turned."""
 
 
+DISTURBING = ("time_unit", "imu_swapped", "imu_all_zero", "gyroscope_in_degrees", "gnss_all_zero", "gnss_jump")
+"""Doubts about sensors that are not compared with others then: one mistake has one note."""
+
+
 @dataclass(frozen=True, eq=False)
 class Readings:
     """All measurements of one sensor, in the order of time."""
@@ -90,7 +94,8 @@ def sensor_doubts(
         out += [*of_times, *(_of_values(where(name), each) if in_time else ())]
     imu = next((each for each in readings.values() if each.kind == "imu"), None)
     for name, each in readings.items():
-        if each.kind == "gnss" and imu is not None and imu.values and each.values and not out:
+        sound = not any(doubt.key in DISTURBING for doubt in out)
+        if each.kind == "gnss" and imu is not None and imu.values and each.values and sound:
             samples = imu.times_ns, imu.values["rates"], imu.values["forces"]
             out += mirrored_doubts(where(name), each.times_ns, each.values["xyz"], each.values["sigma"], samples)
         if each.kind == "wheel" and each.values:

@@ -18,6 +18,7 @@ from ispom.geometry import Array, so3_exp
 from ispom.plausibility import DOUBTS, Doubt
 from ispom.plausibility.doubt import keys_of
 from ispom.sequences import open_sequence
+from ispom.sequences.readings import frames_ns_of, mount_doubts, readings_of, sensor_doubts
 from ispom.sequences.sensors import local_of, with_sensors
 from ispom.types import FRAME_KINDS, Frame, GnssFix, Rig, Sequence
 from tests import doubles
@@ -402,3 +403,76 @@ def test_a_doubt_is_text_with_a_key() -> None:
 def test_frames_without_sensors_have_no_doubts() -> None:
     assert Rig() is not None and all(isinstance(m, Frame) for m in map(plain(1).load, range(3)))
     assert not keys_of(plain(1).notes) and {*plain(1).kinds} <= FRAME_KINDS
+
+
+DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
+
+
+def of_simulation(words: str) -> set[str]:
+    sequence = open_sequence(f"sim:tiny?{words}&sensor=imu&sensor=gnss&sensor=wheel")
+    readings = readings_of(sequence)
+    assert {"imu", "gnss", "wheel"} <= readings.keys()
+    doubts = sensor_doubts(str, sequence.rig, readings, frames_ns_of(sequence))
+    return keys_of((*doubts, *mount_doubts("", sequence.rig)))
+
+
+@pytest.mark.parametrize("motion", ["flight", "drive", "loop", "walk", "still", "tiny-steps", "rotation", "sideways"])
+def test_simulated_sensors_give_none(motion: str) -> None:
+    assert not of_simulation(f"motion={motion}")
+
+
+def test_simulated_sensors_on_the_moon_and_upright_give_none() -> None:
+    assert not of_simulation("place=moon&motion=drive")
+    assert not of_simulation("portrait=true&motion=walk")
+
+
+@pytest.mark.skipif(not (DATA / "sensors" / "kitti_00").is_dir(), reason="../shared/data/sensors/kitti_00 is absent")
+def test_the_sensors_of_a_car_give_the_hole_that_they_have(tmp_path: Path) -> None:
+    """Its first row is 1.9 s before its second."""
+    pose = {"translation_m": [-0.3391, 0.7468, -1.0957], "rotation_xyzw": [0.506871, -0.495521, 0.500083, 0.497451]}
+    folder = (DATA / "sensors" / "kitti_00").resolve()
+    axes = {f"a{a}": f"accel{a.upper()}" for a in "xyz"} | {f"g{a}": f"omega{a.upper()}" for a in "xyz"}
+    described = {
+        "imu": {"file": str(folder / "imu.txt"), "columns": {"time_s": "Time", **axes}, "clock_offset_s": -46534.998},
+        "gnss": {
+            "file": str(folder / "gps.txt"),
+            "columns": {"time_s": "Time", "x": "X", "y": "Y", "z": "Z"},
+            "clock_offset_s": -46534.943,
+            "sigma_m": 0.07,
+        },
+    }
+    path = tmp_path / "sensors.yaml"
+    path.write_text(yaml.safe_dump({name: {f"rig_from_{name}": pose, **entry} for name, entry in described.items()}))
+    found = open_sequence(str(DATA / "kitti" / "sequences" / "00"), sensors=path)
+    assert keys_of(found.notes) == {"imu_hole"}
+    described["gnss"]["columns"] |= {"x": "Y", "y": "X"}
+    path.write_text(yaml.safe_dump({name: {f"rig_from_{name}": pose, **entry} for name, entry in described.items()}))
+    found = open_sequence(str(DATA / "kitti" / "sequences" / "00"), sensors=path)
+    assert keys_of(found.notes) == {"imu_hole", "gnss_mirrored"}
+
+
+@pytest.mark.skipif(not (DATA / "euroc_v1_01_start").is_dir(), reason="../shared/data/euroc_v1_01_start is absent")
+def test_the_imu_of_a_drone_at_rest_gives_none(tmp_path: Path) -> None:
+    path = tmp_path / "sensors.yaml"
+    table = (DATA / "euroc_v1_01_start" / "mav0" / "imu0" / "data.csv").resolve()
+    path.write_text(yaml.safe_dump({"imu": {"file": str(table), "rig_from_imu": IDENTITY}}))
+    assert not keys_of(open_sequence(str(DATA / "euroc_v1_01_start"), sensors=path).notes)
+
+
+REAL = ["kitti/sequences/00",
+        "kitti/sequences/06", "euroc_v1_01_start", "handheld_board", "sensors/euroc_v1_01_features",
+        "hard/terrace", "hard/rover_unlevel/sequences/32", "hard/fox_portrait", "hard/dashcam/film.mp4",
+        "reports/20_tumvi_equidistant/tumvi_equidistant"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_recordings_give_none(name: str) -> None:
+    if not (DATA / name).exists():
+        pytest.skip(f"../shared/data/{name} is absent")
+    assert not keys_of(with_look(open_sequence(str(DATA / name))).notes)
+
+
+@pytest.mark.skipif(not (DATA / "reports" / "v07_interlaced").is_dir(), reason="../shared/data/reports is absent")
+def test_a_real_scene_in_two_fields_is_seen() -> None:
+    found = with_look(open_sequence(str(DATA / "reports" / "v07_interlaced")))
+    assert keys_of(found.notes) == {"images_interlaced"}
