@@ -27,7 +27,7 @@ from ispom.io.files import is_folder
 from ispom.io.kitti import read_oxts_values
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.nmea import read_gga
-from ispom.io.rig import OTHERS, sensor_of
+from ispom.io.rig import sensor_of
 from ispom.io.sensor_tables import GEODETIC, IMU, LOCAL, gnss_sigma, read_table
 from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
 from ispom.plausibility.gnss import geodetic_doubts, null_fixes
@@ -85,8 +85,8 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
 def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None:
     """Raises InputError where the sequence has a sensor of this name that is of another kind, or measured, too."""
     there = sequence.rig.sensors.get(name)
-    if (there is not None and (there.kind != kind or kind in sequence.kinds)) or (name in OTHERS and name != kind):
-        raise InputError(f"{path}: {name} is the name of another sensor: choose another name, and give `sensor`")
+    if there is not None and (there.kind != kind or kind in sequence.kinds):
+        raise InputError(f"{path}: {name} is a sensor of the source already: choose another name, and give `sensor`")
 
 
 def _read(path: Path, name: str, entry: dict[Any, Any]) -> Readings:
