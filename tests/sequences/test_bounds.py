@@ -34,16 +34,8 @@ FIXES = "time_s,x,y,z\n0,0,0,0\n0.2,1,0,0\n0.4,2,0,0\n"
 PLACES = "time_s,lat,lon,height\n0,49,8,0\n0.2,49,8.00001,0\n"
 WHEELS = "time_s,distance,turn\n0,1,0\n0.2,1,0\n0.4,1,0\n"
 IMPOSSIBLE = (1e300, -1e300, 1e308, -1e308, 1e15, 1e-320, -1e-320, 5e-324, 1e16, 0.0, -1.0)
-ENTRIES = (
-    "clock_offset_s",
-    "sigma_m",
-    "origin",
-    "gyroscope_noise",
-    "accelerometer_walk",
-    "distance_noise",
-    "x",
-    "pose",
-)
+NOISES = ("gyroscope_noise", "accelerometer_walk")
+ENTRIES = ("clock_offset_s", "sigma_m", "origin", *NOISES, "distance_noise", "x", "pose")
 
 
 def described(folder: Path, name: str, table: str, entry: dict) -> Path:

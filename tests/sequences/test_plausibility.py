@@ -349,8 +349,8 @@ def see_through(k: int) -> np.ndarray:
         (see_through, {"images_transparent"}),
         (textured, set()),
         (lambda k: textured(k) // 12, set()),
-        (lambda k: cv2.randu(np.empty((480, 640), np.uint8), 0, 255), set()),
-        (lambda k: np.tile(np.uint8([[40], [200]]), (240, 640)) + np.uint8(k), {"images_interlaced"}),
+        (lambda k: np.random.default_rng(k).integers(0, 256, (480, 640), np.uint8), set()),
+        (lambda k: np.tile(np.array([[40 + k], [200]], np.uint8), (240, 640)), {"images_interlaced"}),
     ],
     ids=["interlaced", "frozen", "black", "transparent", "healthy", "dark", "noise", "comb"],
 )
