@@ -62,12 +62,12 @@ function showActivity() {
 }
 setInterval(showActivity, 250);
 
-function method({ label, colour, status, error, hint }) {
+function method({ label, colour, status, word, severity, error, hint }) {
   const item = document.createElement("span");
-  item.className = `method ${status}`;
+  item.className = `method ${status} ${severity}`;
   item.style.setProperty("--colour", colour);
   item.title = hint;
-  item.append(document.createElement("i"), part("b", label), part("span", status, "state"));
+  item.append(document.createElement("i"), part("b", label), part("span", word, "state"));
   if (error) item.append(part("span", error, "error"));
   return item;
 }
