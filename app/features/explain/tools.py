@@ -31,8 +31,8 @@ def verdict_at(
     (METHOD.KEY, for checks_over_time and condition_test), value, threshold, unit, margin (negative: on the failing
     side), passed, and kind: requirement and warning can fail; trigger and finding cannot. A method that did not step
     at the frame has the verdict of its last step, `frame` says which. `numbers` has inliers (tracks that the pose
-    used), residual_median_px, error_m (live error: of the pose as given then, not aligned) and, of the trajectory as known
-    now after the alignment of the ATE, error_aligned_m with `aligned`; null where unknown."""
+    used), residual_median_px, error_m (live error: of the pose as given then, not aligned) and, of the trajectory as
+    known now after the alignment of the ATE, error_aligned_m with `aligned`; null where unknown."""
     run, index = agents.run, agents.frame(frame)
     if method:
         agents.method(method)
