@@ -10,8 +10,8 @@ from ispom.errors import InputError
 from ispom.methods import Config, possible_methods
 from ispom.settings import settings
 from ispom.testing import check_estimator
+from ispom.testing.flight import flight_rig
 from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
-from ispom.warm_up import flight_rig
 from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
 LONG = {"lines.monocular", "multicamera", "flow", "trifocal"}

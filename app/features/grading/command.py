@@ -11,11 +11,13 @@ from typing import Any
 from rich.console import Console
 
 from ispom.errors import InputError, printable
+from ispom.methods import Config
 from ispom.sequences.address import MAX_SEED
 from ispom.testing import check_estimator
 
 from ...engine.outputs import json_text, require_own, write_file
 from ...engine.signals import terminable
+from ..headless.console import compile_first
 from .load import methods_of
 from .measure import Measured, measured
 from .options import Grade
@@ -46,6 +48,7 @@ def grade(options: Grade) -> int:
         _print(f"--key {key} repeats this grade")
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     with terminable() as signals:
+        compile_first(names, Config())
         for name in names:
             broken = _broken_contract(name) if options.contract else None
             runs = []
