@@ -11,8 +11,8 @@ from ispom.methods import Config, possible_methods
 from ispom.methods import method as registered
 from ispom.settings import settings
 from ispom.testing import check_estimator
+from ispom.testing.flight import flight_rig
 from ispom.types import Camera, Frame, Measurement, Rig, Sequence, Trajectory
-from ispom.warm_up import flight_rig
 from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
 LONG = {"lines.monocular", "multicamera", "flow", "trifocal"}

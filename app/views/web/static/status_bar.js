@@ -18,7 +18,7 @@ export function showState(state) {
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
   at("methods").replaceChildren(...state.methods.map(method));
   at("methods").classList.toggle("many", state.methods.length > 3);
-  const waiting = state.activity?.startsWith("compiling"); // the run waits for it, and says so itself
+  const waiting = state.activity?.startsWith("Compiling"); // the run waits for it, and says so itself
   at("compiling").textContent = waiting ? "" : (state.compiling ?? "");
   showRecording(state.recording);
   activity = { text: doing(state), since: state.activity === activity.raw ? activity.since : performance.now(), raw: state.activity };
