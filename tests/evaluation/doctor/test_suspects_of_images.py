@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.evaluation.doctor.examination import Examination, Shot
-from ispom.evaluation.doctor.suspects.images import blur, covered, darkness, edge_width_px, exposure_jumps, low_texture
+from ispom.evaluation.doctor.examination import Examination, Shot, examination
+from ispom.evaluation.doctor.suspects.cover import covered
+from ispom.evaluation.doctor.suspects.images import blur, darkness, edge_width_px, exposure_jumps, low_texture
 from ispom.evaluation.doctor.suspects.lens import fixed_edges, on_lens
 from ispom.evaluation.doctor.suspects.times import dropped, repeated
+from ispom.sequences import open_sequence
 from ispom.types import Camera, Image, Rig
 
 FRAME_NS = 33_000_000
@@ -51,12 +53,51 @@ def test_darkness() -> None:
     assert finding is not None and finding.found
 
 
-def test_a_covered_quarter_has_its_share() -> None:
-    images = [image.copy() for image in GOOD]
+def test_a_black_sky_is_no_lack_of_light() -> None:
+    images = [image.copy() for image in LONG]
     for image in images:
-        image[:, :80] = 10
-    finding = covered(seen(images))
+        image[:190] = 3
+    finding = darkness(seen(images))
+    assert np.mean(images) < 36 and finding is not None and not finding.found
+
+
+def with_dark(images: list[Image], rows: int = 240, columns: int = 80) -> list[Image]:
+    """Returns the images with a dark part at the left, or at the top."""
+    dark = [image.copy() for image in images]
+    for image in dark:
+        image[:rows, :columns] = 10
+    return dark
+
+
+def test_a_covered_quarter_has_its_share() -> None:
+    finding = covered(seen(with_dark(LONG)))
     assert finding is not None and finding.found and finding.values["covered_share"] == pytest.approx(0.25)
+
+
+def test_a_dark_sky_along_which_the_scene_passes_is_not_called_a_cover() -> None:
+    assert covered(seen(with_dark(LONG, 80, 320))) is None
+
+
+def test_of_a_camera_at_rest_it_is_not_known_whether_it_is_covered() -> None:
+    assert covered(seen(with_dark(GOOD[:1] * 10))) is None
+
+
+def test_the_bars_of_a_film_cover_nothing() -> None:
+    images = with_dark(LONG, 40, 320)
+    for image in images:
+        image[-40:] = 10
+    finding = covered(seen(images))
+    assert finding is not None and not finding.found
+
+
+def test_the_black_sky_of_the_moon_covers_nothing() -> None:
+    finding = covered(examination(open_sequence("sim:tiny?place=moon&motion=drive", seed=0), 0, 20))
+    assert finding is not None and not finding.found
+
+
+def test_a_cover_is_told_by_another_camera_that_sees_light_there() -> None:
+    finding = covered(examination(open_sequence("sim:tiny?fault=blocked:share=0.5", seed=0), 0, 20))
+    assert finding is not None and finding.found
 
 
 @pytest.mark.parametrize("sigma", [2.0, 3.0])
@@ -127,6 +168,13 @@ def test_the_camera_s_motion_is_no_jump_of_the_exposure() -> None:
     assert images[1].mean() > 1.05 * images[0].mean()
     finding = exposure_jumps(seen(images))
     assert finding is not None and finding.values["largest_gain"] < 1.03
+
+
+def test_of_few_corners_that_are_followed_no_gain_is_known() -> None:
+    """Each image shows another place."""
+    images = [picture(seed) for seed in range(8)]
+    brighter = [np.clip(image * (1.4 if i % 2 else 1.0), 0, 255).astype(np.uint8) for i, image in enumerate(images)]
+    assert exposure_jumps(seen(brighter)) is None
 
 
 def test_something_on_the_lens_stays_where_it_is() -> None:

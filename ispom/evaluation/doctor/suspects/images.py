@@ -8,18 +8,15 @@ import numpy as np
 from ispom.geometry import Array
 from ispom.types import Image
 
-from ..examination import Examination, Shot
+from ..examination import Examination
 from ..finding import Finding, Suspect
+from .cover import COVERED_LENS, blocks
 
 DARK_LEVELS = 36.0
-"""Mean grey level of a dark image: at this one, noise is a third of the texture of an ordinary scene."""
+"""Mean grey level of the brighter half of a dark image: at this one, noise is a third of the texture of an ordinary
+scene."""
 IN_A_ROW = 3
 """Dark or blurred images that stop the tracks: one or two are passed over by most methods."""
-BLOCK_PX = 20
-COVERED_LEVELS, COVERED_STD = 45.0, 4.0
-"""Grey level and its standard deviation in a block of an image, of something dark before the lens."""
-COVERED_SHARE = 0.12
-"""Of the image's area, in half of the frames or more."""
 EDGE_PX = 5.0
 """Width of the strongest edges, their step over their steepest slope, from which on an image is blurred: that of a blur
 of 2 px (1 sigma). Sharp images have about 3."""
@@ -38,13 +35,16 @@ AROUND_PX = 15
 """Side of the surroundings of a corner whose brightness is compared: those by which it is followed."""
 LEAST_CORNERS = 20
 """Followed from a frame to the next, so that they tell the gain."""
+FOLLOWED = 0.5
+"""Share of the corners that are followed, so that these are no chance: fewer say nothing, as at a low frame rate."""
 GAIN_JUMPS = 1
 """Jumps in the stretch from which on they are a cause."""
 
 
 def darkness(seen: Examination) -> Finding | None:
-    """Compares the mean grey level of the darkest few images in a row with that of a dark one."""
-    shots = [(shot.index, float(np.mean([image.mean() for image in shot.images.values()]))) for shot in seen.shots]
+    """Compares the mean grey level of the darkest few images in a row with that of a dark one. The brighter half of an
+    image counts: a black sky is no lack of light."""
+    shots = [(shot.index, float(np.mean([_lit_level(i) for i in shot.images.values()]))) for shot in seen.shots]
     if len(shots) < IN_A_ROW:
         return None
     levels = np.array([mean for _, mean in shots])
@@ -59,41 +59,10 @@ def darkness(seen: Examination) -> Finding | None:
     )
 
 
-def blocks(image: Image) -> tuple[Array, Array]:
-    """Returns mean and standard deviation (H, W) of blocks of the image."""
-    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
-    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX].astype(np.float32)
-    apart = cut.reshape(rows, BLOCK_PX, columns, BLOCK_PX)
-    return apart.mean(axis=(1, 3)), apart.std(axis=(1, 3))
-
-
-def covered(seen: Examination) -> Finding | None:
-    """Measures the area of a camera's images that is dark and uniform all the time, while others are bright."""
-    best: tuple[float, str, Shot | None] = (0.0, "", None)
-    bright = max((float(np.percentile(i, 90)) for s in seen.shots for i in s.images.values()), default=0.0)
-    for name in seen.rig.cameras:
-        own = [shot for shot in seen.shots if name in shot.images]
-        if not own or bright < 2 * COVERED_LEVELS:
-            continue
-        masks = []
-        for shot in own:
-            mean, std = blocks(shot.images[name])
-            masks.append((mean < COVERED_LEVELS) & (std < COVERED_STD))
-        shares = np.array([mask.mean() for mask in masks])
-        always = float(np.mean(np.mean(masks, axis=0) >= 0.9))
-        half = float(np.median(shares))
-        share = max(always, half if half > 0.9 else 0.0)
-        if share > best[0]:
-            best = (share, name, own[int(np.argmax(shares))])
-    share, name, shot = best
-    return Finding(
-        share / COVERED_SHARE,
-        f"{100 * share:.0f} % of the {name or 'camera'} image is dark and uniform in all frames."
-        if name
-        else "No part of an image is dark and uniform all the time.",
-        {"covered_share": share},
-        () if shot is None else (shot.index,),
-    )
+def _lit_level(image: Image) -> float:
+    """Returns the mean grey level of the brighter half of the blocks."""
+    means = np.sort(blocks(image)[0], axis=None)
+    return float(means[len(means) // 2 :].mean()) if means.size else float(image.mean())
 
 
 def edge_width_px(image: Image) -> float:
@@ -169,7 +138,8 @@ def exposure_jumps(seen: Examination) -> Finding | None:
     """Counts changes of the gain: the median ratio of the brightness around corners that are followed from a frame of
     the main camera to the next. Blocks at the same place of the image would show other parts of the scene.
 
-    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one.
+    A gain changes all of them alike. Where a quarter changes by less than half of it, it is not one. None where too few
+    corners are followed from any frame to the next.
     """
     uv, shots = seen.tracked.uv, seen.main_shots
     around = [cv2.blur(shot.images[seen.main], (AROUND_PX, AROUND_PX)).astype(np.float32) for shot in shots]
@@ -178,7 +148,7 @@ def exposure_jumps(seen: Examination) -> Finding | None:
         both = np.isfinite(uv[:, f - 1, 0]) & np.isfinite(uv[:, f, 0])
         before, now = (_at(around[k], uv[both, k]) for k in (f - 1, f))
         usable = (before > 10) & (before < 240) & (now > 10) & (now < 240)
-        if usable.sum() >= LEAST_CORNERS:
+        if usable.sum() >= LEAST_CORNERS and both.sum() >= FOLLOWED * np.isfinite(uv[:, f - 1, 0]).sum():
             logs = np.log(now[usable] / before[usable])
             low, median, high = np.percentile(logs, [25, 50, 75])
             alike = max(low, -high) >= abs(median) / 2
@@ -211,13 +181,7 @@ IMAGES = (
         "Film with more light, a wider aperture or a longer exposure as far as motion blur allows it.",
         darkness,
     ),
-    Suspect(
-        "covered-lens",
-        "something covers a part of the lens",
-        "images",
-        "Clear the lens, or mask this part of the image.",
-        covered,
-    ),
+    COVERED_LENS,
     Suspect(
         "blur",
         "the images are blurred",

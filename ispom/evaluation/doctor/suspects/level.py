@@ -111,7 +111,6 @@ UNLEVEL = Suspect(
     "unlevel",
     "the stereo pair is not level",
     "images",
-    "Calibrate the pair again, or rectify the images again with all of its numbers: left and right must show a point in "
-    "the same row.",
+    "Calibrate the pair again, or rectify its images again: left and right must show a point in the same row.",
     unlevel,
 )
