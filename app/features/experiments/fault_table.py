@@ -22,10 +22,10 @@ Row = dict[str, Any]
 def markdown(rows: Sequence[Row], rules: str) -> str:
     """Returns the parts that there are rows for: healthy stretches, faults on simulations and recordings, methods."""
     parts = [f"Rules of the doctor: `{rules}`."]
-    if healthy := [row for row in rows if row["kind"] == HEALTHY]:
+    if healthy := [row for row in rows if _parts(row)[1] == HEALTHY]:
         parts.append(_healthy(healthy))
     for title, simulated in (("Faults on simulations", True), ("Faults on recordings", False)):
-        if faulty := [row for row in rows if row["kind"] != HEALTHY and row["simulated"] == simulated]:
+        if faulty := [row for row in rows if _parts(row)[1] != HEALTHY and row["simulated"] == simulated]:
             parts.append(f"### {title}\n\n{_sources(faulty)}\n\n{_faults(faulty)}")
     if played := [row for row in rows if row["methods"]]:
         parts.append(f"### Methods\n\n{_methods(played)}")
@@ -56,8 +56,10 @@ def _healthy(rows: Sequence[Row]) -> str:
 
 
 def _place(row: Row) -> str:
+    about = [f"seed {row['seed']}"] if row["simulated"] else []
+    about += [f"after {before}"] if (before := _parts(row)[0]) else []
     frames = f"{row['first']}-{row['last']}"
-    return f"{frames} (seed {row['seed']})" if row["simulated"] else frames
+    return f"{frames} ({', '.join(about)})" if about else frames
 
 
 def _said(row: Row) -> str:
@@ -71,7 +73,14 @@ def _sources(rows: Sequence[Row]) -> str:
     """Says what the faults were put onto."""
     seeds = sorted({row["seed"] for row in rows})
     of_seeds = f"; seeds {', '.join(map(str, seeds))}" if rows[0]["simulated"] else ""
-    return f"On {', '.join(f'`{source}`' for source in _in_order(row['source'] for row in rows))}{of_seeds}."
+    named = [f"`{row['source']}`{f' (after `{before}`)' if (before := _parts(row)[0]) else ''}" for row in rows]
+    return f"On {', '.join(_in_order(named))}{of_seeds}."
+
+
+def _parts(row: Row) -> tuple[str, str]:
+    """What was put on first, and the kind itself."""
+    before, _, kind = row["kind"].rpartition("+")
+    return before, kind
 
 
 def _faults(rows: Sequence[Row]) -> str:
@@ -80,21 +89,25 @@ def _faults(rows: Sequence[Row]) -> str:
     Kinds of which the doctor knows no cause do not count in the last row.
     """
     lines, total, known = [], Counter[str](), 0
-    for kind in _in_order(row["kind"] for row in rows):
-        own = [row for row in rows if row["kind"] == kind]
+    for kind in _in_order(_parts(row)[1] for row in rows):
+        own = [row for row in rows if _parts(row)[1] == kind]
         counts, answers = _counts(own), Counter(map(_said, own))
         said = ", ".join(f"{answer} {count}" for answer, count in answers.most_common())
         if not own[0]["right"]:
-            lines.append((kind, "none is known", str(len(own)), f"{answers[NOTHING]} named nothing", "", "", said))
+            lines.append((kind, "none is known", str(len(own)), f"{answers[NOTHING]} named nothing", "", "", "", said))
             continue
         total.update(counts)
         known += 1
         right = " or ".join(own[0]["right"])
-        lines.append((kind, right, *(str(counts[key]) for key in ("cases", "first", "third")), _ratio(counts), said))
+        lines.append(
+            (kind, right, *(str(counts[key]) for key in ("cases", "first", "third", "silent")), _ratio(counts), said)
+        )
     cases = max(1, total["cases"])
     first, third = (f"{100 * total[key] / cases:.0f} %" for key in ("first", "third"))
-    lines.append((f"all {known} kinds", "", str(total["cases"]), first, third, _ratio(total), ""))
-    head = ("fault", "right", "cases", "first", "in the first three", "figure within 2 sigma", "what came first")
+    ends = (str(total["cases"]), first, third, str(total["silent"]), _ratio(total), "")
+    lines.append((f"all {known} kinds", "", *ends))
+    head = ("fault", "right", "cases", "first", "in the first three", "cannot tell", "figure within 2 sigma")
+    head = (*head, "what came first")
     return _table(head, lines)
 
 
@@ -107,6 +120,7 @@ def _counts(rows: Sequence[Row]) -> Counter[str]:
             "cases": 1,
             "first": int(bool(places) and min(places) == 0),
             "third": int(bool(places) and min(places) < 3),
+            "silent": int(not row["causes"] and all(key in row["silent"] for key in row["right"])),
             "stated": int(bool(stated)),
             "within": int(bool(stated) and all(within(f) for f in stated)),
         })  # fmt: skip

@@ -12,6 +12,7 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,8 @@ ROWS, TABLE = "rows.jsonl", "faults.md"
 FRAMES = 45
 """Frames of the main camera in a stretch, as the doctor examines them."""
 NAMES = frozenset({
-    "source", "seed", "stretch", "first", "last", "kind", "right", "simulated", "rules", "failure", "causes", "answer",
-    "strengths", "figures", "methods",
+    "source", "seed", "stretch", "first", "last", "kind", "right", "simulated", "rules", "failure", "causes", "silent",
+    "answer", "strengths", "figures", "methods",
 })  # fmt: skip
 """What each row has."""
 SIGMA = "_sigma"
@@ -172,7 +173,7 @@ def row_of(
     row = {
         "source": case.source, "seed": case.seed, "stretch": case.stretch, "first": first, "last": last,
         "kind": case.name, "right": list(case.kind.suspects), "simulated": case.simulated, "rules": rules_hash(),
-        "failure": None, "causes": [], "answer": "", "strengths": {}, "figures": {}, "methods": None,
+        "failure": None, "causes": [], "silent": [], "answer": "", "strengths": {}, "figures": {}, "methods": None,
     }  # fmt: skip
     try:
         sequence = with_fault(whole.part(first, last), case.kind, case.seed)
@@ -180,6 +181,7 @@ def row_of(
         found = diagnose(seen, advance=lambda _: check_stop() is None)
         row |= {
             "causes": [each.suspect.key for each in found.causes],
+            "silent": list(found.silent),
             "answer": found.answer,
             "strengths": {each.suspect.key: round(each.finding.strength, 3) for each in found.ranked},
             "figures": _figures(case.kind, whole, found, seen.rig.cameras[seen.main].width),
@@ -268,6 +270,7 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
     return rows
 
 
+@cache
 def rules_hash() -> str:
     """Returns what names the rules of the doctor: 12 digits of the hash of its files."""
     folder, digest = Path(rules.__path__[0]), hashlib.sha256()

@@ -48,16 +48,20 @@ class FaultKind:
     figures: Callable[[Any], Mapping[str, float]] | None = None
     """Returns, of the fault, the doctor's figures that are right, by their name in `Finding.values`."""
 
+    before: tuple[FaultKind, ...] = ()
+    """Faults that are put on first, such as one that makes up for what is wrong with the recording."""
+
     def applies_to(self, rig: Rig, simulated: bool) -> bool:
         """Checks that the recording has the cameras, and is a simulation where it must be."""
-        return all(rig.has(kind) for kind in self.needs) and (simulated or not self.world)
+        suits = all(rig.has(kind) for kind in self.needs) and (simulated or not self.world)
+        return suits and all(each.applies_to(rig, False) for each in self.before)
 
     def made(self, rig: Rig) -> Fault | None:
         """Returns the fault in the size that suits the rig's images; None for none."""
         if not self.fault:
             return None
         fault: Any = fault_of_words(self.fault)
-        camera = rig.video or rig.left
+        camera = rig.left if self.needs == (STEREO,) else rig.video or rig.left
         factor = max(1.0, camera.width / WIDTH_PX) if camera is not None else 1.0
         return replace(fault, **{name: factor * getattr(fault, name) for name in self.sizes})
 
@@ -105,7 +109,7 @@ def _clock(fault: Clock) -> dict[str, float]:
 
 
 BOTH = (VIDEO, STEREO)
-TURNED = ("pair-turned", "unlevel-pair")
+TURNED = ("pair-turned", "unlevel")
 """A camera that has turned about its x axis shows its rows higher or lower: both say the same."""
 KINDS: Mapping[str, FaultKind] = {
     HEALTHY: FaultKind("", ()),
@@ -147,10 +151,14 @@ KINDS: Mapping[str, FaultKind] = {
 
 
 def kind_of_words(text: str) -> FaultKind:
-    """Reads a kind, perhaps with other settings of its fault, such as `focal` or `focal:focal_percent=5`.
+    """Reads a kind, perhaps with other settings of its fault, such as `focal` or `focal:focal_percent=5`, and perhaps
+    after others, as in `unlevel:rows_px=-3+focal`.
 
     Raises InputError where it is invalid.
     """
+    if "+" in text:
+        *before, last = map(kind_of_words, text.split("+"))
+        return replace(last, before=tuple(before))
     name, _, changed = text.partition(":")
     kind = KINDS.get(name)
     if kind is None:
@@ -170,8 +178,10 @@ def kind_of_words(text: str) -> FaultKind:
 
 def with_fault(sequence: Sequence, kind: FaultKind, seed: int) -> Sequence:
     """Returns the sequence with the fault, without what only another simulation shows (`FaultKind.address`)."""
-    fault = kind.made(sequence.rig)
-    return sequence if fault is None else fault.on(sequence, seed)
+    for each in (*kind.before, kind):
+        fault = each.made(sequence.rig)
+        sequence = sequence if fault is None else fault.on(sequence, seed)
+    return sequence
 
 
 def _swung(seed: int) -> Path:

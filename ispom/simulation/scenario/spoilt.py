@@ -16,6 +16,8 @@ HAZE = 200.0
 """Grey level of fog."""
 GREASE = 140.0
 """Grey level of what a smear adds."""
+PANELS = 60
+"""Rectangles of even grey, of which a moving object is made."""
 NEARNESS = 0.05
 """Disparity of a moving object, relative to the image's width."""
 
@@ -121,10 +123,11 @@ class MovingPatch(Spell):
     def drawn(self, size: tuple[int, int], seed: int) -> np.ndarray:
         """Returns the texture (H, W) of a rectangle (width, height) [px], the same at every size."""
         rng, texture = random_of("texture", seed), np.full((size[1], size[0]), 120, np.float32)
-        for cells, contrast in ((6, 35), (14, 30), (30, 20)):
-            fine = rng.standard_normal((cells, cells)).astype(np.float32)
-            texture += contrast * cv2.resize(fine, size, interpolation=cv2.INTER_CUBIC)
-        return np.clip(texture, 5, 250)
+        for u, v, width, height, grey in rng.uniform(0, 1, (PANELS, 5)):
+            left, top = int((1.2 * u - 0.2) * size[0]), int((1.2 * v - 0.2) * size[1])
+            right, bottom = left + int((0.05 + 0.2 * width) * size[0]), top + int((0.05 + 0.2 * height) * size[1])
+            texture[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = 20 + 215 * grey
+        return texture
 
 
 @dataclass(frozen=True, kw_only=True)

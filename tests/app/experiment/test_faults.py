@@ -101,7 +101,7 @@ def made(kind: str, right: list[str], causes: list[str], simulated: bool = True,
     given = {
         "source": "sim:tiny" if simulated else "drive", "seed": 0, "stretch": "1/1", "first": 0, "last": 44,
         "kind": kind, "right": right, "simulated": simulated, "rules": "r", "failure": None, "causes": causes,
-        "figures": {}, "methods": None,
+        "silent": ["clock"], "figures": {}, "methods": None,
     }  # fmt: skip
     return given | more
 
@@ -116,15 +116,19 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
         made("focal", ["video-focal"], ["a", "b", "c", "video-focal"], figures={"a": focal | {"sigma": None}}),
         made("jpeg", [], []),
         made("jpeg", [], ["blur"]),
+        made("clock", ["clock"], []),
         made("blur", ["blur"], [], simulated=False),
+        made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="rover"),
     ]
     text = markdown(found, "r")
     assert "2 stretches, 1 alarms." in text
     simulated, real = text.partition("### Faults on recordings")[::2]
-    assert "| focal | video-focal | 3 | 1 | 2 | 1 of 2 | video-focal 1, blur 1, a 1 |" in simulated
-    assert "| jpeg | none is known | 2 | 1 named nothing |  |  | no cause 1, blur 1 |" in simulated
-    assert "| all 1 kinds |  | 3 | 33 % | 67 % | 1 of 2 |" in simulated
-    assert "| blur | blur | 1 | 0 | 0 |  | no cause 1 |" in real
+    assert "| focal | video-focal | 3 | 1 | 2 | 0 | 1 of 2 | video-focal 1, blur 1, a 1 |" in simulated
+    assert "| clock | clock | 1 | 0 | 0 | 1 |  | no cause 1 |" in simulated
+    assert "| jpeg | none is known | 2 | 1 named nothing |  |  |  | no cause 1, blur 1 |" in simulated
+    assert "| all 2 kinds |  | 4 | 25 % | 50 % | 1 | 1 of 2 |  |" in simulated
+    assert "| blur | blur | 2 | 1 | 1 | 0 |  | no cause 1, blur 1 |" in real
+    assert "On `drive`, `rover` (after `unlevel`)." in real
 
 
 def test_options_of_faults_are_not_those_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

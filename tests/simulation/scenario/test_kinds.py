@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ispom.errors import InputError
@@ -40,13 +41,25 @@ def test_other_settings_keep_the_rest_of_a_kind() -> None:
     assert kind.figures is not None and kind.figures(kind.made(PHONE))["video_centre_y_px"] == -2.0
 
 
+def test_a_fault_may_come_after_another() -> None:
+    kind = kind_of_words("unlevel:rows_px=-3+focal:focal_percent=5")
+    assert kind.suspects == ("video-focal",) and not kind.applies_to(PHONE, False)
+    plain = open_sequence("sim:tiny", seed=0).part(0, 1)
+    found = with_fault(plain, kind, 0)
+    was, now = plain[plain.kinds.index("stereo")], found[plain.kinds.index("stereo")]
+    assert np.array_equal(now.right[:-3], was.right[3:])  # type: ignore[union-attr]
+    assert found.rig.camera("video").fx == pytest.approx(1.05 * plain.rig.camera("video").fx)
+
+
 def test_a_fault_needs_its_cameras() -> None:
     suits = {name for name, kind in KINDS.items() if kind.applies_to(PHONE, False)}
     assert {"blur", "focal", HEALTHY} <= suits
     assert not suits & {"exchanged", "baseline", "clock", "mount", "unlevel", "traffic", "rolling-shutter"}
 
 
-@pytest.mark.parametrize("words", ["nothing", "healthy:a=1", "blur:colour=1", "blur:sigma_px=red", "traffic:people=1"])
+@pytest.mark.parametrize(
+    "words", ["nothing", "blur+nothing", "healthy:a=1", "blur:colour=1", "blur:sigma_px=red", "traffic:people=1"]
+)
 def test_what_is_no_kind_is_said(words: str) -> None:
     with pytest.raises(InputError):
         kind_of_words(words)
