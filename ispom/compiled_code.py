@@ -1,7 +1,7 @@
-"""The folder in which numba keeps machine code, and whether all of it is there.
+"""The folder in which numba keeps machine code, and whether what is needed is there.
 
-A folder per version of the sources, of numba, Python and processor. When everything is compiled, `mark_complete` lists
-the files with their digests; a later start that finds another digest deletes the folder, and compiles again.
+A folder per version of the sources, of numba, Python and processor. When kernels are compiled, `mark_complete` lists
+them, and the files with their digests; a later start that finds another digest deletes the folder, and compiles again.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 import platform
 import shutil
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -35,51 +36,66 @@ def folder() -> Path | None:
     return None if parent is None else parent / _version()
 
 
-def is_complete() -> bool:
-    """Whether the machine code of every kernel is there, undamaged. A damaged folder is deleted.
+def missing(kernels: Iterable[str]) -> frozenset[str]:
+    """Which of these kernels are not known to be there, undamaged. A damaged folder is deleted.
 
-    True, too, where there is no folder: each process then compiles what it uses.
+    None where there is no folder: each process then compiles what it uses.
     """
     place = folder()
     if place is None:
-        return True
+        return frozenset()
     try:
-        digests = json.loads((place / MARK).read_text())
+        mark = json.loads((place / MARK).read_text())
+        known, digests = frozenset[str](mark["kernels"]), dict[str, str](mark["files"])
         damaged = [name for name, digest in digests.items() if _digest(place / name) != digest]
     except FileNotFoundError as fault:
         if Path(fault.filename) == place / MARK:
-            return False  # not yet
-        damaged = [fault.filename]
-    except (OSError, ValueError, AttributeError):
-        damaged = [MARK]
+            return frozenset(kernels)  # not yet
+        known, damaged = frozenset(), [fault.filename]
+    except (OSError, ValueError, AttributeError, TypeError, KeyError):
+        known, damaged = frozenset(), [MARK]
     if damaged:
         log.warning("compiled code in %s is damaged (%s): deleted, it is compiled again", place, damaged[0])
         shutil.rmtree(place, ignore_errors=True)
-        return False
+        return frozenset(kernels)
     with suppress(OSError):
         os.utime(place)
-    return True
+    return frozenset(kernels) - known
 
 
-def mark_complete() -> None:
-    """Notes that every kernel is compiled, and deletes folders that no start has used for 90 days."""
+def mark_complete(kernels: Iterable[str]) -> None:
+    """Notes that these kernels are compiled, too, and deletes folders that no start has used for 90 days."""
     place = folder()
     if place is None:
         return
     with suppress(OSError):
+        known = set(kernels)
+        with suppress(OSError, ValueError, TypeError, KeyError):
+            known.update(json.loads((place / MARK).read_text())["kernels"])
         digests = {str(path.relative_to(place)): _digest(path) for path in sorted(place.rglob("*.nb?"))}
         part = place / f"{MARK}.{os.getpid()}"
-        part.write_text(json.dumps(digests))
+        part.write_text(json.dumps({"kernels": sorted(known), "files": digests}))
         os.replace(part, place / MARK)
         for other in place.parent.iterdir():
             if other != place and time.time() - other.stat().st_mtime > _UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 
-def kept() -> int:
-    """How many functions have machine code in the folder."""
+def kept(kernels: Iterable[str]) -> frozenset[str]:
+    """Those of these kernels that have machine code in the folder, whether marked or not: one that a start compiled
+    before it was interrupted, for example."""
     place = folder()
-    return 0 if place is None else sum(1 for _ in place.rglob("*.nbi"))
+    if place is None:
+        return frozenset()
+    # Numba names them `kernels.reduce_points-104.py311.nbi`, in the folder `window_` and a digest.
+    files = {(path.parent.name.rpartition("_")[0], path.name.rsplit("-", 1)[0]) for path in place.rglob("*.nbi")}
+    return frozenset(name for name in kernels if _place(name) in files)
+
+
+def _place(kernel: str) -> tuple[str, str]:
+    """Of `solvers.window.kernels.reduce_points`: the folder of its module, and its name in numba's file."""
+    package, module, function = f"ispom.{kernel}".rsplit(".", 2)
+    return package.rsplit(".", 1)[-1], f"{module}.{function}"
 
 
 def _version() -> str:

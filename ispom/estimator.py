@@ -111,10 +111,13 @@ VIDEO: frozenset[Kind] = frozenset({"video"})
 STEREO: frozenset[Kind] = frozenset({"stereo"})
 
 
-def require_frame(measurement: Measurement, kinds: frozenset[Kind], last_ns: int | None = None) -> Frame:
+def require_frame(
+    measurement: Measurement, kinds: frozenset[Kind], last_ns: int | None = None, rig: Rig | None = None
+) -> Frame:
     """Returns the measurement as a frame that an estimator can step on.
 
-    Raises InputError where it is of none of the `kinds`, or not later than the last frame of its kind.
+    Raises InputError where it is of none of the `kinds`, not later than the last frame of its kind, or has an image of
+    another size than its camera of the `rig`.
     """
     if not isinstance(measurement, Frame) or measurement.kind not in kinds:
         expected = " or ".join(f"{kind} frames" for kind in sorted(kinds))
@@ -124,4 +127,12 @@ def require_frame(measurement: Measurement, kinds: frozenset[Kind], last_ns: int
             f"a {measurement.kind} frame at {measurement.time_ns} ns is not later than the one before it, at "
             f"{last_ns} ns: correct the times of the sequence"
         )
+    cameras = {} if rig is None else rig.cameras
+    for name in measurement.images.keys() & cameras.keys():
+        camera, (height, width) = cameras[name], measurement.images[name].shape[:2]
+        if (width, height) != (camera.width, camera.height):
+            raise InputError(
+                f"the {name} image at {measurement.time_ns} ns has {width} x {height} pixels, and its camera "
+                f"{camera.width} x {camera.height}: give images of that size, or the calibration of these"
+            )
     return measurement

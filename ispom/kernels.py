@@ -6,7 +6,8 @@ at the files of the functions that the kernel calls, so the code lies in a folde
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from typing import Any
 
 import numba
@@ -63,3 +64,24 @@ def read_only(values: NDArray) -> NDArray:
 def kernels() -> tuple[Any, ...]:
     """All kernels of the modules imported so far."""
     return tuple(_kernels)
+
+
+def compile_kernel(name: str, types: Iterable[Any]) -> None:
+    """Compiles one kernel for these types of arguments, or finds that its machine code is kept.
+
+    `name` is its module and function; a type is `float64` for a number, `float64 2` for an array of two dimensions,
+    `float64 2 readonly` for one that may not be written to, and {class: types of its fields} for a named tuple.
+    """
+    module, function = name.rsplit(".", 1)
+    getattr(import_module(f"ispom.{module}"), function).compile(tuple(map(_numba_type, types)))
+
+
+def _numba_type(described: str | Mapping[str, Iterable[Any]]) -> Any:
+    if not isinstance(described, str):
+        ((name, fields),) = described.items()
+        module, kind = name.rsplit(".", 1)
+        tuple_class = getattr(import_module(f"ispom.{module}"), kind)
+        return numba.types.BaseTuple.from_types(tuple(map(_numba_type, fields)), tuple_class)
+    number, *array = described.split()
+    kind = numba.from_dtype(np.dtype(number))
+    return numba.types.Array(kind, int(array[0]), "C", readonly=array[1:] == ["readonly"]) if array else kind

@@ -165,6 +165,16 @@ class Config:
     given: Mapping[str, Any] = field(default_factory=dict)
     """By method, a value of Method.config."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for a method that is not there, and for settings that are not its own."""
+        for name, settings in self.given.items():
+            own = method(name).config
+            if not isinstance(settings, own):
+                raise InputError(
+                    f"the settings of {name} are a {type(settings).__name__}: give a {own.__name__}, as from "
+                    f"ispom.method({name!r}).config(NAME=VALUE)"
+                )
+
     def of(self, name: str) -> Any:
         """The settings of a method."""
         return self.given[name] if name in self.given else method(name).config()

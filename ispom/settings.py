@@ -9,9 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from numbers import Integral, Real
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from ispom.errors import InputError
+
+C = TypeVar("C")
 
 
 @dataclass(frozen=True)
@@ -96,15 +99,38 @@ def _within(setting: Setting, value: float) -> float:
 
 def check(config: Any, where: str) -> None:
     """InputError where a value, here or in a nested config, is out of its range. `where` is the flag's prefix."""
+    if fault := _fault(config):
+        name, what = fault
+        raise InputError(f"--{where}{name.replace('_', '-')} {what}")
+
+
+def checked(config: C) -> C:
+    """Returns the config, for estimators that are built in Python. Raises InputError as `check`, with the names that
+    Python has."""
+    if fault := _fault(config):
+        name, what = fault
+        raise InputError(f"{type(config).__name__}.{name} {what}")
+    return config
+
+
+def _fault(config: Any) -> tuple[str, str] | None:
+    """Returns which value is out of its range, by its name, and how; None where none is."""
     for setting in settings(type(config)):
-        value, flag = getattr(config, setting.name), f"{where}{setting.name.replace('_', '-')}"
+        value, limits = getattr(config, setting.name), setting.range
         if is_dataclass(value):
-            check(value, f"{flag}.")
-        elif setting.range and not setting.range.low <= value <= setting.range.high:
-            low, high = setting.range.low, setting.range.high
-            raise InputError(f"--{flag} is {value:g}, give a value from {low:g} to {high:g}")
+            if inner := _fault(value):
+                return f"{setting.name}.{inner[0]}", inner[1]
+        elif limits and (not isinstance(value, Real) or isinstance(value, bool)):
+            return setting.name, f"is {str(value)[:60]!r}, give a number from {limits.low:g} to {limits.high:g}"
+        elif limits and setting.type is int and not isinstance(value, Integral):
+            return setting.name, f"is {value:g}, give a whole number from {limits.low:g} to {limits.high:g}"
+        elif limits and not limits.low <= value <= limits.high:
+            return setting.name, f"is {value:g}, give a value from {limits.low:g} to {limits.high:g}"
+        elif setting.type is bool and value not in (True, False):
+            return setting.name, f"is {str(value)[:60]!r}, give True or False"
         elif get_origin(setting.type) is Literal and value not in (names := get_args(setting.type)):
-            raise InputError(f"--{flag} is {str(value)[:60]!r}, choose from {', '.join(map(str, names))}")
+            return setting.name, f"is {str(value)[:60]!r}, choose from {', '.join(map(str, names))}"
+    return None
 
 
 def from_plain(config: type, values: Any, where: str) -> Any:

@@ -14,13 +14,15 @@ import pytest
 from ispom import compiled_code
 
 ROOT = Path(__file__).parents[1]
+FACTOR, OTHER = "numerics.cholesky.factor", "numerics.lie.logs"
 USE_ONE = """
 from ispom import compiled_code
+from ispom.kernel_list import kernel_list
 from ispom.kernels import kernels
 import numpy as np
 from ispom.numerics.cholesky import factor
 factor(2 * np.eye(3))
-print(sum(sum(k.stats.cache_misses.values()) for k in kernels()), compiled_code.kept())
+print(sum(sum(k.stats.cache_misses.values()) for k in kernels()), len(compiled_code.kept(kernel_list())))
 """
 
 
@@ -33,11 +35,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def compiled_files(folder: Path) -> Path:
-    code = folder / "solvers" / "one.nbc"
+    code = folder / "numerics_1a2b" / "cholesky.factor-13.py311.1.nbc"
     code.parent.mkdir()
     code.write_bytes(b"machine code" * 100)
-    (code.parent / "one.nbi").write_bytes(b"index")
-    compiled_code.mark_complete()
+    (code.parent / "cholesky.factor-13.py311.nbi").write_bytes(b"index")
+    compiled_code.mark_complete([FACTOR])
     return code
 
 
@@ -56,9 +58,12 @@ def test_a_second_start_compiles_nothing(tmp_path: Path) -> None:
 
 
 def test_code_is_complete_once_it_is_marked_so(folder: Path) -> None:
-    assert not compiled_code.is_complete()
+    assert compiled_code.missing([FACTOR]) == {FACTOR}
     compiled_files(folder)
-    assert compiled_code.is_complete() and compiled_code.kept() == 1
+    assert not compiled_code.missing([FACTOR]) and compiled_code.kept([FACTOR, OTHER]) == {FACTOR}
+    assert compiled_code.missing([FACTOR, OTHER]) == {OTHER}
+    compiled_code.mark_complete([OTHER])
+    assert not compiled_code.missing([FACTOR, OTHER])
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "one bit", "gone", "mark"])
@@ -73,9 +78,9 @@ def test_a_damaged_folder_is_deleted(folder: Path, damage: str, caplog: pytest.L
         changed = {"empty": b"", "cut": whole[:-100], "one bit": bytes([whole[0] ^ 4]) + whole[1:]}
         file.write_bytes(changed[damage])
     with caplog.at_level(logging.WARNING):
-        assert not compiled_code.is_complete()
+        assert compiled_code.missing([FACTOR]) == {FACTOR}
     assert str(folder) in caplog.messages[0] and not folder.exists()
-    assert not compiled_code.is_complete() and len(caplog.messages) == 1
+    assert compiled_code.missing([FACTOR]) == {FACTOR} and len(caplog.messages) == 1
 
 
 def test_folders_that_no_start_used_for_long_are_deleted(folder: Path) -> None:
@@ -89,8 +94,8 @@ def test_folders_that_no_start_used_for_long_are_deleted(folder: Path) -> None:
 
 def test_without_a_folder_each_process_compiles_what_it_uses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled_code, "folder", lambda: None)
-    compiled_code.mark_complete()
-    assert compiled_code.is_complete() and compiled_code.kept() == 0
+    compiled_code.mark_complete([FACTOR])
+    assert not compiled_code.missing([FACTOR]) and not compiled_code.kept([FACTOR])
 
 
 def test_a_changed_part_has_a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

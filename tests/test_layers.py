@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "stop"},
-    {"compiled_code", "registry"},
+    {"compiled_code", "kernel_list", "registry"},
     {"cameras"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list", "registry"},

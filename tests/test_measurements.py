@@ -48,6 +48,27 @@ def test_frames_are_of_the_kind_of_their_cameras() -> None:
     assert changed.right.max() == 1 and changed.left is stereo.left and stereo.right.max() == 0
 
 
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((4, 6)),
+        np.full((4, 6), np.nan, np.float32),
+        np.zeros((4, 6), np.uint16),
+        np.zeros((4, 6, 4), np.uint8),
+        np.zeros((4, 6, 1), np.uint8),
+        np.zeros(6, np.uint8),
+        [[0, 1], [2, 3]],
+        None,
+    ],
+    ids=str,
+)
+def test_an_image_is_grey_or_rgb_in_8_bits(image: Any) -> None:
+    with pytest.raises(InputError, match="left"):
+        Frame.stereo(7, image, GREY)
+    with pytest.raises(InputError, match="video"):
+        Frame.video(7, GREY).with_images(video=image)
+
+
 FINE: list[Measurement] = [
     ImuSamples(20, np.array([10, 20]), np.zeros((2, 3)), np.zeros((2, 3))),
     GnssFix(5, np.zeros(3), np.eye(3)),

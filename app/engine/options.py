@@ -103,8 +103,7 @@ class Options(SourceOptions, Programs):
     methods: tuple[Name, ...] = ()
     """Methods to run, in any combination; none means all of --variant that the source has the cameras for."""
     variant: Variant | None = None
-    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
-    first launch the app uses paper until compilation finishes."""
+    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern."""
     settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
 
     @property

@@ -20,6 +20,8 @@ FIRST = "collecting frames"
 """Why there is no map at a frame at which no check was made."""
 WARNING = "Warning"
 """The headline of a failed check whose sentence has none."""
+WAITING = "Waiting"
+"""The headline of a method before its first step."""
 
 
 class Severity(StrEnum):
@@ -190,7 +192,7 @@ def _rank(checks: Mapping[str, Check]):
 
 def waiting(method: str, camera: str) -> Verdict:
     """Of a method that has not stepped yet."""
-    return Verdict(method, -1, Severity.PROVISIONAL, "Waiting", f"no {camera} frame so far")
+    return Verdict(method, -1, Severity.PROVISIONAL, WAITING, f"no {camera} frame so far")
 
 
 def worst(verdicts: Iterable[Verdict]) -> Severity:

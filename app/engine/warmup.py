@@ -1,89 +1,235 @@
-"""Numba's first compilation, in a process of its own: in this one it would hold up the page, and stall the first steps.
+"""Numba's first compilation, in processes of their own, on all cores: in this one it would hold up the page.
 
-`start(config)` begins where machine code is still missing; `while not finished(0.05): say(message())` comes before the
-first frame is computed. The app's first start of all does not wait: it shows the paper's methods meanwhile.
+`start(methods, config)` begins where machine code is missing; `while not ready(methods, config, 0.05): say(message())`
+comes before the first frame is computed. Numba keeps each kernel as soon as it is compiled, so that a start that is
+interrupted loses those only which were in work.
 """
 
 from __future__ import annotations
 
 import logging
+import os
+import threading
+import time
 from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import psutil
 
 from ispom import compiled_code
 from ispom.child import PYTHON, Child
-from ispom.kernels import kernels
-from ispom.methods import BUILT_IN, SURVEY, Config, Variant, with_dependencies
+from ispom.kernel_list import kernel_list, kernels_of
+from ispom.methods import BUILT_IN, Config, with_dependencies
 
 log = logging.getLogger(__name__)
-MESSAGE = "compiling the estimators (first start only)"
-MEANWHILE = "the modern estimators are being compiled (first start only): the paper's methods run meanwhile"
-READY = "the modern estimators are compiled now: choose them under Methods"
+MESSAGE = "Compiling the estimators once for this computer"
 COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
-COMPILED = tuple(m.name for m in (*BUILT_IN, *SURVEY) if not m.name.endswith(".paper"))
-_running: list[Child] = []
-"""The process: at most one."""
-_failures: list[str] = []
+DEFAULT = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
+"""What most sources are run with: compiled in advance where nobody has said yet what is to run."""
+MOST_PROCESSES = 4
+"""A process takes 250 MB, and the longest kernel a fifth of the whole time."""
+KEPT_S = 0.05
+"""For a kernel whose machine code is there already."""
+PRIOR_S = 3.0
+"""So long the speed is taken to be that of the machine which wrote the list of kernels."""
 
 
-def needed(methods: Iterable[str], config: Config) -> bool:
-    """Whether these methods run compiled code of this package."""
-    return any(name in COMPILED or _adjusts(name, config) for name in with_dependencies(methods))
+@dataclass
+class Work:
+    """One kernel that is being compiled by a process, and the CPU time that the process had taken before."""
+
+    process: psutil.Process
+    before_s: float
+
+    @staticmethod
+    def begun(pid: int) -> Work:
+        process = psutil.Process(pid)
+        return Work(process, _cpu_s(process))
+
+    @property
+    def taken_s(self) -> float:
+        """CPU time so far."""
+        return _cpu_s(self.process) - self.before_s
 
 
-def _adjusts(name: str, config: Config) -> bool:
-    return name == "monocular.paper" and config.of(name).local_bundle
+@dataclass
+class Compilation:
+    """What is compiled, and how far that is. `changed` guards all of it."""
+
+    changed: threading.Condition = field(default_factory=threading.Condition)
+    waiting: list[str] = field(default_factory=list)
+    """Kernels that nobody compiles yet, the next one first."""
+    working: dict[str, Work] = field(default_factory=dict)
+    done: set[str] = field(default_factory=set)
+    """Kernels that were asked for, and are there."""
+    kept: frozenset[str] = frozenset()
+    """Those that an earlier start has left: they take no time."""
+    processes: int = 0
+    begun_s: float = 0.0
+    """When it was begun, of time.monotonic()."""
+    taken_s: float = 0.0
+    """CPU time for what is done."""
+    failures: list[str] = field(default_factory=list)
+    """One sentence, where it failed: it is not tried again in this process."""
+
+    def ask(self, wanted: Iterable[str]) -> None:
+        """Compiles these before all others that wait, the longest first."""
+        with self.changed:
+            if self.failures:
+                return
+            missing = compiled_code.missing(set(wanted) - self.done - self.working.keys())
+            if not missing:
+                return
+            if not self.processes:
+                self.begun_s, self.taken_s, self.done = time.monotonic(), 0.0, set()
+            self.kept |= compiled_code.kept(missing - self.kept)
+            first = sorted(missing, key=lambda name: (-self._cost_s(name), name))
+            self.waiting = first + [name for name in self.waiting if name not in missing]
+            while self.processes < min(_cores(), MOST_PROCESSES, len(self.waiting)):
+                self.processes += 1
+                threading.Thread(target=self._work, name="compile", daemon=True).start()
+
+    def over(self, wanted: frozenset[str] | None, wait_s: float = 0.0) -> bool:
+        """Whether none of these is still to be compiled (None: none at all); waits for that up to so long."""
+
+        def nothing_left() -> bool:
+            left = [*self.waiting, *self.working]
+            return not left if wanted is None else wanted.isdisjoint(left)
+
+        with self.changed:
+            return self.changed.wait_for(nothing_left, wait_s)
+
+    def progress(self, wanted: frozenset[str] | None) -> tuple[float, float]:
+        """The share of these that is compiled, 0..1, and how many seconds the rest takes at the speed so far."""
+        with self.changed:
+            running_s, processes = time.monotonic() - self.begun_s, max(self.processes, 1)
+            compiled_s = sum(map(self._cost_s, self.done))
+            per_cpu = (PRIOR_S + compiled_s) / (PRIOR_S + self.taken_s)
+            left_s = {name: self._cost_s(name) for name in self.waiting}
+            for name, work in self.working.items():
+                cost = self._cost_s(name)
+                left_s[name] = max(cost - work.taken_s * per_cpu, 0.05 * cost)
+                compiled_s += cost - left_s[name]
+            speed = (PRIOR_S * processes + compiled_s) / (PRIOR_S + running_s)  # of all processes together
+            among = {*left_s, *self.done} if wanted is None else wanted
+            left = {name: seconds for name, seconds in left_s.items() if name in among}
+            whole = sum(kernel_list()[name].seconds for name in among)
+            at_once = max(sum(left.values()) / speed, max(left.values(), default=0.0) * processes / speed)
+            return 1.0 - min(1.0, sum(left.values()) / max(whole, 1e-9)), at_once
+
+    def _cost_s(self, name: str) -> float:
+        return KEPT_S if name in self.kept else kernel_list()[name].seconds
+
+    def _work(self) -> None:
+        """A process, and the thread that tells it what to do until nothing is left."""
+        child: Child | None = None
+        try:
+            child = Child(COMMAND)
+            while name := self._next(child):
+                child.requests.write(f"{name}\n".encode())
+                child.requests.flush()
+                if child.answers.readline().decode().strip() != name:
+                    raise BrokenPipeError(f"the process gave no answer to {name}")
+                with self.changed:
+                    if (work := self.working.pop(name, None)) is not None:
+                        self.taken_s += work.taken_s
+                    self.done.add(name)
+                    self._mark()
+                    self.changed.notify_all()
+        except OSError as fault:
+            self._failed(
+                f"the process {child.ending()}" if child is not None and child.wait(1.0) else str(fault), child
+            )
+        finally:
+            if child is not None:
+                child.stop()
+
+    def _next(self, child: Child) -> str | None:
+        with self.changed:
+            if not self.waiting or self.failures:
+                self.processes -= 1
+                return None
+            name = self.waiting.pop(0)
+            self.working[name] = Work.begun(child.pid)
+            return name
+
+    def _mark(self) -> None:
+        """Notes what is there, as often as all that was asked for is."""
+        if not self.working and not self.waiting:
+            compiled_code.mark_complete(self.done)
+
+    def _failed(self, how: str, child: Child | None) -> None:
+        """Once, for all: what waits is given up."""
+        with self.changed:
+            self.processes -= 1
+            self.waiting.clear()
+            self.working.clear()
+            if not self.failures:
+                sentence = (
+                    f"the estimators could not be compiled in advance ({how}): each compiles at its first use, "
+                    "which delays its first frames"
+                )
+                self.failures.append(sentence)
+                words = child.last_words() if child is not None else ""
+                log.warning("\n".join(filter(None, [sentence, words])))
+            self.changed.notify_all()
 
 
-def at_first(config: Config) -> Variant:
-    """The variant to open the app with: the paper's, which needs no compiling, while that goes on."""
-    start(COMPILED, config)
-    return "paper" if _running else "modern"
+_compilation = Compilation()
+
+
+def kernels_needed(methods: Iterable[str], config: Config) -> frozenset[str]:
+    """What these methods run of this package's compiled code."""
+    chosen = set(with_dependencies(methods))
+    if "monocular.paper" in chosen and not config.of("monocular.paper").local_bundle:
+        chosen.remove("monocular.paper")
+    return kernels_of(chosen)
 
 
 def start(methods: Iterable[str], config: Config) -> None:
-    """Begins to compile, where these methods need it and it is still to be done."""
-    if needed(methods, config) and not _running and not _failures and not compiled_code.is_complete():
-        try:
-            _running.append(Child(COMMAND))
-        except OSError as fault:
-            _failed(str(fault))
+    """Begins to compile what these methods need and is not there, before all else that is still to be compiled."""
+    _compilation.ask(kernels_needed(methods, config))
+
+
+def ready(methods: Iterable[str], config: Config, wait_s: float = 0.0) -> bool:
+    """Whether these methods can run without waiting for the compilation; waits for that up to so long.
+
+    Also where the compilation failed: what is not compiled then is compiled when it is needed.
+    """
+    return _compilation.over(kernels_needed(methods, config), wait_s)
 
 
 def finished(wait_s: float = 0.0) -> bool:
-    """Whether no compilation is going on; waits for its end up to so long.
-
-    Whatever became of it: what is not compiled then is compiled when it is needed.
-    """
-    for child in list(_running):
-        if not child.wait(wait_s):
-            return False
-        _running.remove(child)
-        if not child.succeeded:
-            _failed(f"the process {child.ending()}", child.last_words())
-        child.stop()
-    return True
+    """Whether no compilation is going on; waits for its end up to so long."""
+    return _compilation.over(None, wait_s)
 
 
-def message() -> str:
-    """MESSAGE, and the share that is compiled so far: a time left would depend on what else the machine does."""
-    return MESSAGE if finished() else f"{MESSAGE}: {100 * _share():.0f} % done"
-
-
-def _share() -> float:
-    """How many of the kernels are compiled, 0..1."""
-    return min(1.0, compiled_code.kept() / max(len(kernels()), 1))
+def message(methods: Iterable[str] | None = None, config: Config | None = None) -> str:
+    """MESSAGE, the share that is compiled, and how long the rest takes at the speed so far: of what these methods
+    need, or of all that is compiled."""
+    wanted = None if methods is None else kernels_needed(methods, config or Config())
+    share, left_s = _compilation.progress(wanted)
+    return MESSAGE if _compilation.over(wanted) else f"{MESSAGE}: {100 * share:.0f} %, about {_rounded(left_s)} s"
 
 
 def failure() -> str | None:
     """One sentence where the compilation failed, or None; the estimators then compile as they go."""
-    return _failures[-1] if _failures else None
+    return _compilation.failures[-1] if _compilation.failures else None
 
 
-def _failed(how: str, words: str = "") -> None:
-    """Once: one that failed is not tried again in this process."""
-    sentence = (
-        f"the estimators could not be compiled in advance ({how}): each compiles at its first use, "
-        "which delays its first frames"
-    )
-    _failures.append(sentence)
-    log.warning("\n".join(filter(None, [sentence, words])))
+def _rounded(seconds: float) -> int:
+    """In steps of 5 from 10 s on: no more is known."""
+    return max(1, round(seconds)) if seconds < 10 else 5 * round(seconds / 5)
+
+
+def _cpu_s(process: psutil.Process) -> float:
+    """The CPU time of a process; 0 of one that is gone."""
+    try:
+        times = process.cpu_times()
+    except psutil.Error:
+        return 0.0
+    return times.user + times.system
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

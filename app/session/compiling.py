@@ -1,4 +1,4 @@
-"""The first compilation, as the page shows it: how long still, that it is ready, or why it failed."""
+"""The first compilation, as the page shows it: how far it is, or why it failed."""
 
 from __future__ import annotations
 
@@ -20,26 +20,18 @@ class Compiling:
 
     def __init__(self, store: Store, start: Callable[[tuple[str, ...], Config], None]) -> None:
         self._store, self._start = store, start
-        self._meanwhile = False
-        """Whether the run is one that did not wait."""
         self._failure: str | None = None
         """The one that was shown."""
 
     def begin(self, playback: Playback) -> None:
         """A run of these methods is about to start."""
         self._start(playback.methods, playback.config)
-        self._meanwhile = not warmup.needed(playback.methods, playback.config) and not warmup.finished()
-
-    def explain(self) -> None:
-        """Says why the run is one of other methods than usual, where it is."""
-        if self._meanwhile:
-            self._store.emit(NoticeAdded(warmup.MEANWHILE, "info"))
 
     def ready(self, playback: Playback) -> bool:
         """Whether the next frame may be computed; otherwise shows what it waits for, a little while."""
-        if not warmup.needed(playback.methods, playback.config) or warmup.finished(WAIT_S):
+        if warmup.ready(playback.methods, playback.config, WAIT_S):
             return True
-        before, text = self._store.state.activity, warmup.message()
+        before, text = self._store.state.activity, warmup.message(playback.methods, playback.config)
         if before is None or not before.text.startswith(warmup.MESSAGE):
             self._store.busy(text)
         elif before.text != text:
@@ -53,7 +45,4 @@ class Compiling:
         failure = warmup.failure()
         if failure is not None and failure != self._failure:
             self._store.emit(NoticeAdded(failure))
-        elif self._meanwhile and over:
-            self._store.emit(NoticeAdded(warmup.READY, "info"))
         self._failure = failure
-        self._meanwhile = self._meanwhile and not over

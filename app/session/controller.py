@@ -192,9 +192,7 @@ class Controller:
             playback.sequence.prepare(0)
         self._view(run)
         self.player.move(run.opened)
-        if run.stored is None and not run.done:
-            self._compiling.explain()
-        elif run.stored is not None and run.stored.unavailable:
+        if run.stored is not None and run.stored.unavailable:
             self.store.emit(NoticeAdded(run.stored.unavailable, "info"))
         for service in self._services.values():
             service.opened(run)

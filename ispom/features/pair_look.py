@@ -6,8 +6,6 @@ camera's image the two halves have no matches.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ispom.errors import InputError
@@ -15,8 +13,11 @@ from ispom.features.images import TrackedSize
 from ispom.features.row_search import PointSearch
 from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array
-from ispom.types import Frame, Image, Sequence, as_grey, is_stereo, is_video
+from ispom.plausibility.images import image_doubts
+from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
 
+SAMPLES = 5
+"""Images of each camera that are looked at, whatever the recording's length."""
 PAIRS, FEATURES = 2, 500
 """Number of frames that are checked, and of features in each image."""
 LEAST, LEAST_PX = 60, 64
@@ -58,6 +59,7 @@ def with_look(sequence: Sequence) -> Sequence:
     """
     if sequence.grow is not None:
         return sequence
+    sequence = sequence.with_notes(_of_images(sequence))
     kind = "stereo" if sequence.rig.has_stereo else "video"
     found = [i for i, each in enumerate(sequence.kinds) if each == kind][:PAIRS]
     try:
@@ -69,7 +71,29 @@ def with_look(sequence: Sequence) -> Sequence:
     else:
         size = TrackedSize.of(sequence.rig.camera("left"))
         note = pair_note([each for each in seen if is_stereo(each)], float(size.factors[1]))
-    return replace(sequence, notes=(*sequence.notes, note)) if note else sequence
+    return sequence.with_notes((note,)) if note else sequence
+
+
+def _of_images(sequence: Sequence) -> tuple[str, ...]:
+    """Doubts about SAMPLES images of each camera, from the first to the last."""
+    out: dict[str, str] = {}
+    kinds, rig = FRAME_KINDS & set(sequence.kinds), sequence.rig
+    if "stereo" in kinds and np.array_equal(rig.rig_from_video.matrix, rig.rig_from_left.matrix):
+        kinds -= {"video"}  # the left images, once more
+    for kind in sorted(kinds):
+        found = [i for i, each in enumerate(sequence.kinds) if each == kind]
+        by_camera: dict[str, list[Image]] = {}
+        for k in np.unique(np.linspace(0, len(found) - 1, SAMPLES).astype(int)).tolist():
+            try:
+                images = images_of(sequence.load(found[k]))
+            except InputError:  # the run skips it
+                continue
+            for camera, image in images.items():
+                by_camera.setdefault(camera, []).append(image)
+        for camera, images in by_camera.items():
+            for doubt in image_doubts(f"{sequence.name}: {camera}", images):
+                out.setdefault(doubt.key, doubt)
+    return tuple(out.values())
 
 
 def halves_note(images: list[Image]) -> str:

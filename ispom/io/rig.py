@@ -82,6 +82,8 @@ def _is_sensor(name: Any, entry: Any) -> bool:
 def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
     """Returns a sensor that is none of the usual cameras, of its entry. Raises InputError that names what is wrong."""
     kind = entry.get("sensor", name)
+    if name in OTHERS and kind != name:
+        raise InputError(f"{path}: {name} is the name of another kind of sensor than {kind}: choose another name")
     values = {key: value for key, value in entry.items() if key not in ("sensor", f"rig_from_{name}")}
     if kind == "camera":
         camera, pose = _camera(path, name, {k: v for k, v in entry.items() if k != "sensor"}, True)

@@ -11,6 +11,8 @@ from ispom.plausibility.imu import turned_about_up
 
 NULL_DEG = 1e-7
 """Nearer to 0, 0 (1 cm) no fix is: receivers write that where they have none."""
+NEAR_DEG = 1.0
+"""Where another fix is so near to it, the recording is of that place."""
 NEAR_NULL_DEG = 0.02
 """Radians up to this are places within 1.2 degrees of 0, 0: then nothing tells the two apart."""
 HIGHEST_M, LOWEST_M = 50_000.0, -1_000.0
@@ -73,8 +75,11 @@ def geodetic_doubts(where: str, geodetic: Array) -> tuple[tuple[Doubt, ...], boo
 
 
 def null_fixes(geodetic: Array) -> NDArray[np.bool_]:
-    """Returns (N,) which fixes are at latitude 0, longitude 0."""
-    return np.asarray((np.abs(geodetic[:, :2]) < NULL_DEG).all(axis=1))
+    """Returns (N,) which fixes are at latitude 0, longitude 0; none where others are near it."""
+    off = np.abs(geodetic[:, :2]).max(axis=1)
+    null = off < NULL_DEG
+    there = not null.all() and off[~null].min() < NEAR_DEG
+    return np.zeros(len(off), bool) if there else null
 
 
 def gnss_doubts(

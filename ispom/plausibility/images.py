@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
+import cv2
 import numpy as np
 
 from ispom.plausibility.doubt import Doubt
 from ispom.types import Image, as_grey
 
-BLACK = 8
-"""Grey value that noise does not lift the darkest images above: 3 per cent of white."""
+BLACK, LIT = 8, 1e-4
+"""Grey value that noise does not lift black images above (3 per cent of white), and the share of pixels above it that
+may be defective."""
 FROZEN = 4
 """Number of images from which on equal ones are worth a sentence: noise differs from image to image."""
 COMBED, COMBED_SHARE, CONTRAST = 1.25, 0.1, 8.0
 """In images of two fields the next row differs more than the one after it, by so much, in so many blocks of those with
 a contrast of so many grey values. In a whole image the next row is at least as alike."""
-BLOCK = 16
+BLOCK, LEAST_BLOCKS = 16, 8
+"""Side of a block [px], and the least number of those with contrast for a judgement."""
+OPAQUE, CLEAR = 128, 0.5
+"""Opacity below which a pixel is transparent, and the share of such pixels up to which it is the mask of a lens."""
 
 
 def image_doubts(where: str, images: Sequence[Image], whole: bool = True) -> tuple[Doubt, ...]:
@@ -24,8 +29,7 @@ def image_doubts(where: str, images: Sequence[Image], whole: bool = True) -> tup
     if not images:
         return ()
     count = len(images)
-    black = sum(float(np.percentile(image, 99)) < BLACK for image in images)
-    if black == count:
+    if all(np.count_nonzero(image > BLACK) <= LIT * image.size for image in images):
         brightest = max(int(image.max()) for image in images)
         text = f"{where}: all {count} images that were looked at are black (brightest value {brightest} of 255)"
         return (Doubt("images_black", f"{text}: take off the lens cap, or give the images of another camera."),)
@@ -43,20 +47,24 @@ def image_doubts(where: str, images: Sequence[Image], whole: bool = True) -> tup
     return ()
 
 
+def transparency_doubts(where: str, alphas: Iterable[np.ndarray]) -> tuple[Doubt, ...]:
+    """Returns a doubt about some images' opacities (H, W), 0 to 255: of those without any there is nothing to see."""
+    clear = [float((alpha < OPAQUE).mean()) for alpha in alphas]
+    if not clear or min(clear) <= CLEAR:
+        return ()
+    text = f"{where}: {np.median(clear):.0%} of the pixels are transparent, and their hidden colours are used"
+    return (Doubt("images_transparent", f"{text}: give images without an alpha channel."),)
+
+
 def combed_share(grey: Image) -> float:
     """Returns the share of blocks with contrast in which a row differs more from the next one than from the one after
     it."""
-    rows = grey[: grey.shape[0] // BLOCK * BLOCK, : grey.shape[1] // BLOCK * BLOCK].astype(np.int16)
-    if rows.shape[0] < 2 * BLOCK or not rows.size:
+    size = grey.shape[1] // BLOCK, grey.shape[0] // BLOCK
+    if min(size) < 2:
         return 0.0
-    near, far = np.abs(rows[1:-1] - rows[:-2]), np.abs(rows[2:] - rows[:-2])
-
-    def blocks(values: np.ndarray) -> np.ndarray:
-        values = values[: values.shape[0] // BLOCK * BLOCK]
-        return values.reshape(-1, BLOCK, values.shape[1] // BLOCK, BLOCK).mean(axis=(1, 3))
-
-    next_row, one_after = blocks(near), blocks(far)
+    near, far = cv2.absdiff(grey[1:-1], grey[:-2]), cv2.absdiff(grey[2:], grey[:-2])
+    next_row, one_after = (cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(float) for each in (near, far))
     busy = np.maximum(next_row, one_after) > CONTRAST
-    if busy.sum() < 8:
+    if busy.sum() < LEAST_BLOCKS:
         return 0.0
     return float((next_row[busy] > COMBED * one_after[busy]).mean())

@@ -119,13 +119,13 @@ def _of_rates(where: str, times_ns: NDArray[np.int64], rates: Array, forces: Arr
 
 
 def _integrated(times_ns: NDArray[np.int64], rates: Array) -> tuple[Array, Array]:
-    """Returns seconds since the first sample (N,) and the integral of the rates (N, 3) [rad]; holes count as one
-    interval."""
+    """Returns seconds since the first sample (N,) and the integral of the rates (N, K) [rad]; holes count as a few
+    intervals."""
     steps = np.diff(times_ns) * 1e-9
     steps = np.minimum(steps, HOLE_STEPS * np.median(steps))
     t = np.append(0.0, np.cumsum(steps))
     means = (rates[1:] + rates[:-1]) / 2
-    return t, np.vstack([np.zeros((1, 3)), np.cumsum(means * steps[:, None], axis=0)])
+    return t, np.vstack([np.zeros((1, rates.shape[1])), np.cumsum(means * steps[:, None], axis=0)])
 
 
 def _at(wanted: Array, t: Array, values: Array) -> Array:

@@ -31,7 +31,7 @@ from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_l
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
-from ispom.sequences.readings import with_doubts, with_notes
+from ispom.sequences.readings import with_doubts
 from ispom.sequences.recording import Recording
 from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.types import FRAME_KINDS, Measurement, Sequence
@@ -116,7 +116,7 @@ def open_sequence(
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
     if not source.startswith("sim:"):  # a simulation is as it was ordered
-        sequence = with_doubts(with_notes(sequence, _unit_notes(source, sequence)), source)
+        sequence = with_doubts(sequence.with_notes(_unit_notes(source, sequence)), source)
     sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(_as_text, sequence.notes)))
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
     if sequence.prepare is None:  # images of simulations are made, not read

@@ -225,6 +225,20 @@ def same_size(paths: list[Path]) -> tuple[list[str], str]:
     return [path.name for path in paths if sizes[path] in (None, (width, height))], note
 
 
+def opacities(paths: list[Path]) -> list[NDArray[np.uint8]]:
+    """The opacity (H, W), 0 to 255, of SAMPLES of the images that have one; empty where some of them have none."""
+    found = []
+    for i in sampled(len(paths)):
+        try:
+            with opened(paths[i]) as file, Header.open(file, formats=FORMATS) as image:
+                if image.mode not in ("RGBA", "LA", "PA") or image.width * image.height > MAX_PIXELS:
+                    return []
+                found.append(np.asarray(image.getchannel("A"), np.uint8))
+        except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+            continue  # a damaged one is found when it is read
+    return found
+
+
 def _size_of(path: Path) -> tuple[int, int] | None:
     """(width, height) of an image file by its header; None where it has none."""
     try:

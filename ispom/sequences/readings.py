@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,10 @@ from ispom.types import FRAME_KINDS, FrameName, GnssFix, ImuSamples, Kind, Measu
 
 LEAST_SHARE = 0.9
 """Gravity is the mean specific force where the mean is so much of the mean length: the unit hardly turned."""
+
+
+DISTURBING = ("time_unit", "imu_swapped", "imu_all_zero", "gyroscope_in_degrees", "gnss_all_zero", "gnss_jump")
+"""Doubts about sensors that are not compared with others then: one mistake has one note."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,8 @@ def sensor_doubts(
         out += [*of_times, *(_of_values(where(name), each) if in_time else ())]
     imu = next((each for each in readings.values() if each.kind == "imu"), None)
     for name, each in readings.items():
-        if each.kind == "gnss" and imu is not None and imu.values and each.values and not out:
+        sound = not any(doubt.key in DISTURBING for doubt in out)
+        if each.kind == "gnss" and imu is not None and imu.values and each.values and sound:
             samples = imu.times_ns, imu.values["rates"], imu.values["forces"]
             out += mirrored_doubts(where(name), each.times_ns, each.values["xyz"], each.values["sigma"], samples)
         if each.kind == "wheel" and each.values:
@@ -118,12 +123,7 @@ def with_doubts(sequence: Sequence, where: str) -> Sequence:
     found = mount_doubts(where, sequence.rig)
     if readings:
         found += sensor_doubts(lambda n: f"{where}: {n}", sequence.rig, readings, frames_ns_of(sequence))
-    return with_notes(sequence, found) if found else sequence
-
-
-def with_notes(sequence: Sequence, notes: tuple[str, ...]) -> Sequence:
-    """Returns the sequence with more notes, each once."""
-    return replace(sequence, notes=tuple(dict.fromkeys((*sequence.notes, *notes))))
+    return sequence.with_notes(found)
 
 
 def impossible(doubts: tuple[Doubt, ...]) -> InputError:

@@ -27,12 +27,12 @@ from ispom.io.files import is_folder
 from ispom.io.kitti import read_oxts_values
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.nmea import read_gga
-from ispom.io.rig import OTHERS, sensor_of
+from ispom.io.rig import sensor_of
 from ispom.io.sensor_tables import GEODETIC, IMU, LOCAL, gnss_sigma, read_table
 from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
 from ispom.plausibility.gnss import geodetic_doubts, null_fixes
 from ispom.plausibility.times import BEFORE_NS, time_doubts
-from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts, with_notes
+from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts
 from ispom.types import GnssFix, ImuSamples, Kind, Measurement, Rig, Sensor, Sequence, WheelIncrement
 
 KINDS = ("imu", "gnss", "wheel")
@@ -79,14 +79,14 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
     rig = sequence.rig.changed(**sensors)
     doubts = sensor_doubts(lambda name: f"{path}: {name}", rig, readings, frames_ns_of(sequence))
     notes += [*doubts, *mount_doubts(str(path), Rig(sensors))]
-    return with_notes(replace(sequence, rig=rig), tuple(notes)).with_measurements(measurements)
+    return replace(sequence, rig=rig).with_notes(notes).with_measurements(measurements)
 
 
 def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None:
     """Raises InputError where the sequence has a sensor of this name that is of another kind, or measured, too."""
     there = sequence.rig.sensors.get(name)
-    if (there is not None and (there.kind != kind or kind in sequence.kinds)) or (name in OTHERS and name != kind):
-        raise InputError(f"{path}: {name} is the name of another sensor: choose another name, and give `sensor`")
+    if there is not None and (there.kind != kind or kind in sequence.kinds):
+        raise InputError(f"{path}: {name} is a sensor of the source already: choose another name, and give `sensor`")
 
 
 def _read(path: Path, name: str, entry: dict[Any, Any]) -> Readings:

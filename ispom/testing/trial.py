@@ -11,10 +11,10 @@ from ispom.ensemble import Member
 from ispom.estimator import Method
 from ispom.methods import method as registered
 from ispom.methods import with_dependencies
+from ispom.testing.flight import flight, flight_rig
 from ispom.testing.values import digest
 from ispom.types import Measurement, Rig, Sequence, Step, Trajectory, images_of
 from ispom.types.measurements import CAMERAS
-from ispom.warm_up import flight, flight_rig
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import InputError
 from ispom.geometry import Array
 
 Image = NDArray[np.uint8]
@@ -42,6 +43,18 @@ class Frame(Measurement):
 
     images: Mapping[str, Image]
     """By camera name. `video` alone is a video frame, `left` and `right` are a (rectified) stereo frame."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for an image that is no array of uint8, grey or RGB."""
+        for name, image in self.images.items():
+            array = isinstance(image, np.ndarray)
+            grey = array and image.ndim == 2
+            if not array or image.dtype != np.uint8 or not (grey or (image.ndim == 3 and image.shape[2] == 3)):
+                found = f"an array of {image.dtype} {image.shape}" if array else f"a {type(image).__name__}"
+                raise InputError(
+                    f"the {str(name)[:30]} image at {self.time_ns} ns is {found}: give uint8, 0 to 255, of the shape "
+                    "(height, width) or, in RGB, (height, width, 3)"
+                )
 
     @property
     def kind(self) -> Kind:

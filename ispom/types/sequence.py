@@ -80,6 +80,10 @@ class Sequence:
     def __getitem__(self, i: int) -> Measurement:
         return self.load(i)
 
+    def with_notes(self, notes: Iterable[str]) -> Sequence:
+        """Returns the sequence with more notes, each once."""
+        return replace(self, notes=tuple(dict.fromkeys((*self.notes, *notes))))
+
     def with_measurements(self, measurements: Iterable[Measurement]) -> Sequence:
         """Returns the sequence with measurements of other sensors among its own, in the order of time.
 

@@ -10,6 +10,7 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.sources.description import described
 
+from ispom.sequences import open_sequence
 from tests import doubles
 from tests.sequences.folders import MAKERS, make_euroc
 from tests.sequences.own_folders import make_images
@@ -40,6 +41,31 @@ def test_gaps_and_uneven_rates_are_reported() -> None:
 def test_every_kind_is_reported(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(MAKERS[kind](tmp_path / "made"))]) == 0
     assert "methods monocular" in capsys.readouterr().out
+
+
+def test_measurements_of_sensors_are_counted_not_their_batches(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "sensor=imu:rate_hz=200&sensor=gnss:rate_hz=5&sensor=wheel:rate_hz=20"
+    assert main(["sources", f"sim:tiny?motion=drive&{words}"]) == 0
+    lines = {line.split()[0]: " ".join(line.split()[1:]) for line in capsys.readouterr().out.splitlines()[1:]}
+    seconds = float(lines["span"].split()[0])
+    for name, hz in (("imu", 200), ("gnss", 5), ("wheel", 20)):
+        count, _, rate, unit = lines[name].split()
+        assert (rate, unit) == (str(hz), "Hz") and abs(int(count) - hz * seconds) <= 2
+
+
+def test_what_is_likely_a_mistake_is_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = make_euroc(tmp_path)
+    pose = "{translation_m: [0, 0, 700], rotation_xyzw: [0, 0, 0, 1]}"
+    rows = "".join(f"{1403715273.0 + k / 10:.1f},{k},0,0\n" for k in range(8))
+    (tmp_path / "gps.csv").write_text(f"time_s,x,y,z\n{rows}")
+    times = open_sequence(str(source)).times_ns
+    offset_s = float(times[0]) * 1e-9 - 1403715273.0
+    (tmp_path / "sensors.yaml").write_text(
+        f"gnss: {{file: gps.csv, rig_from_gnss: {pose}, sigma_m: 500, clock_offset_s: {offset_s:.3f}}}"
+    )
+    assert main(["sources", str(source), "--sensors", str(tmp_path / "sensors.yaml")]) == 0
+    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  note")]
+    assert sum("500" in note for note in notes) == 1 and sum("700" in note for note in notes) == 1
 
 
 def test_what_is_no_source_is_reported_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,10 +8,11 @@ import pytest
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.methods import Config, possible_methods
+from ispom.methods import method as registered
 from ispom.settings import settings
 from ispom.testing import check_estimator
-from ispom.types import Camera, Measurement, Rig, Sequence, Trajectory
-from ispom.warm_up import flight_rig
+from ispom.testing.flight import flight_rig
+from ispom.types import Camera, Frame, Measurement, Rig, Sequence, Trajectory
 from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
 LONG = {"lines.monocular", "multicamera", "flow", "trifocal"}
@@ -36,6 +37,28 @@ def test_a_setting_out_of_its_range_is_refused(method: str, flight: Sequence) ->
     rig = flight_rig(all_at_once=True) if method in OF_CAMERAS else flight.rig
     with pytest.raises(InputError, match=bounded.name.replace("_", "-")):
         build(broken, (method,), rig)
+    with pytest.raises(InputError, match=bounded.name):  # in Python, without an ensemble
+        broken.of(method).build(rig)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_an_image_of_another_size_than_the_rigs_is_refused(method: str, flight: Sequence) -> None:
+    """The rig of the flight, and images that are cut off: their calibration would be another one."""
+    sequence = OWN_SEQUENCES[method]() if method in OWN_SEQUENCES else flight
+    several = method in OF_CAMERAS
+    rig = flight_rig(all_at_once=True) if several else sequence.rig
+    if several:
+        first: Measurement = Frame(
+            0, {name: np.zeros((c.height, c.width), np.uint8) for name, c in rig.cameras.items()}
+        )
+    else:
+        first = next(m for m in sequence if registered(method).uses(m))
+    assert isinstance(first, Frame)
+    cut = first.with_images(**{name: image[:-8] for name, image in first.images.items()})
+    ensemble = build(Config(), (method,), rig)
+    with pytest.raises(InputError, match="pixels"):
+        ensemble.step(ensemble.start(), cut)
+    ensemble.step(ensemble.start(), first)
 
 
 def test_methods_without_their_cameras_are_refused() -> None:

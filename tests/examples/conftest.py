@@ -8,8 +8,8 @@ import cv2
 import pytest
 import yaml
 
+from ispom.testing.flight import flight, flight_rig
 from ispom.types import is_video
-from ispom.warm_up import flight, flight_rig
 
 FRAMES = 20
 

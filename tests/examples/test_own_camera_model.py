@@ -19,7 +19,7 @@ assert valid.all() and rays[0, 2] < 0, "it sees beyond 180 degrees"
 RENDER = """
 import sys, cv2, yaml, ispom
 from pathlib import Path
-from ispom.warm_up import flight, flight_rig
+from ispom.testing.flight import flight, flight_rig
 folder = Path(sys.argv[1])
 camera = ispom.Camera(320, 240, 150.0, 151.0, 160.5, 118.5, (-0.2, 0.55), "double_sphere")
 frames = [m for m in flight(flight_rig().changed(video=camera)) if m.kind == "video"][:20]

@@ -21,8 +21,8 @@ from ispom_app.cli.main import main
 from ispom.geometry import Pose
 from ispom.io.trajectories import read_trajectory, vslam_lab_text
 from ispom.sequences import open_sequence
+from ispom.testing.flight import SPEED_M_PER_FRAME, flight, flight_rig
 from ispom.types import Camera, Trajectory, is_stereo
-from ispom.warm_up import SPEED_M_PER_FRAME, flight, flight_rig
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vslam_lab"
 HEADER = ["ts (ns)", "tx (m)", "ty (m)", "tz (m)", "qx", "qy", "qz", "qw"]

@@ -66,6 +66,12 @@ def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
     return found | pose_values(step) | check_values(step.decisions)
 
 
+def step_number(step: Step, key: str) -> float | None:
+    """One of STEP_QUANTITIES of a step, where it is a known number."""
+    value = known(next(quantity for quantity in STEP_QUANTITIES if quantity.key == key).of(step, None))
+    return None if value is None or isinstance(value, str) else float(value)
+
+
 def pose_values(step: Step) -> dict[str, Value]:
     """POSE of a step; nothing without one."""
     pose = step.world_from_frame

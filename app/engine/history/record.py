@@ -9,6 +9,7 @@ from ispom.geometry import Similarity
 from ispom.types import Kind, Measurement, Status, Step
 
 from ..events import Stepped
+from ..verdict import Severity, verdict
 from .quantities import Row, by_method, step_values
 
 
@@ -21,6 +22,15 @@ class MethodStatus:
     """Live error, as Stepped.errors_m; None where that is not known."""
     provisional: bool = False
     """Whether its pose waits for the first fit of an integration."""
+    word: str = ""
+    """The headline of its verdict: "Tracking", "Provisional pose", "Scale unreliable"."""
+    severity: Severity = Severity.OK
+
+    @staticmethod
+    def of(step: Step, error_m: float | None) -> MethodStatus:
+        """By a step: its word is that of the card, as one function gives both."""
+        found = verdict(step, 0, {})
+        return MethodStatus(step.status, error_m, step.provisional, found.headline, found.severity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +55,7 @@ class ExposureRecord:
     def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
         statuses = dict(before.statuses) if before else {}
         for step in event.steps:
-            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method), step.provisional)
+            statuses[step.method] = MethodStatus.of(step, event.errors_m.get(step.method))
         return ExposureRecord(
             event.index,
             event.exposure.time_ns,

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.files import expanded, is_folder
+from ispom.io.files import confined, expanded, is_folder
 from ispom.io.whole import append_to_file
 from ispom.methods import in_order
 from ispom.sequences.policy import SourcePolicy
@@ -18,6 +18,7 @@ from ispom.types import Sequence
 from ...engine import warmup
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder
+from ...session.review.stored import place_of
 from ...session.session import Session
 from ...session.sources.folders import Folders
 from .agent_session import SIMULATION, AgentSession
@@ -80,13 +81,18 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
 
 
 def _opener(options: Mcp) -> Callable[..., Sequence]:
-    """Opens what the command line names in any case; the source of a stored run, where that is a file; and simulations
-    whose files are in the folder of runs."""
+    """Opens what the command line names, and of what that names itself (a sequence.yaml: videos) only files beside it
+    or named, too; the source of a stored run, where that is a file; and simulations whose files are in the folder of
+    runs."""
     stored, simulated = (SourcePolicy(root, devices=False, network=False) for root in (None, expanded(options.runs)))
+
+    files = (*options.sources, *(str(path) for path in (options.camera, options.sensors) if path is not None))
+    named = tuple(place_of(expanded(file)) for file in files if not file.startswith(SIMULATION))
 
     def opened(source: str, of_source: SourceOptions | None = None) -> Sequence:
         if source in options.sources:
-            return options.opened(source)
+            with confined(named or (expanded(options.runs),)):
+                return options.opened(source)
         policy = simulated if source.startswith(SIMULATION) else stored
         return (of_source or options).opened(source, policy)
 

@@ -12,9 +12,11 @@ from typing import Any
 from rich.console import Console
 
 from ispom.errors import InputError
+from ispom.methods import Config
 
 from ...engine.outputs import json_text, require_own, write_file
 from ...engine.signals import terminable
+from ..headless.console import compile_first
 from . import child
 from .options import Bench
 from .plan import CASES, Case, found_below
@@ -70,6 +72,7 @@ def _chosen(options: Bench) -> list[Case]:
 
 
 def _rows(case: Case, methods: list[str], options: Bench, pair: tuple[Path, ...]) -> Iterator[Row]:
+    compile_first(methods, Config())
     task: dict[str, Any] = {"case": case.key, "source": case.source, "pair": _texts(pair), "runs": options.runs}
     if case.simulated:
         with child.progress(f"{case.title}: rendering, where that was not done before"):

@@ -17,13 +17,12 @@ from ispom.methods import with_dependencies
 from ispom.solvers.influence.blame import Influence
 from ispom.solvers.influence.problem import Shift
 
-from ...engine import warmup
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.signals import terminable
 from ...session.review.stored import stored_source
-from ..headless.console import progress, wait_for_compiler
+from ..headless.console import compile_first, progress
 from .found import PoseBlame, pose_blames, units_m
 from .options import Blame
 from .words import answer, digits, size, unit_of
@@ -44,8 +43,7 @@ def blame(options: Blame, builder: Builder = build) -> int:
         )
     with terminable():
         playback = Playback(sequence, with_dependencies(methods), run.configs(), builder, run.earlier)
-        warmup.start(with_dependencies(methods), run.configs())
-        wait_for_compiler()
+        compile_first(methods, run.configs())
         with progress(options.at) as advance:
             while playback.position < options.at:
                 playback.step()

@@ -7,6 +7,7 @@ then.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -17,6 +18,7 @@ import numpy as np
 from ispom.evaluation.trajectory_error import TrajectoryError, alignment_of, error_against_truth
 from ispom.methods import method as registered
 
+from ...engine.error_curve import ErrorCurve, Part, family_curves
 from ...engine.external_trajectories.placed import ExternalTrajectory
 from ...session.current_run import CurrentRun
 from ...session.store import Store
@@ -56,15 +58,25 @@ class Accuracy:
         began_s = time.monotonic()
         found = {number: measured(run) for number, run in stale.items()}
         self._of |= {number: _version(run) for number, run in stale.items()}
-        branches = tuple(replace(b, measured=found.get(b.number, b.measured)) for b in known.all)
+        measurements = tuple(replace(b, measured=found.get(b.number, b.measured)) for b in known.all)
         self._others_of, shown = version, self._run_of(known.shown)
         if stale:
-            self._store.put(replace(known, all=branches))
+            self._store.put(replace(known, all=self.with_curves(measurements)))
         if others.all:
             errors = errors_of_external(others.all, shown) if shown is not None else {}
             self._store.put(replace(others, errors=errors))
         spent_s = time.monotonic() - began_s
         self._due_s = began_s + max(LEAST_S, spent_s / SHARE)
+
+    def with_curves(self, branches: Iterable[Branch]) -> tuple[Branch, ...]:
+        """See the function of this name."""
+        return with_curves(branches, self._begins_ns)
+
+    def _begins_ns(self, branch: Branch) -> int:
+        """The time of the first frame that a branch computed itself."""
+        run = self._run_of(branch.number)
+        times_ns = run.playback.sequence.times_ns if run is not None else ()
+        return int(times_ns[branch.at]) if branch.at < len(times_ns) else sys.maxsize
 
     def _stale(self, number: int) -> CurrentRun | None:
         """The run of a branch, where its measurements are of an earlier time."""
@@ -86,7 +98,26 @@ def measured(run: CurrentRun) -> Measured:
             if (error := error_against_truth(trajectory, truth, rig, kind)) is not None:
                 errors[method] = error
     seconds = {m: s for m in run.opened.methods if (s := run.series.median_seconds(m)) is not None}
-    return Measured(errors, seconds)
+    return Measured(errors, {method: ErrorCurve.of(error) for method, error in errors.items()}, seconds)
+
+
+def with_curves(branches: Iterable[Branch], begins_ns: Callable[[Branch], int]) -> tuple[Branch, ...]:
+    """With the position errors at the frames, those of forks and their parents by one alignment.
+
+    `begins_ns` is the time of the first frame that a branch computed itself.
+    """
+    branches = tuple(branches)
+    curves: dict[int, dict[str, ErrorCurve]] = {branch.number: {} for branch in branches}
+    for method in dict.fromkeys(method for branch in branches for method in branch.measured.errors):
+        parts = {
+            b.number: Part(b.measured.errors[method], b.parent, begins_ns(b) if b.parent is not None else 0)
+            for b in branches
+            if method in b.measured.errors
+        }
+        for number, curve in family_curves(parts).items():
+            curves[number][method] = curve
+    found = (replace(b.measured, curves=curves[b.number]) if b.measured.errors else b.measured for b in branches)
+    return tuple(replace(b, measured=measured) for b, measured in zip(branches, found, strict=True))
 
 
 def errors_of_external(others: Iterable[ExternalTrajectory], run: CurrentRun) -> dict[str, TrajectoryError]:

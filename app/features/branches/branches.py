@@ -10,6 +10,7 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Similarity
 from ispom.methods import Config, with_dependencies
 
+from ...engine.error_curve import ErrorCurve
 from ...engine.history.history import HistoryUsage
 from ...engine.model.run_model import RunModel, Tally
 from ...presentation.colours import Rgb
@@ -31,6 +32,8 @@ class Measured:
 
     errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
     """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""
+    curves: Mapping[str, ErrorCurve] = field(default_factory=dict)
+    """By method that has an error: its position error at each frame. Forks of one run are aligned together."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """By method: median computing time of a frame [s]."""
 

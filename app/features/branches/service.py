@@ -114,7 +114,7 @@ class BranchService(Service):
         compared = self._branches.comparison
         if compared is not None and number in (compared.shown, compared.other):
             compared = None
-        left = tuple(b for b in self._branches.all if b.number != number)
+        left = self._accuracy.with_curves(b for b in self._branches.all if b.number != number)
         self.store.put(replace(self._branches, all=left, comparison=compared))
 
     def compare(self, number: int) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ...engine.error_curve import ErrorCurve
 from ...engine.events import Opened
 from ...session.state import Computed, Event, FeatureState, Opening, Resumed, State
 from .branches import FIRST, Branch
@@ -19,6 +21,11 @@ class Branches(FeatureState):
     """The number of the one that is shown."""
     comparison: Comparison | None = None
     """Of two of them."""
+
+    @property
+    def curves(self) -> Mapping[str, ErrorCurve]:
+        """By method, the position errors of the branch that is shown; empty without ground truth."""
+        return next((b.measured.curves for b in self.all if b.number == self.shown), {})
 
     def reduce(self, event: Event) -> Branches:
         match event:

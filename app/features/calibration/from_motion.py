@@ -26,6 +26,7 @@ from ispom.sequences import open_sequence
 from ispom.sequences.formats.described import filmed_rig, looks_described
 from ispom.types import Rig, Sequence, Step, Trajectory
 
+from ..headless.console import compile_first
 from .detecting import bar
 from .options import Calibrate
 
@@ -59,6 +60,7 @@ def moved_rig(options: Calibrate) -> FromMotion:
     sequence = open_sequence(str(options.images[0]), placed=False)
     if sequence.rig.video is None or not sequence.rig.has_stereo:
         raise InputError(f"{options.images[0]} has not both a video camera and a stereo pair: give a recording of all")
+    compile_first((*METHODS, "integrated"), Config())
     left, video, joined = _courses(sequence)
     start = _started(left, video, options.clock_within)
     rough = hand_eye(left, video, joined, start)

@@ -21,6 +21,7 @@ from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
 from ...session.review.stored import stored_source
+from ..headless.console import compile_first
 from .job import Progress, examine
 from .options import Doctor
 from .origin import Origin
@@ -33,6 +34,7 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
     run = read_run_file(options.run)
     sequence = opened(options, run)
     stretch = stretch_of(sequence, options.at, options.frames, events_in(options.run))
+    compile_first(run.methods, run.configs())  # before its time begins to count
     console = Console(stderr=True)
     with terminable(), console.status("reading images") as status:
 

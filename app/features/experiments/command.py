@@ -125,7 +125,7 @@ def _compile(runs: Iterable[Run]) -> None:
     """What the methods need, once and not in each worker."""
     for line in {run.line for run in runs}:
         warmup.start([line.method], config_of(line))
-        wait_for_compiler()
+    wait_for_compiler()
 
 
 def completed(

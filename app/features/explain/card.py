@@ -13,6 +13,8 @@ from ispom.geometry import Similarity
 from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step, Tracks, TrackStatus
 
+from ...engine.error_curve import ErrorCurve
+from ...engine.frame_record import ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord, frame_record
 from ...engine.history.record import ExposureRecord
 from ...engine.history.step_quantities.step import DROPPED
 from ...engine.model.drawn_size import unit_in_metres
@@ -114,11 +116,15 @@ class Card:
 
 
 def cards(
-    record: ExposureRecord, methods: Iterable[str] = (), latest: Mapping[str, ExposureRecord] | None = None
+    record: ExposureRecord,
+    methods: Iterable[str] = (),
+    latest: Mapping[str, ExposureRecord] | None = None,
+    curves: Mapping[str, ErrorCurve] | None = None,
 ) -> list[Card]:
     """Of the methods of a run, and of those that ran inside them alone; where one did not step on this frame, of its
-    step in `latest`."""
-    found = {step.method: _card(step, record, record.index) for step in _own(record)}
+    step in `latest`. `curves` has their position errors."""
+    curves = curves or {}
+    found = {step.method: _card(step, record, record.index, curves.get(step.method)) for step in _own(record)}
     for name in methods:
         earlier = (latest or {}).get(name)
         step = None if earlier is None else next((s for s in _own(earlier) if s.method == name), None)
@@ -149,9 +155,10 @@ def _css(method: str) -> str:
     return colours.css(colours.of(method))
 
 
-def _card(step: Step, record: ExposureRecord, shown: int) -> Card:
+def _card(step: Step, record: ExposureRecord, shown: int, curve: ErrorCurve | None = None) -> Card:
     own = registered(step.method)
-    found = verdict(step, record.index, record.values_by_method.get(step.method, {}))
+    here = frame_record(record, step.method, curve)
+    found = verdict(step, record.index, here.values)
     rows = [_check(step.method, d, own.checks) for d in found.failed]
     others = tuple(row for d, row in zip(found.failed, rows, strict=True) if d is not found.decisive)
     failed = found.decisive if found.decisive in found.failed else None
@@ -163,7 +170,7 @@ def _card(step: Step, record: ExposureRecord, shown: int) -> Card:
         "" if record.index == shown else f"at frame {record.index}",
         None if failed is None else _check(step.method, failed, own.checks),
         others,
-        details(step, record) if record.index == shown else None,
+        details(step, record, here) if record.index == shown else None,
     )
 
 
@@ -172,14 +179,14 @@ def _tag(step: Step, severity: Severity) -> str:
     return " · ".join(dict.fromkeys(filter(None, words)))
 
 
-def details(step: Step, record: ExposureRecord) -> Details:
+def details(step: Step, record: ExposureRecord, here: FrameRecord) -> Details:
     """All that a step says."""
     own = registered(step.method)
     return Details(
         ", ".join(colours.label(part.method) for part in step.parts),
         tuple(_stages(step, own)),
         tuple(_group(step.method, a.question, a.text, a.checks, own.checks) for a in answers(step.decisions)),
-        tuple(_facts(step, record)),
+        tuple(_facts(step, record, here)),
     )
 
 
@@ -212,18 +219,22 @@ def _check(method: str, decision: Decision, checks: Mapping[str, Check]) -> Chec
     )
 
 
-def _facts(step: Step, record: ExposureRecord) -> Iterator[Fact]:
+def _facts(step: Step, record: ExposureRecord, here: FrameRecord) -> Iterator[Fact]:
     name, unit_m = step.method, _unit_m(record, step)
     for camera, tracks in step.tracks.items():
         yield from _tracks(name, camera, tracks)
-    if len(step.residuals_px):
-        median, p95 = np.median(step.residuals_px), np.percentile(step.residuals_px, 95)
-        text = f"median {median:.2f} px, 95 % below {p95:.2f} px, {len(step.residuals_px)} points"
-        yield Fact("residual", text, f"{name}.residual_median_px")
+    if (inliers := here.number(INLIERS.key)) is not None:
+        yield Fact("inliers", f"{inliers:.0f} {INLIERS.text}", f"{name}.{INLIERS.key}")
+    if (median := here.number(RESIDUAL.key)) is not None:
+        p95 = f", 95 % below {np.percentile(step.residuals_px, 95):.2f} px" if len(step.residuals_px) else ""
+        yield Fact("residual", f"median {median:.2f} px{p95}", f"{name}.{RESIDUAL.key}")
     if text := describe(step, unit_m):
         yield Fact("pose", text, f"{name}.sigma_position")
-    if (error := record.errors_m.get(name)) is not None:
-        yield Fact("live error", f"{length(error)} from the ground truth, not aligned", f"{name}.error_m")
+    if here.error_m is not None:
+        yield Fact("error", f"{length(here.error_m)} from the ground truth, {here.aligned}, as known now", ERROR.key)
+    if (error := here.number(LIVE_ERROR.key)) is not None:
+        text = f"{length(error)} from the ground truth, not aligned, as given then"
+        yield Fact("live error", text, f"{name}.{LIVE_ERROR.key}")
     if step.provisional:
         yield Fact("pose", f"{PROVISIONAL}: it waits for the first fit", f"{name}.provisional")
     if step.scale is not None:

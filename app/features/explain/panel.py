@@ -18,6 +18,7 @@ from ...session.state import State
 from ...views.viser.panels import Panel, renderer
 from ..bookmarks.service import Bookmarks
 from ..branches.branches import changes
+from ..branches.state import Branches
 from ..events.commands import StepToEvent
 from ..lessons.state import Lessons
 from ..plots.commands import Plots
@@ -64,6 +65,7 @@ class ExplainPanel:
             _coming(state),
             count,
             state.notes,
+            tuple(state[Branches].curves.values()),
         )
         if shown == self._shown:
             return
@@ -125,7 +127,8 @@ def report(state: State) -> str:
 def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: tuple[str, ...]) -> dict[str, Any]:
     """What the templates of the frame shown take."""
     record = state.displayed
-    found: list[Card] = [] if record is None else cards(record, methods, latest)
+    curves = {} if state[Lessons].covers else state[Branches].curves
+    found: list[Card] = [] if record is None else cards(record, methods, latest, curves)
     return {
         "record": record,
         "time_s": f"{state.time_s:.2f}",

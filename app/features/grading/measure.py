@@ -9,20 +9,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.evaluation.trajectory_error import MIN_POSES, aligned, alignment, associate, ate_m
 from ispom.geometry import Array, Pose
-from ispom.methods import Config, method
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import rendered_source
 from ispom.simulation.truth import Truth
 from ispom.types import FrameName, Step, TrackStatus, Trajectory
 
+from .process import Failure, Limits, SubmissionProcess
+
 WRONG_PX = 2.0
 """A track farther than this from where its point is seen follows another point."""
 APART_NS = 330_000_000
 """Two views are so far apart in time: 10 video frames."""
+MOVED_PX = 2 * WRONG_PX
+"""A track shows that it follows something when its point is seen so far from where the track began: what stands still
+in the image is right for as long as nothing moves."""
+LONG = 3
+"""Frames that a track must be seen in, to show the same."""
+PROVEN_SHARE = 0.4
+"""Of all observations (but those of tracks too young to tell), at least this share must be of tracks that show that
+they follow something; with less, the others are guesses. KLT has 0.85 and more, matched descriptors have 0.55."""
+PROVEN_TRACKS = 20
+"""With fewer right tracks in a frame, at places that differ, nothing can be estimated well."""
+LANDMARKS = 10
+"""With fewer landmarks in a frame, their depth and reprojection error say nothing of a map."""
+CELL_PX = 4.0
+"""Tracks, or landmarks, in one cell of this size of the image count once."""
+LOCATED_SHARE = 0.5
+"""The trajectory has at least this share of the frames, or its error is of a part that was chosen."""
+NOISE_PX = 1e-3
+"""No corner is located better than this. An image has whole grey levels, an error of 0.29; by the bound of Cramer and
+Rao a window of 21 x 21 pixels with gradients of 15 levels per pixel then has an error of 0.29 / (15 * 21) px."""
+NOISE_TRACKS = 1000
+"""Tracks whose errors a pose may average."""
 SMOOTH = 0.05
 """Depths of the four pixels around a point differ by less than this share, or it lies on an edge and is not used."""
 
@@ -36,35 +57,45 @@ class Measured:
     worst: Mapping[str, int] = field(default_factory=dict)
     """Frame, counted from 0 as on the page."""
     failure: str | None = None
-    """One sentence, where the method ended with an exception."""
+    """One sentence, where the method did not come to its end."""
+    too_good: Mapping[str, float] = field(default_factory=dict)
+    """By name, the least value that the noise of images allows, where the value is smaller."""
 
 
-def measured(name: str, source: str, seed: int, max_exposures: int | None) -> Measured:
-    """Runs a method on a simulation. What goes wrong with the method is in the result."""
+def measured(package: str, name: str, source: str, seed: int, max_exposures: int | None, limits: Limits) -> Measured:
+    """Runs a method on a simulation, in a process of its own that gets images, times and calibration only. What goes
+    wrong with the method is in the result. Raises InputError for a wrong source or package, and where the method needs
+    other sensors."""
     rendered = rendered_source(source, seed)
     if rendered is None:
         raise InputError(f"--source {source} is no simulation: give such as sim:tiny")
     if rendered.rolling_ns or rendered.fisheye:
         raise InputError(f"--source {source} has a rolling shutter or fisheyes: give one without")
     sequence = open_sequence(source, seed=seed, max_exposures=max_exposures)
-    views = Views(Truth(rendered), sequence.rig.rig_from, method(name).unit == "metric")
+    frames, frame_now = {"rig", *sequence.rig.sensors}, None
     try:
-        ensemble = build(Config(), (name,), sequence.rig)
-        state = ensemble.start()
-        for i in range(len(sequence)):
-            state, steps = ensemble.step(state, sequence[i])
-            for step in steps:
-                views.add(i, step)
-        trajectory = ensemble.finish(state)[name]
+        with SubmissionProcess(package, (name,), limits) as submission:
+            metric = submission.methods[name].unit == "metric"
+            views = Views(Truth(rendered), sequence.rig.rig_from, metric)
+            submission.start(name, sequence.rig)
+            for i in range(len(sequence)):
+                frame_now, measurement = i, sequence[i]
+                for step in submission.step(measurement):
+                    if step.frame not in frames or any(camera not in frames for camera in step.tracks):
+                        raise Failure("gives a pose or tracks of an unknown sensor")
+                    views.add(i, step)
+            frame_now = None
+            trajectory = submission.finish()
+            if trajectory.frame not in frames:
+                raise Failure("gives a trajectory of an unknown sensor")
         assert sequence.truth is not None
         frame = trajectory.frame
         reference = sequence.truth.moved(right=sequence.rig.rig_from(frame), frame=frame)
-        return Measured(seed, *views.values(trajectory, reference))
-    except InputError:
-        raise
-    except Exception as fault:
-        place = f" at frame {views.frames[-1]}" if views.frames else ""
-        return Measured(seed, {}, failure=f"it ends{place} with {type(fault).__name__}: {fault}")
+        values, worst = views.values(trajectory, reference)
+        return Measured(seed, values, worst, too_good=views.too_good(values))
+    except Failure as fault:
+        place = "" if frame_now is None else f" at frame {frame_now}"
+        return Measured(seed, {}, failure=f"it {fault}{place}")
 
 
 class Views:
@@ -79,6 +110,17 @@ class Views:
         self._landmarks: dict[int, Array] = {}
         """Point of the method's world by id."""
         self._alive: list[int] = []
+        """Tracks that are right in a frame and were right before, once per cell; all of them in the first frame."""
+        self._errors_px: list[float] = []
+        """Median distance of tracks from where their points are seen, per frame."""
+        self._seen: dict[int, int] = {}
+        """Frames in which a track was seen, by id."""
+        self._born: dict[int, int] = {}
+        """Number of the Step in which it began."""
+        self._proven: set[int] = set()
+        """Tracks that were right where their point had moved."""
+        self._began: dict[int, Array] = {}
+        """Where a track began [px]."""
         self._wrong: list[float] = []
         self._mapped: list[int] = []
         self._depth: list[float] = []
@@ -86,6 +128,8 @@ class Views:
         self._poses: list[tuple[int, int, Pose, Pose]] = []
         """Frame, time, the method's pose, and the true one."""
         self._located: list[bool] = []
+        self._camera: FrameName = ""
+        """Whose tracks are shown."""
 
     def add(self, frame: int, step: Step) -> None:
         """Takes the Step of a frame."""
@@ -100,6 +144,7 @@ class Views:
             world_from_rig = self.truth.pose(of_camera, step.time_ns) @ self.rig_from(of_camera).inverse()
             self._poses.append((frame, step.time_ns, pose, world_from_rig @ self.rig_from(step.frame)))
         if camera:
+            self._camera = camera
             self._add_tracks(step, camera, pose)
         else:
             self._alive.append(0)
@@ -114,19 +159,33 @@ class Views:
         rays = np.column_stack([model.normalise(uv), np.ones(len(uv))]) if len(uv) else np.zeros((0, 3))
         points = world_from_camera.apply(rays * depth[:, None])
         old = [i for i, track in enumerate(ids) if track in self._anchors]
+        right = np.zeros(len(ids), bool)
         if old:
             expected = model.project(world_from_camera.inverse().apply(np.array([self._anchors[ids[i]] for i in old])))
+            began = np.array([self._began[ids[i]] for i in old])
             with np.errstate(invalid="ignore"):
-                near = np.linalg.norm(expected - uv[old], axis=1) <= WRONG_PX
+                errors = np.linalg.norm(expected - uv[old], axis=1)
+                near = errors <= WRONG_PX
+                moved = near & (np.linalg.norm(expected - began, axis=1) >= MOVED_PX)
+            right[old] = near
             self._wrong.append(float(1 - near.mean()))
+            if near.any():
+                self._errors_px.append(float(np.median(errors[near])))
+            self._proven |= {
+                ids[i] for i, far in zip(old, moved, strict=True) if far and self._seen[ids[i]] + 1 >= LONG
+            }
         elif self._alive:
             self._wrong.append(1.0)  # all tracks are new again: none was followed
-        self._anchors |= {ids[i]: points[i] for i in range(len(ids)) if i not in old and np.isfinite(points[i]).all()}
-        self._alive.append(len(ids))
+        for i, track in enumerate(ids):
+            self._seen[track] = self._seen.get(track, 0) + 1
+            self._born.setdefault(track, len(self.frames))
+            if track not in self._anchors and np.isfinite(points[i]).all():
+                self._anchors[track], self._began[track] = points[i], uv[i]
+        self._alive.append(_cells(uv[right]) if self._alive else _cells(uv))
         if pose is None:
             return
         known = [i for i, track in enumerate(ids) if track in self._landmarks and np.isfinite(depth[i])]
-        self._mapped.append(len(known))
+        self._mapped.append(_cells(uv[known]))
         if len(known) < MIN_POSES:
             return
         turn = (self.rig_from(step.frame).inverse() @ self.rig_from(camera)).scaled(float(self.metric))
@@ -145,7 +204,7 @@ class Views:
         located = self._located[first:]
         out: dict[str, float | None] = {
             "tracks": _median(self._alive),
-            "wrong_percent": _percent(_mean(self._wrong)),
+            "wrong_percent": self._wrong_percent(),
             "turn_deg": _median(turns),
             "direction_deg": _median(directions),
             "landmarks": _median(self._mapped) if self._poses else None,
@@ -153,12 +212,16 @@ class Views:
             "reprojection_px": _median(self._reprojected),
             "located_percent": _percent(sum(located) / len(self._located)) if self._located else None,
         }
+        if (out["landmarks"] or 0.0) < LANDMARKS:
+            out["depth_percent"] = out["reprojection_px"] = None
         own, true = associate(trajectory, reference)
-        if len(own) >= max(MIN_POSES, 8) and true.length > 0:
+        if len(own) >= max(MIN_POSES, 8, LOCATED_SHARE * len(self._located)) and true.length > 0:
             error = ate_m(aligned(own, true, "sim3"), true)
             out["ate_percent"] = 100 * error / true.length
             unit = alignment(own, true, "sim3").scale
             out["scale_percent"] = 100 * abs(float(np.log(unit))) if self.metric else drift(own, true)
+        if self._errors_px:
+            out["track_px"] = _median(self._errors_px)
         worst = {}
         if self._wrong:
             worst["wrong_percent"] = self.frames[len(self.frames) - len(self._wrong) + int(np.argmax(self._wrong))]
@@ -170,6 +233,33 @@ class Views:
                 (f for f in lost if f > self.frames[min(first, len(self.frames) - 1)]), lost[-1]
             )
         return out, worst
+
+    def _wrong_percent(self) -> float | None:
+        """Returns the share of followed tracks that are on another point. They stand for all tracks only where enough
+        of those follow something, and enough of them are right."""
+        wrong = _mean(self._wrong)
+        if wrong is None:
+            return None
+        last = len(self.frames) - LONG
+        told = [track for track, born in self._born.items() if born <= last]
+        all_seen = sum(self._seen[track] for track in told)
+        share = sum(self._seen[track] for track in told if track in self._proven) / all_seen if all_seen else 0.0
+        enough = min(1.0, share / PROVEN_SHARE) * min(1.0, float(np.median(self._alive)) / PROVEN_TRACKS)
+        return 100 * (1 - (1 - wrong) * enough)
+
+    def too_good(self, values: Mapping[str, float | None]) -> dict[str, float]:
+        """Returns, for each value that is smaller than the noise of images allows, the least one."""
+        camera = self.truth.camera(self._camera or "video")
+        angle = NOISE_PX / camera.fx / np.sqrt(NOISE_TRACKS)
+        least = {
+            "track_px": NOISE_PX,
+            "reprojection_px": NOISE_PX,
+            "turn_deg": float(np.degrees(angle)),
+            "direction_deg": float(np.degrees(angle)),
+            "depth_percent": 100 * NOISE_PX / camera.width,
+            "ate_percent": 100 * float(angle),
+        }
+        return {k: bound for k, bound in least.items() if (v := values.get(k)) is not None and v < bound}
 
     def _two_view(self) -> tuple[list[float], list[float], list[int]]:
         """Returns errors of the rotation and of the direction of the translation [deg] of pairs of views."""
@@ -202,6 +292,11 @@ def interpolated(depth: Array, uv: Array) -> Array:
         right, down = x - left, y - top
         weights = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right])
         return np.where(smooth, 1 / (weights * corners).sum(axis=0), np.nan)
+
+
+def _cells(uv: Array) -> int:
+    """Returns the number of cells of an image that have one of the points (N, 2)."""
+    return len(np.unique(np.floor(uv / CELL_PX), axis=0)) if len(uv) else 0
 
 
 def drift(own: Trajectory, true: Trajectory) -> float | None:

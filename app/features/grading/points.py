@@ -43,8 +43,9 @@ STAGES = (
     Stage(
         "tracking",
         (
-            Part("tracks", "tracks in a frame", "", 5, 100, 10, "Detect new corners where images have none left."),
-            Part("wrong_percent", "tracks on another point", "%", 15, 3, 40,
+            Part("tracks", "right tracks in a frame", "", 5, 100, 10,
+                 "Detect new corners where images have none left."),
+            Part("wrong_percent", "tracks that are not on their point", "%", 15, 3, 40,
                  "Switch on the layer of tracks and follow the long ones. A forward-backward check ends wrong ones."),
         ),
     ),
@@ -87,6 +88,12 @@ STAGES = (
     ),
 )  # fmt: skip
 """100 points in all. The limits were set once, on the built-in methods and on the skeleton of `ispom new-method`."""
+
+
+LABELS = {part.key: f"{part.label} [{part.unit}]" for stage in STAGES for part in stage.parts} | {
+    "track_px": "distance of tracks from their points [px]"
+}
+"""Of values, by key."""
 
 
 @dataclass(frozen=True)

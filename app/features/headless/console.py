@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from ispom.methods import Config
 from ispom.stop import LOOK_S, check_stop
 
 from ...engine import warmup
@@ -20,12 +22,22 @@ Progress = Callable[[int | None], AbstractContextManager[Callable[[], None]]]
 
 
 def wait_for_compiler() -> None:
-    """Waits for numba's first compilation, and says so on a terminal."""
-    if not warmup.finished():
-        with Console(stderr=True).status(warmup.message()) as status:
-            while not warmup.finished(LOOK_S):
-                check_stop()
-                status.update(warmup.message())
+    """Waits for numba's first compilation, and says so on standard error: how far it is on a terminal, else once."""
+    if warmup.finished():
+        return
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        sys.stderr.write(f"ispom: {warmup.message()}\n")
+    with console.status(warmup.message()) as status:
+        while not warmup.finished(LOOK_S):
+            check_stop()
+            status.update(warmup.message())
+
+
+def compile_first(methods: Iterable[str], config: Config) -> None:
+    """Compiles what these methods need before they run, and waits for it as `wait_for_compiler`."""
+    warmup.start(methods, config)
+    wait_for_compiler()
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import in_order
 
+from ...engine import frame_record
+from ...engine.error_curve import ErrorCurve
 from ...engine.history.quantities import STEP_QUANTITIES
 from ...engine.history.quantity import Quantity
 from ...engine.history.series import Series
 from ...presentation import colours
-from ...presentation.texts import ALIGNED
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ..branches.state import Branches
@@ -30,7 +32,7 @@ DIGITS = 5
 """Significant digits of a value: a plot shows three."""
 MOST_POINTS = 600
 """Of a curve of errors; of more poses each point is the largest error of several."""
-_TITLES = {"error_m": "Live error"}
+_TITLES = {key: definition.label for key, definition in frame_record.DEFINITIONS.items()}
 _STEP_KEYS = {quantity.key for quantity in STEP_QUANTITIES}
 
 
@@ -67,7 +69,7 @@ class PlotNews:
         self._plots: tuple[Plot, ...] | None = None
         self._sent: dict[str, int] = {}
         """By curve: the number of frames whose values the page has."""
-        self._errors: list[tuple[Curve, TrajectoryError]] = []
+        self._errors: list[tuple[Curve, ErrorCurve]] = []
         """What the curves of errors that the page has are from."""
         self.behind = False
         """Whether more values are known than the last message could hold."""
@@ -133,39 +135,59 @@ def plot_of(name: str, quantities: Mapping[str, Quantity]) -> Plot | None:
     return Plot(name, title(shared[0]), shared[0].help, shared[0].unit, tuple(curves))
 
 
-def error_curves(state: State) -> Iterator[tuple[Curve, TrajectoryError]]:
+def error_curves(state: State) -> Iterator[tuple[Curve, ErrorCurve]]:
     """The position errors after alignment: of the branch that is shown, of others that are drawn, and of other
     programs."""
     branches = state[Branches]
     for branch in sorted(branches.all, key=lambda each: each.number != branches.shown):
         is_shown = branch.number == branches.shown
-        for method in in_order(branch.measured.errors) if is_shown or not branch.hidden else ():
-            error = branch.measured.errors[method]
+        for method in in_order(branch.measured.curves) if is_shown or not branch.hidden else ():
+            error = branch.measured.curves[method]
             label, colour = colours.label(method), colours.of(method)
             if not is_shown:
                 label, colour = f"{branch.name}: {label}", branch.colour
             curve = f"{method}.{ERROR}" if is_shown else f"{method}.{ERROR}/{branch.number}"
-            yield Curve(curve, f"{label} ({ALIGNED[error.alignment]})", colours.css(colour)), error
+            yield Curve(curve, f"{label} ({_how(error)})", colours.css(colour)), error
     for external in state[ExternalPaths].all:
-        if (found := state[ExternalPaths].errors.get(external.name)) is not None:
-            label = f"{external.name} ({ALIGNED[found.alignment]})"
+        if (known := state[ExternalPaths].errors.get(external.name)) is not None:
+            found = _of_external(known)
+            label = f"{external.name} ({_how(found)})"
             yield Curve(f"beside.{external.name}.{ERROR}", label, colours.css(external.colour)), found
 
 
-def error_plot(curves: list[tuple[Curve, TrajectoryError]]) -> Plot | None:
+@lru_cache(maxsize=32)
+def _of_external(error: TrajectoryError) -> ErrorCurve:
+    """The same object for the same error: a page is sent each once."""
+    return ErrorCurve.of(error)
+
+
+def _how(curve: ErrorCurve) -> str:
+    """The alignment, and what a point is where it stands for several poses."""
+    width = _width(len(curve.times_ns))
+    return curve.aligned if width == 1 else f"{curve.aligned}, largest of {width} poses"
+
+
+def _width(poses: int) -> int:
+    """The number of poses that one point of a curve stands for."""
+    return max(-(-poses // MOST_POINTS), 1)
+
+
+def error_plot(curves: list[tuple[Curve, ErrorCurve]]) -> Plot | None:
     """None without ground truth."""
     if not curves:
         return None
-    alignments = dict.fromkeys(ALIGNED[error.alignment] for _, error in curves)
-    help = f"distance from the ground truth, aligned by {' or '.join(alignments)}; its root mean square is the ATE"
-    return Plot(ERROR, "Position error", help, "m", tuple(curve for curve, _ in curves))
+    alignments = dict.fromkeys(error.aligned for _, error in curves)
+    alone = all(error.branches == 1 for _, error in curves)
+    rms = "its root mean square is the ATE" if alone else "frames that branches share have one error"
+    help = f"{frame_record.ERROR.text}, by {' or '.join(alignments)}; {rms}"
+    return Plot(ERROR, frame_record.ERROR.label, help, frame_record.ERROR.unit, tuple(curve for curve, _ in curves))
 
 
-def _over_frames(error: TrajectoryError, times_ns: NDArray[np.int64]) -> tuple[list[int], list[float | None]]:
+def _over_frames(error: ErrorCurve, times_ns: NDArray[np.int64]) -> tuple[list[int], list[float | None]]:
     """Frames, and the largest error of the poses at each of them."""
-    frames = np.searchsorted(times_ns, error.estimate.times_ns)
-    starts = np.arange(0, len(frames), -(-len(frames) // MOST_POINTS))
-    values = np.fmax.reduceat(error.position_errors_m, starts)
+    frames = np.searchsorted(times_ns, error.times_ns)
+    starts = np.arange(0, len(frames), _width(len(frames)))
+    values = np.fmax.reduceat(error.metres, starts)
     return frames[starts].tolist(), [_rounded(value) for value in values.tolist()]
 
 

@@ -26,8 +26,12 @@ class Score:
     best: Best = ""
     metres: bool = False
     """Whether it is a length, whose unit is that of the row."""
+    wall_time: bool = False
+    """Whether it differs from run to run of the same: then none is the best."""
 
 
+ROUNDING = 1e-9
+"""Values that differ by less than this, relatively, are equal."""
 SCORES = (
     Score(("poses",), "poses", "most"),
     Score(("lost",), "frames lost", "least"),
@@ -40,8 +44,8 @@ SCORES = (
     Score(("between_stereo_rmse_m",), "between stereo poses, RMS", "least", metres=True),
     Score(("spline_between_stereo_rmse_m",), "– of a spline through them", metres=True),
     Score(("step_scale_end_over_start",), "step scale, end / start [1]", "nearest to 1"),
-    Score(("ms_per_exposure", "median"), "time per frame, median [ms]", "least"),
-    Score(("ms_per_exposure", "p95"), "time per frame, 95th percentile [ms]", "least"),
+    Score(("ms_per_exposure", "median"), "time per frame, median [ms]", "least", wall_time=True),
+    Score(("ms_per_exposure", "p95"), "time per frame, 95th percentile [ms]", "least", wall_time=True),
 )
 
 
@@ -62,8 +66,8 @@ def results(runs: list[Run]) -> list[Block]:
     head = ["", *(run.label if _alone(columns, kind) else f"{run.label}: {m}" for kind, run, m in columns)]
     legend = (
         "Small figures: difference to the first column of the same kind of method. ★: the best value of that kind of "
-        "method, where the values differ; what counts as best stands behind the row's name. Times compare only between "
-        "runs on the same machine, errors only between runs over the same images."
+        "method, where the values differ; what counts as best stands behind the row's name. Times have none: they "
+        "differ from run to run. Errors compare only between runs over the same images."
     )
     return [Table(head, rows, groups=groups), Paragraph(legend, "quiet")]
 
@@ -93,7 +97,7 @@ def _value(entry: Mapping[str, Any], path: tuple[str, ...]) -> Any:
 
 def _title(score: Score, runs: int, unit: Unit | None) -> str:
     title = score.title if unit is None else f"{score.title} [{unit.name}]"
-    return f"{title} – best: {score.best}" if score.best and runs > 1 else title
+    return f"{title} – best: {score.best}" if score.best and not score.wall_time and runs > 1 else title
 
 
 def _compared(score: Score, values: list[Any], kinds: list[str]) -> Iterator[Any]:
@@ -105,7 +109,9 @@ def _compared(score: Score, values: list[Any], kinds: list[str]) -> Iterator[Any
         first = values[kinds.index(kind)]
         difference = value - first if i != kinds.index(kind) and _number(first) else None
         badness = {other: _badness(score.best, other) for other in others}
-        best = badness[value] == min(badness.values()) < max(badness.values())
+        least, most = min(badness.values()), max(badness.values())
+        differ = most - least > ROUNDING * max(abs(least), abs(most)) and not score.wall_time
+        best = differ and badness[value] - least <= ROUNDING * abs(least)
         yield Compared(value, difference, best)
 
 

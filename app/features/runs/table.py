@@ -45,7 +45,7 @@ class Row:
     """Settings and options that are not the defaults; of a branch, that are not those of its parent."""
     errors: tuple[Ate, ...] = ()
     located: Mapping[str, float] | None = None
-    """By method: the share of its frames with a pose, 0..1; None where that is unknown."""
+    """By method: the share of its frames at which it tracked, 0..1, of a group the least; None where it is unknown."""
     events: Mapping[Severity, int] | None = None
     """The number of events that need attention; None where that is unknown."""
     when_s: float | None = None
@@ -83,10 +83,13 @@ def ates(report: Mapping[str, Any]) -> tuple[Ate, ...]:
 
 
 def located(report: Mapping[str, Any], frames: Mapping[str, int]) -> dict[str, float]:
-    """By method, the share of frames with a pose, from a metrics.json and the number of frames of each kind."""
+    """By method, the share of its frames at which it tracked, from a metrics.json; `frames` is the number of frames of
+    each kind, for one that does not say how many the method saw."""
     found = {}
     for name, entry in _entries(report).items():
-        count = sum(n for kind, n in frames.items() if isinstance(n, int) and kind in method(name).sensors)
+        own = entry.get("frames")  # the steps of the method, as a session counts them
+        count = own if isinstance(own, int) and own > 0 else 0
+        count = count or sum(n for kind, n in frames.items() if isinstance(n, int) and kind in method(name).sensors)
         if count and isinstance(known := entry.get("located"), int):
             found[name] = min(max(known / count, 0.0), 1.0)
     return found
@@ -173,8 +176,7 @@ def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]]) -> dict
         "name": row.name,
         "differs": row.differs,
         "ate": [_cells(row, column["family"], bool(column["alignment"])) for column in columns],
-        "located": None if not shares else round(min(shares.values()), 4),
-        "located_by": {colours.label(name): round(share, 4) for name, share in (shares or {}).items()},
+        "located": [[colours.label(name), round(shares[name], 4)] for name in in_order(shares)] if shares else [],
         "events": None if events is None else sum(events.values()),
         "worst": str(max(events, key=list(Severity).index)) if events else "",
         "events_by": {str(severity): count for severity, count in (events or {}).items()},

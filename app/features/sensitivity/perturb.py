@@ -21,14 +21,13 @@ from ispom.methods import with_dependencies
 from ispom.settings import check
 from ispom.types import Trajectory
 
-from ...engine import warmup
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder, Playback
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.signals import terminable
 from ...presentation.texts import length, length_unit
 from ...session.review.stored import stored_source
-from ..headless.console import progress, wait_for_compiler
+from ..headless.console import compile_first, progress
 from .options import Perturb
 from .predictor import Prediction, Predictor
 from .ran import ran_in
@@ -72,8 +71,7 @@ def _rerun(options: Perturb, builder: Builder) -> dict[str, Trajectory]:
     sequence = options.wrong.of_sequence(stored_source(options.run, run, options.source).open())
     methods = with_dependencies(run.methods)
     playback = Playback(sequence, methods, run.configs(), builder)
-    warmup.start(methods, run.configs())
-    wait_for_compiler()
+    compile_first(methods, run.configs())
     with progress(len(sequence)) as advance:
         while playback.more():
             playback.step()

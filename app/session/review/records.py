@@ -131,7 +131,7 @@ def _record(
     own = [s for s in rows if s.method in methods and of.kinds[index] in registered(s.method).sensors]
     steps = tuple(map(_step, own))
     statuses = dict(before.statuses) if before is not None else {}
-    statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method), step.provisional) for step in steps}
+    statuses |= {step.method: MethodStatus.of(step, errors_m.get(step.method)) for step in steps}
     return ExposureRecord(
         index,
         int(of.times_ns[index]),

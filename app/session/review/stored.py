@@ -101,7 +101,7 @@ def stored_source(
     given = moved_to is not None or source in named
     places = None if run.own else (folder,)
     if places is not None:
-        allowed = (*places, _place(expanded(source))) if given and not simulated else places
+        allowed = (*places, place_of(expanded(source))) if given and not simulated else places
         files = {"source": None if simulated or given else source, "camera": options.camera, "sensors": options.sensors}
         for name, file in files.items():
             if file is not None and not is_below(expanded(file), allowed):
@@ -115,7 +115,7 @@ def stored_source(
     return StoredSource(source, options, None if given else places)
 
 
-def _place(source: Path) -> Path:
+def place_of(source: Path) -> Path:
     """The folder in which a source's other files are."""
     return source if source.is_dir() else source.parent
 

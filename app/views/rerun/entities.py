@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, FrameName, Image, ImageLines, Rig, Step, Tracks, TrackStatus, WorldLines
 
+from ...engine.frame_record import INLIERS, RESIDUAL
+from ...engine.history.quantities import step_number
+from ...engine.history.record import MethodStatus
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
 from ...presentation.uncertainty import Ellipsoid, describe
@@ -319,10 +322,15 @@ def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float |
 
 
 def _story(step: Step, first_ns: int, units_m: Mapping[str, float | None]) -> Iterator[str]:
-    facts = [f"**{colours.label(step.method)}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+    facts = [
+        f"**{colours.label(step.method)}**",
+        f"{(step.time_ns - first_ns) * 1e-9:.3f} s",
+        f"**{MethodStatus.of(step, None).word}**",
+    ]
     facts += ["keyframe"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
-    if len(step.residuals_px):
-        facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+    inliers, median = step_number(step, INLIERS.key), step_number(step, RESIDUAL.key)
+    if inliers is not None and median is not None:
+        facts.append(f"{inliers:.0f} inliers, median {median:.2f} px")
     facts += [text] if (text := describe(step, units_m.get(step.method, 1.0))) else []
     yield from (" · ".join(facts), "")
     for answer in answers(step.decisions):

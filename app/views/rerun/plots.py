@@ -14,6 +14,8 @@ from ispom.solvers.trajectory.alignment import RunningAlignment
 from ispom.types import Step
 
 from ...engine.events import Finished, Opened, Stepped
+from ...engine.frame_record import INLIERS, RESIDUAL
+from ...engine.history.quantities import step_number
 from ...engine.model.run_model import RunModel
 from ...engine.model.true_path import FIRST
 from ...presentation import colours
@@ -62,9 +64,9 @@ class Plots:
         for step in event.steps:
             yield from self._errors(step, event, model, placements.get(step.method, Similarity()))
             yield from self._scale(step)
-            if len(step.residuals_px):
-                yield Entry(f"plots/inliers/{step.method}", rr.Scalars(len(step.residuals_px)))
-                yield Entry(f"plots/residual/{step.method}", rr.Scalars(float(np.median(step.residuals_px))))
+            for kind, key in (("inliers", INLIERS.key), ("residual", RESIDUAL.key)):
+                if (value := step_number(step, key)) is not None:
+                    yield Entry(f"plots/{kind}/{step.method}", rr.Scalars(value))
             yield from self._times(step.method, step.seconds)
 
     def finished(self, event: Finished, model: RunModel, first_ns: int) -> Iterator[Entry | Columns]:

@@ -36,7 +36,7 @@ from ispom.types import FrameName, Step, Tracks, images_of, is_stereo, main_imag
 from ispom.types.measurements import CAMERAS
 
 from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
-from ...engine.history.record import with_parts
+from ...engine.history.record import MethodStatus, with_parts
 from ...engine.inspection.sightings import Seen
 from ...engine.model.drawn_size import unit_in_metres
 from . import entities
@@ -68,6 +68,8 @@ class Recorder:
         self._lined = set[str]()
         """Cameras in which lines are drawn now."""
         self._last: dict[str, Step] = {}
+        self._words: dict[str, str] = {}
+        """By method, the word of its latest step: see MethodStatus."""
         self._now = (0, 0)
 
     def opening(self) -> Batch:
@@ -180,10 +182,11 @@ class Recorder:
                 yield Entry(f"{image_root(camera)}/lines", rr.Clear(recursive=False))
 
     def _log(self, step: Step) -> Iterator[Entry]:
-        before = self._last.get(step.method)
-        if before is None or before.status != step.status:
-            level = "WARN" if step.status == "lost" else "INFO"
-            yield Entry("log", rr.TextLog(f"{step.method}: {step.status}", level=level))
+        before, now = self._words.get(step.method), MethodStatus.of(step, None)
+        self._words[step.method] = now.word
+        if before != now.word:
+            level = "WARN" if now.severity.alarming else "INFO"
+            yield Entry("log", rr.TextLog(f"{step.method}: {now.word}", level=level))
         if step.key_frame:
             yield Entry("log", rr.TextLog(f"{step.method}: keyframe", level="DEBUG"))
 

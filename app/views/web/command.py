@@ -46,7 +46,7 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError("--beside needs a source to be compared with: give one")
     if trajectories:
         _check_external(trajectories, source, opener, builder)
-    variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
+    warmup.start(in_order(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT), command.config)
 
     def session(live: LiveStream) -> Session:
         found = Session(
@@ -54,7 +54,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             source,
             Path("recordings"),
             methods=in_order(command.methods) or None,
-            variant=variant,
+            variant=command.variant or "modern",
             config=command.config,
             live=live,
             compiling=warmup.start,

@@ -9,6 +9,8 @@ import msgspec
 
 from ispom.methods import method as registered
 
+from ...engine.frame_record import ERROR, LIVE_ERROR, frame_record
+from ...engine.verdict import WAITING
 from ...features.branches.state import Branches
 from ...features.layers.state import Layers
 from ...features.lessons.state import Lessons, covered
@@ -129,25 +131,33 @@ def own_view(local: State, state: State) -> dict[str, Any] | None:
 
 
 def _method(method: str, state: State) -> dict[str, Any]:
-    """Whether it tracks, and (another thing) its error: the ATE of the table of branches, where there is a truth."""
+    """How it does, in the word of its card, and (another thing) its error: the ATE of the table of branches, where
+    there is a truth."""
     now, label = state.statuses.get(method), colours.label(method)
     status = str(now.status) if now else "waiting"
-    hint, error = [f"{label}: {STATUS[status]}."], ""
+    word = now.word if now is not None and now.word else WAITING
+    hint, error = [f"{label}: {word}: {STATUS[status]}."], ""
     shown = next((b for b in state[Branches].all if b.number == state[Branches].shown), None)
     if shown is not None and (known := shown.measured.errors.get(method)) is not None:
         error, how = length(known.ate_m), ALIGNED[known.alignment]
         hint.append(f"ATE: {error} from the ground truth over {len(known.estimate)} poses, as known now, {how}.")
+        curve = shown.measured.curves.get(method)
+        here = frame_record(state.displayed, method, curve) if state.displayed is not None else None
+        if here is not None and here.error_m is not None:
+            hint.append(f"{ERROR.label} at this frame: {length(here.error_m)}, {here.aligned}, as known now.")
     if now is not None and now.provisional:
         error = error or PROVISIONAL
         hint.append("Its pose at this frame is provisional: the first fit replaces it.")
     if now is not None and now.error_m is not None:
-        hint.append(f"Live error at this frame: {length(now.error_m)}, by the pose as given then, not aligned.")
+        hint.append(f"{LIVE_ERROR.label} at this frame: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
         "name": method,
         "label": label,
         "colour": colours.css(colours.of(method)),
         "status": status,
+        "word": word,
+        "severity": str(now.severity) if now is not None else "provisional",
         "error": error,
         "hint": "\n".join(hint),
     }

@@ -28,7 +28,7 @@ from ispom.estimators.frame_interval import FrameInterval
 from ispom.estimators.paper import checks
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.solvers.trajectory.segment import Segment, fit_rotations, fit_segment
 from ispom.stopwatch import Stopwatch
@@ -60,7 +60,7 @@ class IntegratedConfig:
     """Stereo pairs after a segment's end for which it waits for its video poses, as while the video initialises."""
 
     def build(self, rig: Rig) -> Integrated:
-        return Integrated(rig, self)
+        return Integrated(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Integrated:
         self, state: IntegratedState, exposure: Measurement, inputs: Mapping[str, Step]
     ) -> tuple[IntegratedState, Step]:
         """Processes one frame of either kind, and closes every segment that has become complete."""
-        watch, is_stereo = Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
+        watch, is_stereo = Stopwatch(), require_frame(exposure, VIDEO | STEREO, rig=self.rig).kind in STEREO
         part = inputs["stereo" if is_stereo else "video"]
         revised, segments = [], list[SegmentFit]()
         decisions: list[Decision] = []

@@ -36,7 +36,7 @@ from ispom.features.front_ends import CORNERS, front_end, front_ends
 from ispom.features.interfaces import Detector, FrontEnd, Tracker
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Choices, Range, WorthTrying
+from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import Policy, PoseFit, locate, refine_pose
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, solve_triple, step_length
@@ -118,7 +118,7 @@ class MonocularConfig:
     """Points with a smaller parallax between keyframes 1 and 3 are not used for resection."""
 
     def build(self, rig: Rig) -> Monocular:
-        return Monocular(rig, self)
+        return Monocular(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class Monocular:
 
     def step(self, state: MonocularState, exposure: Measurement) -> tuple[MonocularState, Step]:
         """Processes one video frame. Raises InputError for a stereo frame."""
-        exposure = require_frame(exposure, VIDEO)
+        exposure = require_frame(exposure, VIDEO, rig=self.rig)
         watch, config, camera = Stopwatch(), self.config, self.rig.camera("video")
         grey = as_grey(exposure.image)
 

@@ -29,7 +29,7 @@ from ispom.features.shi_tomasi import detect_corners
 from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.solvers.rigid import RigidMotion, rigid_motion
 from ispom.stopwatch import Stopwatch
@@ -86,7 +86,7 @@ class StereoConfig:
     """Pairs that may fail against the last localised one before the next starts a new segment from the last pose."""
 
     def build(self, rig: Rig) -> Stereo:
-        return Stereo(rig, self)
+        return Stereo(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Stereo:
 
     def step(self, state: StereoState, exposure: Measurement) -> tuple[StereoState, Step]:
         """Processes one stereo pair. Raises InputError for a video frame."""
-        exposure = require_frame(exposure, STEREO)
+        exposure = require_frame(exposure, STEREO, rig=self.rig)
         watch, reference, config = Stopwatch(), state.reference, self.config
         left, right = as_grey(exposure.left), as_grey(exposure.right)
 

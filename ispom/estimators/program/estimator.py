@@ -31,7 +31,7 @@ from ispom.estimators.program.protocol import (
 from ispom.estimators.program.store import STORE, StoredFrame
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.types import FrameName, Kind, Measurement, Rig, Step, Tracks, TrackStatus, Trajectory
 
 
@@ -51,7 +51,7 @@ class ProgramConfig:
     program gets them again from the start, so changed settings act from there; beyond this size, no going back."""
 
     def build(self, rig: Rig) -> Program:
-        return Program(self, rig)
+        return Program(checked(self), rig)
 
     @property
     def program_settings(self) -> dict[str, Any]:

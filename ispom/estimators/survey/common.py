@@ -23,6 +23,7 @@ from ispom.types import (
     Kind,
     Landmarks,
     Measurement,
+    Rig,
     Status,
     Step,
     Tracks,
@@ -74,6 +75,7 @@ class State(Generic[Memory]):
 class OneKind(Generic[Memory]):
     """An estimator that steps on frames of one kind; a method derives from it, and gives `begin` and `process`."""
 
+    rig: Rig
     kind: Kind = "video"
     """`video`, `stereo` or `cameras`."""
     frame: FrameName = "video"
@@ -92,8 +94,9 @@ class OneKind(Generic[Memory]):
         return State(self.begin())
 
     def step(self, state: State[Memory], measurement: Measurement, /) -> tuple[State[Memory], Step]:
-        """See Estimator. Raises InputError for a measurement of another kind, or one that is not later."""
-        frame, watch = require_frame(measurement, frozenset({self.kind}), state.last_ns), Stopwatch()
+        """See Estimator. Raises InputError for a measurement of another kind, one that is not later, or an
+        image of another size than its camera."""
+        frame, watch = require_frame(measurement, frozenset({self.kind}), state.last_ns, self.rig), Stopwatch()
         memory, result = self.process(state.memory, frame, watch)
         poses = state.poses if result.pose is None else state.poses.appended((frame.time_ns, result.pose))
         without_pose = Status.LOST if len(poses) else Status.INITIALISING

@@ -35,7 +35,7 @@ from ispom.estimators.survey.common import OneKind, Result, tracks_between
 from ispom.estimators.survey.photometric import Alignment, align, guesses_around, pyramid, square_patch, textured
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, as_grey, by_key, colours_at
@@ -94,7 +94,7 @@ class DirectConfig:
     """Pairs that may fail against the keyframe before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> Direct:
-        return Direct(rig, self)
+        return Direct(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

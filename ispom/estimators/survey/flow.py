@@ -38,7 +38,7 @@ from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.numerics.reductions import lengths, median
 from ispom.numerics.robust import cauchy_weights
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, ImageLines, Rig, as_grey, by_key
 
@@ -115,7 +115,7 @@ class FlowConfig:
     """Frames that may fail against the last located one before the next starts a new segment from the last pose."""
 
     def build(self, rig: Rig) -> Flow:
-        return Flow(rig, self)
+        return Flow(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

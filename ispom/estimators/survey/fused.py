@@ -42,6 +42,7 @@ from ispom.estimators.survey.fused_settings import OTHERS, SCHEMES, FusedSetting
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, fix_checks, started
 from ispom.estimators.survey.fused_values import Noise, revised_nodes
 from ispom.geometry import Pose
+from ispom.settings import checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Step, Trajectory
 
@@ -61,7 +62,7 @@ class FusedConfig(FusedSettings):
 
     def build(self, rig: Rig) -> Fused:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
-        return Fused(rig, self, "fused", "video")
+        return Fused(rig, checked(self), "fused", "video")
 
 
 class Fused:
@@ -81,7 +82,7 @@ class Fused:
         for module, needed in (("gtsam", True), ("small_gicp", "laser" in self._sensors)):
             if needed and find_spec(module) is None:
                 raise InputError(f"{name} needs {module}, which is not installed: run 'pip install gtsam small_gicp'")
-        self._config, self._kind, self._metric = config, kind, kind != "video"
+        self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
         noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
         self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
@@ -102,7 +103,7 @@ class Fused:
             status = Status.INITIALISING if state.prior is None else Status.TRACKING
             watch.lap("wait")
             return state, Step(measurement.time_ns, status, seconds=watch.seconds)
-        frame, visual = require_frame(measurement, frozenset({self._kind}), state.last_ns), inputs["visual"]
+        frame, visual = require_frame(measurement, frozenset({self._kind}), state.last_ns, self._rig), inputs["visual"]
         if state.sensors != self._sensors:
             state = self._with_other_sensors(state)
         state = replace(self._collector.with_images(state, visual), last_ns=frame.time_ns)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from ispom.estimator import STEREO, Method
 from ispom.estimators.survey.fused import METHOD as FUSED
 from ispom.estimators.survey.fused import OTHERS, Fused, FusedConfig
+from ispom.settings import checked
 from ispom.types import Rig
 
 
@@ -19,7 +20,7 @@ class FusedStereoConfig(FusedConfig):
 
     def build(self, rig: Rig) -> Fused:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
-        return Fused(rig, self, "fused.stereo", "stereo")
+        return Fused(rig, checked(self), "fused.stereo", "stereo")
 
 
 METHOD = Method(

@@ -39,7 +39,7 @@ from ispom.estimators.survey.fused_tight_graph import TightGraph, TightPrior
 from ispom.estimators.survey.fused_values import NO_POINTS, Node, Points, revised_nodes
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Landmarks, LensCorrection, Measurement, Rig, Status, Step, TrackStatus, Trajectory
 
@@ -61,7 +61,7 @@ class FusedTightConfig(FusedConfig):
 
     def build(self, rig: Rig) -> Tight:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""
-        return Tight(rig, self)
+        return Tight(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

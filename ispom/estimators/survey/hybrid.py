@@ -36,7 +36,7 @@ from ispom.features import patches
 from ispom.features.row_search import PointSearch
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
@@ -125,7 +125,7 @@ class HybridConfig:
     """Pairs that may fail before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> Hybrid:
-        return Hybrid(rig, self)
+        return Hybrid(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

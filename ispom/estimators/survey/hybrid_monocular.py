@@ -35,7 +35,7 @@ from ispom.estimators.survey.hybrid import ALIGNED, INLIERS, MOVED, REMAINING, K
 from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import fit_pose
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
@@ -105,7 +105,7 @@ class HybridMonocularConfig:
     """Frames that may fail before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> HybridMonocular:
-        return HybridMonocular(rig, self)
+        return HybridMonocular(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class HybridMonocular(OneKind[Memory]):
     kind, frame = "video", "video"
 
     def __init__(self, rig: Rig, config: HybridMonocularConfig) -> None:
-        self.config, self.camera = config, rig.camera("video")
+        self.rig, self.config, self.camera = rig, config, rig.camera("video")
 
     def begin(self) -> Memory:
         """See OneKind."""

@@ -49,7 +49,7 @@ from ispom.estimators.survey.scene_lines import (
 )
 from ispom.features.segments import disparity_along, match_segments
 from ispom.geometry import Array, Pose
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.lines import KnownLines, depths_on_lines, end_offsets, refined_pose, sampled_pose
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
@@ -106,7 +106,7 @@ class LinesConfig(SegmentSettings):
     """Pairs that may fail against the last located one before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> Lines:
-        return Lines(rig, self)
+        return Lines(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ from ispom.estimators.survey.scene_lines import (
 )
 from ispom.features.segments import match_segments
 from ispom.geometry import Array, Pose
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.line_adjustment import LineViews, adjusted, displacements, line_residuals
 from ispom.solvers.lines import (
     KnownDirections,
@@ -132,7 +132,7 @@ class LinesMonocularConfig(SegmentSettings):
     """Frames that may fail before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> LinesMonocular:
-        return LinesMonocular(rig, self)
+        return LinesMonocular(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

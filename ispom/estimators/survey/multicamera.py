@@ -50,7 +50,7 @@ from ispom.features.overlap import Overlap
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import normalised_mad
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.generalised import (
     Adjusted,
     Cameras,
@@ -145,7 +145,7 @@ class MulticameraConfig:
     """With fewer inliers in all cameras the rig is not located."""
 
     def build(self, rig: Rig) -> Multicamera:
-        return Multicamera(rig, self)
+        return Multicamera(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

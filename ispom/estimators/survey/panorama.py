@@ -44,7 +44,7 @@ from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad, so3_exp, so3_log
 from ispom.numerics.robust import cauchy_weights
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.solvers.multiview.essential import inlier_distances
 from ispom.solvers.pose_graph import Edge, optimise
 from ispom.stopwatch import Stopwatch
@@ -128,7 +128,7 @@ class PanoramaConfig:
     """Frames that may fail before a new panorama begins at the last orientation."""
 
     def build(self, rig: Rig) -> Panorama:
-        return Panorama(rig, self)
+        return Panorama(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ class Panorama(OneKind[Memory]):
     kind, frame = "video", "video"
 
     def __init__(self, rig: Rig, config: PanoramaConfig) -> None:
-        self.config, self.camera = config, rig.camera("video")
+        self.rig, self.config, self.camera = rig, config, rig.camera("video")
         self.descriptor, self.matcher = FEATURES[config.features]
         self.limit = config.max_error_px / self.camera.fx
 

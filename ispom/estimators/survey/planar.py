@@ -26,7 +26,7 @@ from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import cauchy_weights
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
@@ -75,7 +75,7 @@ class PlanarConfig:
 
     def build(self, rig: Rig) -> Planar:
         """Returns the estimator for the rig's stereo pair."""
-        return Planar(rig, self)
+        return Planar(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Planar(OneKind[Memory | None]):
     kind, frame = "stereo", "rig"
 
     def __init__(self, rig: Rig, config: PlanarConfig) -> None:
-        self._rig, self._config, self._camera = rig, config, rig.camera("left")
+        self.rig, self._config, self._camera = rig, config, rig.camera("left")
 
     def begin(self) -> Memory | None:
         return None
@@ -109,7 +109,7 @@ class Planar(OneKind[Memory | None]):
     def process(self, memory: Memory | None, frame: Frame, watch: Stopwatch) -> tuple[Memory, Result]:
         left = as_grey(frame.left)
         if memory is None:
-            memory = Memory(left, *NOTHING, self._rig.rig_from_left, np.zeros(3), 0)
+            memory = Memory(left, *NOTHING, self.rig.rig_from_left, np.zeros(3), 0)
             after = self._with_points(memory, frame, memory.ids, memory.uv)
             watch.lap("points")
             enough = INLIERS.of(np.isfinite(after.xyz[:, 0]).sum(), self._config.min_inliers)
@@ -138,7 +138,7 @@ class Planar(OneKind[Memory | None]):
         after = self._with_points(moved, frame, memory.ids[inliers], uv[inliers])
         watch.lap("points")
         return after, Result(
-            world_from_left @ self._rig.rig_from_left.inverse(),
+            world_from_left @ self.rig.rig_from_left.inverse(),
             tuple(decisions),
             {"left": self._shown(memory, uv, status, inliers)},
             _landmarks(after, frame),
@@ -163,7 +163,7 @@ class Planar(OneKind[Memory | None]):
         disparity, _ = RowSearch().disparity(left, right, uv)
         known = disparity >= MIN_DISPARITY_PX
         xyz = np.full((len(uv), 3), np.nan)
-        xyz[known] = points_from_disparity(self._camera, self._rig.baseline_m, uv[known], disparity[known])
+        xyz[known] = points_from_disparity(self._camera, self.rig.baseline_m, uv[known], disparity[known])
         return replace(memory, grey=left, ids=ids, uv=uv, xyz=xyz, next_id=memory.next_id + len(new))
 
 

@@ -51,7 +51,7 @@ from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
 from ispom.numerics.robust import Noise
-from ispom.settings import Choices, Range, WorthTrying
+from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.bundle import adjust
 from ispom.solvers.localisation import Policy, locate
 from ispom.solvers.multiview.inverse_depth import intersect
@@ -158,7 +158,7 @@ class PointsConfig:
     """Frames that may fail before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> Points:
-        return Points(rig, self)
+        return Points(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from ispom.estimator import VIDEO, Method, require_frame
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.persistent_list import PersistentList
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.solvers.bundle import adjust
 from ispom.solvers.multiview.structure import intersected
 from ispom.stopwatch import Stopwatch
@@ -58,7 +58,7 @@ class SfmConfig:
 
     def build(self, rig: Rig) -> Sfm:
         """Returns the estimator for the rig's video camera."""
-        return Sfm(rig, self)
+        return Sfm(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Sfm:
     """An Integrator of `monocular`, which it calls `visual`."""
 
     def __init__(self, rig: Rig, config: SfmConfig) -> None:
-        self._camera, self._config = rig.camera("video"), config
+        self._rig, self._camera, self._config = rig, rig.camera("video"), config
 
     def start(self) -> SfmState:
         """See Integrator."""
@@ -96,7 +96,7 @@ class Sfm:
 
     def step(self, state: SfmState, measurement: Measurement, inputs: Mapping[str, Step], /) -> tuple[SfmState, Step]:
         """See Integrator. Collects the image where the visual method selected it."""
-        frame, watch = require_frame(measurement, VIDEO, state.last_ns), Stopwatch()
+        frame, watch = require_frame(measurement, VIDEO, state.last_ns, self._rig), Stopwatch()
         visual, state = inputs["visual"], replace(state, last_ns=frame.time_ns)
         if visual.restarted:
             state = replace(state, segment=state.segment + 1, last=None)

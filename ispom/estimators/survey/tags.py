@@ -40,7 +40,7 @@ from ispom.estimators.survey.common import OneKind, Result, tracks_between
 from ispom.geometry import Array, Pose, rotation_angle_rad, skew
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Check,
@@ -136,7 +136,7 @@ class TagsConfig:
     """Largest number of frames that are adjusted together with the tags."""
 
     def build(self, rig: Rig) -> TagPoses:
-        return TagPoses(rig, self)
+        return TagPoses(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ class TagPoses(OneKind[Memory]):
     kind, frame = "video", "rig"
 
     def __init__(self, rig: Rig, config: TagsConfig, known: tuple[Tag, ...] = ()) -> None:
-        self.config, self.known = config, known
+        self.rig, self.config, self.known = rig, config, known
         self.camera, self.rig_from_video = rig.camera("video"), rig.rig_from_video
         self.corners = config.side_m * UNIT_CORNERS
         self.px = 1 / self.camera.fx

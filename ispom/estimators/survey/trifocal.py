@@ -37,7 +37,7 @@ from ispom.features.klt import Klt
 from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose, so3_exp
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, Tracks, TrackStatus, as_grey, by_key, colours_at
@@ -114,7 +114,7 @@ class TrifocalConfig:
     """Pairs that may fail against the last localised one before a new segment starts from the last pose."""
 
     def build(self, rig: Rig) -> Trifocal:
-        return Trifocal(rig, self)
+        return Trifocal(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import one_camera
 from ispom.io.files import exists, is_folder, names
+from ispom.plausibility.images import transparency_doubts
 from ispom.sequences.guess import guess_of_photo, size_of_photo
-from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, read_image, require_size, same_size
+from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, read_image, require_size, same_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
@@ -143,7 +144,7 @@ def folder_stream(
         notes = (*notes, f"{folder}: the names of the images are not numbered in one way: taken in alphabetical order")
     if images.stamps_ns is None or (clock.times is None and clock.rate_hz is None):
         notes = (*notes, *(f"{folder}: {note}" for note in images.notes))
-    notes = (*notes, _unread_note(folder, images))
+    notes = (*notes, _unread_note(folder, images), *transparency_doubts(str(folder), opacities(paths)))
 
     orientation, turned = common_orientation(paths)
 

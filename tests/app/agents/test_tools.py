@@ -257,6 +257,31 @@ def test_no_image_is_shown_that_the_folder_of_a_stranger_names(tmp_path: Path) -
     assert look("changed") is not None
 
 
+def test_a_source_that_is_named_opens_nothing_that_its_own_file_names_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "given").mkdir()
+    make_drive(tmp_path / "given" / "kitti", FRAMES)
+    private = make_drive(tmp_path / "private", FRAMES) / "image_0"
+    linked = make_drive(tmp_path / "given" / "linked", FRAMES)
+    plain = tmp_path / "given" / "kitti" / linked.relative_to(tmp_path / "given" / "linked")
+    image = sorted((linked / "image_0").iterdir())[2]
+    image.unlink()
+    image.symlink_to(private / image.name)
+
+    def seen(source: Path, *named: Path) -> bool:
+        with agent_session(Mcp(sources=(str(source), *map(str, named))), full) as agents:
+
+            async def script(agent: Agent) -> bool:
+                await agent.ask("open_run", source=str(source))
+                await agent.result("compute")
+                return not (await agent.result("picture", frame=2 * 2)).is_error
+
+            return asked(agents, script)
+
+    assert seen(plain)
+    assert not seen(linked)
+    assert seen(linked, private)
+
+
 def test_a_crash_is_logged_and_no_detail_reaches_the_agent(
     agents: AgentSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -66,12 +66,17 @@ class Perfect:
         return Step(k * STEP_NS, Status.TRACKING, "video", pose, tracks=tracks, landmarks=points)
 
     def values(self, steps: list[Step]) -> dict[str, float | None]:
+        return self.measured(steps)[0]
+
+    def measured(self, steps: list[Step]) -> tuple[dict[str, float | None], dict[str, float]]:
+        """Values, and the bounds of those that are too good."""
         views = Views(self.truth, self.rig.rig_from, False)
         for k, step in enumerate(steps):
             views.add(k, step)
         poses = [(s.time_ns, s.world_from_frame) for s in steps if s.world_from_frame is not None]
         true = [(k * STEP_NS, self.truth.pose("video", k * STEP_NS)) for k in range(len(steps))]
-        return views.values(Trajectory.of(poses, "video"), Trajectory.of(true, "video"))[0]
+        values = views.values(Trajectory.of(poses, "video"), Trajectory.of(true, "video"))[0]
+        return values, views.too_good(values)
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +102,52 @@ def test_the_truth_has_all_points_that_its_number_of_tracks_allows(perfect: Perf
     assert values["wrong_percent"] == pytest.approx(0, abs=1e-6) and values["located_percent"] == 100
     assert values["depth_percent"] < 3 and values["scale_percent"] == pytest.approx(0, abs=1e-6)
     assert total(graded([Measured(0, values)])) > 95
+
+
+def test_the_truth_itself_is_too_good(perfect: Perfect, steps: list[Step]) -> None:
+    assert {"ate_percent", "turn_deg", "reprojection_px"} <= perfect.measured(steps)[1].keys()
+    rng = np.random.default_rng(0)
+    real = [
+        replace(
+            s,
+            world_from_frame=s.world_from_frame @ Pose.from_rotvec(rng.normal(0, 1e-4, 3), rng.normal(0, 1e-4, 3)),  # type: ignore[operator]
+            tracks={"video": replace(t, uv=t.uv + rng.normal(0, 0.03, t.uv.shape).astype(np.float32))},
+        )
+        for s in steps
+        for t in [s.tracks["video"]]
+    ]
+    assert perfect.measured(real)[1] == {}, "a tenth of the best method's noise is no alarm"
+
+
+def test_tracks_are_judged_by_all_of_them(perfect: Perfect, steps: list[Step]) -> None:
+    """Three real tracks, and 150 points with ids that are new in each frame, or after three of them."""
+    rng = np.random.default_rng(0)
+    best = points_of(perfect.values(steps))["tracking"]
+    still = rng.uniform((0, 0), (319, 239), (150, 2))
+    for places in (lambda k: rng.uniform((0, 0), (319, 239), (150, 2)), lambda k: still):
+        for frames in (1, 3):
+            cheat = []
+            for k, step in enumerate(steps):
+                real, ids = step.tracks["video"], 10**6 + 150 * (k // frames) + np.arange(150)
+                tracks = Tracks.of(np.concatenate([real.ids[:3], ids]), np.concatenate([real.uv[:3], places(k)]))
+                cheat.append(replace(step, tracks={"video": tracks}, landmarks=Landmarks.empty()))
+            assert points_of(perfect.values(cheat))["tracking"] < 4 < best
+
+
+def test_copies_of_one_track_are_one_track(perfect: Perfect, steps: list[Step]) -> None:
+    copies = []
+    for step in steps:
+        uv = np.repeat(step.tracks["video"].uv[:1], 150, axis=0)
+        xyz = np.repeat(step.landmarks.xyz_in_world[:1], 150, axis=0)
+        landmarks = Landmarks(np.arange(150), xyz, np.zeros((150, 3), np.uint8))
+        copies.append(replace(step, tracks={"video": Tracks.of(np.arange(150), uv)}, landmarks=landmarks))
+    found = points_of(perfect.values(copies))
+    assert found["tracking"] < 2 and found["triangulation"] == 0
+
+
+def test_a_trajectory_of_a_few_chosen_frames_has_no_error_that_counts(perfect: Perfect, steps: list[Step]) -> None:
+    few = [replace(s, world_from_frame=None) if k > COUNT // 3 else s for k, s in enumerate(steps)]
+    assert "ate_percent" not in perfect.values(few)
 
 
 def test_a_unit_of_its_own_loses_nothing(perfect: Perfect, steps: list[Step]) -> None:

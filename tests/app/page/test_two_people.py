@@ -79,7 +79,7 @@ def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_expo
     seek(driver, 13)  # the first one at which the single camera has a unit, and so an error
     follower.until("window.ispom.shown.index === 13 && state.looking === null", "to follow")
     errors = "[...document.querySelectorAll('#methods .method')].map((e) => e.title).join()"  # with the live ones
-    count = f"{errors}.match(/[0-9] mm/g).length"
+    count = f"{errors}.match(/(ATE|Live error)[^\\n]*[0-9] mm/g).length"
     follower.until(f"{count} === 6", "an ATE and a live error of each method")
     follower.tab.get_by_role("button", name="◀ Step").click()
     follower.until("window.ispom.shown.index === 12", "the step")

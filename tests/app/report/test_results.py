@@ -64,6 +64,21 @@ def test_what_is_best_depends_on_the_row() -> None:
     assert "ATE (RMS) [m] – best: least" in [row[0] for row in found.rows]
 
 
+def test_wall_times_have_a_difference_and_no_best() -> None:
+    """Two runs of the same method took 699 and 875 ms a pair: that is the machine."""
+    slow = entry(0.2) | {"ms_per_exposure": {"median": 875.0, "p95": 900.0}}
+    fast = entry(0.2) | {"ms_per_exposure": {"median": 699.0, "p95": 910.0}}
+    found, rows = table(run("a", stereo=slow), run("b", stereo=fast))
+    for name in ("time per frame, median [ms]", "time per frame, 95th percentile [ms]"):
+        assert best(rows[name]) == [False, False] and name in [row[0] for row in found.rows]
+    assert rows["time per frame, median [ms]"][1].difference == 875 * -1 + 699
+
+
+def test_what_differs_by_rounding_has_no_best() -> None:
+    _, rows = table(run("a", stereo=entry(0.2)), run("b", stereo=entry(0.2 + 1e-15)))
+    assert best(rows["ATE (RMS) [mm]"]) == [False, False]
+
+
 def test_a_method_and_the_papers_are_of_one_kind() -> None:
     found, rows = table(run("a", stereo=entry(0.1)), run("b", **{"stereo.paper": entry(0.3)}))
     assert [(group.head, group.span) for group in found.groups] == [("", 1), ("stereo", 2)]

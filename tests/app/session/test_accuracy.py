@@ -84,7 +84,7 @@ def test_the_error_curve_is_that_of_the_ate(tiny: Session) -> None:
     curves = list(error_curves(tiny.state))
     assert [curve.label for curve, _ in curves] == ["Monocular (Sim(3))", "Stereo (SE(3))", "Integrated (SE(3))"]
     for (_, drawn), error in zip(curves, shown(tiny.state).measured.errors.values(), strict=True):
-        assert np.sqrt(np.mean(drawn.position_errors_m**2)) == pytest.approx(error.ate_m, rel=1e-9)
+        assert np.sqrt(np.mean(drawn.metres**2)) == pytest.approx(error.ate_m, rel=1e-9)
 
 
 def test_the_live_error_of_provisional_poses_is_unknown(tiny: Session) -> None:

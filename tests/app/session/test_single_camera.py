@@ -85,7 +85,7 @@ def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, serv
 def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
     ((curve, drawn),) = error_curves(single.state)
     error = single.state[Branches].all[0].measured.errors["monocular"]
-    assert curve.label == "Monocular (Sim(3))" and drawn is error
+    assert curve.label == "Monocular (Sim(3))" and np.array_equal(drawn.metres, error.position_errors_m)
     assert single.run is not None
     live = single.run.series.values("monocular.error_m", 0, len(single.run.history))
     assert not np.isfinite(live).any(), "its live poses have no unit"

@@ -34,6 +34,7 @@ from ispom.simulation.scenario.sensors import (
     SimulatedWheel,
 )
 from ispom.testing import check_estimator
+from ispom.testing.flight import flight, flight_rig
 from ispom.testing.values import digest
 from ispom.types import (
     Camera,
@@ -47,7 +48,6 @@ from ispom.types import (
     WheelIncrement,
     WheelOdometer,
 )
-from ispom.warm_up import flight, flight_rig
 
 pytest.importorskip("gtsam")
 UNIT = 0.4

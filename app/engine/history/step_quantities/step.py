@@ -9,6 +9,7 @@ import numpy as np
 
 from ispom.types import Status, Step, TrackStatus
 
+from ...frame_record import INLIERS, LIVE_ERROR, RESIDUAL
 from ..quantity import StepQuantity, Value
 
 DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
@@ -34,24 +35,23 @@ def _sigma_deg(step: Step, error_m: float | None) -> Value:
     return None if sigma is None else math.degrees(sigma)
 
 
-LIVE_ERROR = "live error: distance of the pose as given then from the truth, not aligned; none while provisional"
 QUANTITIES = (
     StepQuantity("status", lambda s, _: str(s.status), "initialising, tracking, lost", "text", choices=tuple(Status)),
     StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a keyframe", "flag"),
     StepQuantity("restarted", lambda s, _: bool(s.restarted), "whether a new world begins here", "flag"),
     StepQuantity("joins", lambda s, _: s.joins, "the earlier segment, from 0, whose world this one has"),
     StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose waits for a first fit", "flag"),
-    StepQuantity("error_m", lambda _, error: error, LIVE_ERROR, unit="m"),
+    StepQuantity("error_m", lambda _, error: error, LIVE_ERROR.text, unit=LIVE_ERROR.unit),
     StepQuantity("scale", lambda s, _: s.scale, "factor that carried the unit into this step"),
     StepQuantity("scale_sigma", lambda s, _: s.scale_sigma, "standard deviation of the logarithm of the unit"),
     StepQuantity("sigma_position", lambda s, _: _sigma(s, slice(0, 3)), "1 sigma of the position along its worst axis"),
     StepQuantity("sigma_deg", _sigma_deg, "1 sigma of the orientation about its worst axis", unit="deg"),
-    StepQuantity("inliers", lambda s, _: len(s.residuals_px) or None, "tracks that the pose of the step used"),
+    StepQuantity("inliers", lambda s, _: len(s.residuals_px) or None, INLIERS.text),
     StepQuantity(
         "residual_median_px",
         lambda s, _: float(np.median(s.residuals_px)) if len(s.residuals_px) else None,
-        "median reprojection error of the inliers",
-        unit="px",
+        RESIDUAL.text,
+        unit=RESIDUAL.unit,
     ),
     StepQuantity("landmarks", lambda s, _: len(s.landmarks), "points of the scene found or revised"),
     StepQuantity("revised", lambda s, _: len(s.revised), "earlier poses that were made better"),

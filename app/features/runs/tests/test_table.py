@@ -50,6 +50,18 @@ def test_errors_of_variants_share_a_column_that_names_its_only_alignment() -> No
     assert new["ate"] == [[], [{"variant": "", "text": "1.50 m", "alignment": "Sim(3)"}]]
 
 
+def test_the_located_frames_are_those_of_each_method_and_never_the_worst_ones() -> None:
+    row = replace(NEW, located={"monocular": 48 / 51, "stereo": 1.0})
+    entry = table_message([row])["rows"][0]
+    assert entry["located"] == [["Monocular", round(48 / 51, 4)], ["Stereo", 1.0]]
+    assert table_message([replace(NEW, located=None)])["rows"][0]["located"] == []
+
+
+def test_the_share_is_of_the_frames_of_the_method_as_metrics_json_counts_them() -> None:
+    report = {"methods": {"stereo": {"located": 8, "frames": 10}, "monocular": {"located": 3, "frames": 0}}}
+    assert table.located(report, {"video": 12, "stereo": 12}) == {"stereo": 0.8, "monocular": 0.25}
+
+
 def test_a_sweep_has_the_span_of_its_errors_and_its_worst_share() -> None:
     members = [
         replace(OLD, errors=(Ate("stereo", 0.01, "se3"),), located={"stereo": 0.5}, events={Severity.LOST: 1}),
@@ -57,7 +69,7 @@ def test_a_sweep_has_the_span_of_its_errors_and_its_worst_share() -> None:
     ]
     row = table.group("sweep-1", "sweep", "Sweep", members, 2.0)
     entry = table_message([row])["rows"][0]
-    assert entry["located"] == 0.5 and entry["events"] == 3 and entry["worst"] == "lost"
+    assert entry["located"] == [["Stereo", 0.5]] and entry["events"] == 3 and entry["worst"] == "lost"
     assert entry["ate"][0][0]["text"] == "10.0 – 30.0 mm" and entry["note"] is None
 
 

@@ -19,7 +19,7 @@ import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
 import { makeStart } from "./start.js";
 import { openSocket } from "./session_link.js";
-import { showOffline, showState, showViewer } from "./status_bar.js";
+import { showImages, showOffline, showState, showViewer } from "./status_bar.js";
 import { makeTour } from "./tour.js";
 import { makeTransport } from "./transport.js";
 
@@ -59,6 +59,7 @@ function show(state) {
   window.ispom.shown = shown;
   showState(shown);
   axis.show(shown);
+  showImages(axis.data.kinds, shown.index);
   showTransport(shown);
   viewer.follow(shown);
   address.follow(shown);

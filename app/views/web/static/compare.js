@@ -2,6 +2,7 @@
 // images of both with their tracks, and the distance between them. Rerun draws both trajectories.
 import { element } from "./element.js";
 import { drawCurves } from "./compare_curves.js";
+import { locatedTexts } from "./located.js";
 import { published } from "./published.js";
 import { makeSwipe } from "./swipe.js";
 
@@ -154,8 +155,8 @@ function table({ columns, common }, a, b) {
     cells.map(({ variant, text, alignment }) => [variant, text, alignment].filter(Boolean).join(" ")).join(", ") || "–";
   columns.forEach(({ label, alignment }, i) => line(`${label}, ATE${alignment ? ` ${alignment}` : ""}`, text(a.ate[i]), text(b.ate[i])));
   for (const { label, a, b } of common) line(`${label}, common frames`, a, b, "ATE over the frames at which both have a pose");
-  const percent = ({ located }) => (located === null ? "–" : `${Math.floor(located * 1000) / 10} %`);
-  line("Located", percent(a), percent(b), "Share of frames with a pose, of the method with the fewest");
+  const [left, right] = [a, b].map((row) => locatedTexts(row).join(", "));
+  line("Located", left, right, "Share of the frames of each method at which it tracked");
   const events = ({ events, worst }) => (events === null ? "–" : events ? `${events} (worst: ${worst})` : "0");
   line("Events", events(a), events(b), "Losses and warnings");
   return made;

@@ -1,5 +1,6 @@
 // The runs table: everything that was run or recorded. A click opens a run; two that are selected can be compared.
 import { element } from "./element.js";
+import { locatedTexts } from "./located.js";
 import { whenText } from "./when.js";
 
 const KINDS = {
@@ -198,12 +199,12 @@ export function makeRuns(command, ask, close, compared) {
     return made;
   }
 
-  function located({ located, located_by }) {
-    const cell = element("td", "number", located === null ? "–" : percent(located));
-    if (located !== null && located < 0.75) cell.classList.add("alarm");
-    cell.title = Object.entries(located_by)
-      .map(([label, share]) => `${label}: ${percent(share)}`)
-      .join("\n");
+  function located(row) {
+    const cell = element("td", "number");
+    const lines = locatedTexts(row);
+    cell.append(...lines.map((text) => element("div", "", text)));
+    if (row.located.some(([, share]) => share < 0.75)) cell.classList.add("alarm");
+    cell.title = `Share of the method's frames at which it tracked${isGroup(row) ? ", in the run with the fewest" : ""}`;
     return cell;
   }
 
@@ -295,4 +296,3 @@ function patched(old, rows) {
 }
 
 const isGroup = ({ kind }) => kind === "sweep" || kind === "experiment";
-const percent = (share) => `${Math.floor(share * 1000) / 10} %`;

@@ -1,4 +1,6 @@
 // The status bar: source, methods, what is going on, and where the run is.
+import { imagesUpTo, lateness } from "./frame_words.js";
+
 const at = (id) => document.getElementById(id);
 const SLOW_MS = 700;
 let activity = { text: null, since: 0 };
@@ -16,7 +18,7 @@ export function showState(state) {
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
   at("methods").replaceChildren(...state.methods.map(method));
   at("methods").classList.toggle("many", state.methods.length > 3);
-  const waiting = state.activity?.startsWith("compiling"); // the run waits for it, and says so itself
+  const waiting = state.activity?.startsWith("Compiling"); // the run waits for it, and says so itself
   at("compiling").textContent = waiting ? "" : (state.compiling ?? "");
   showRecording(state.recording);
   activity = { text: doing(state), since: state.activity === activity.raw ? activity.since : performance.now(), raw: state.activity };
@@ -34,12 +36,10 @@ export function showViewer(views) {
   at("viewer").dataset.views = views?.other === "source" ? "other" : late ? "late" : "current";
 }
 
-function lateness({ shown, wanted, coming, other }) {
-  if (other) return "loading this run: the views still show the one before";
-  if (!shown) return "";
-  const loading = shown.index === wanted ? coming : wanted; // what comes is on the views in part, until it is there
-  if (loading !== shown.index) return `loading frame ${loading}: the views show ${shown.index}`;
-  return shown.complete ? "" : `loading the images of frame ${wanted}`;
+// How many images there were up to the frame shown, beside its number.
+export function showImages(kinds, index) {
+  const text = imagesUpTo(kinds, index);
+  if (at("images").textContent !== text) at("images").textContent = text;
 }
 
 export function showOffline(text = "connection to ISPOM lost: is it still running?") {
@@ -62,12 +62,12 @@ function showActivity() {
 }
 setInterval(showActivity, 250);
 
-function method({ label, colour, status, error, hint }) {
+function method({ label, colour, status, word, severity, error, hint }) {
   const item = document.createElement("span");
-  item.className = `method ${status}`;
+  item.className = `method ${status} ${severity}`;
   item.style.setProperty("--colour", colour);
   item.title = hint;
-  item.append(document.createElement("i"), part("b", label), part("span", status, "state"));
+  item.append(document.createElement("i"), part("b", label), part("span", word, "state"));
   if (error) item.append(part("span", error, "error"));
   return item;
 }

@@ -30,7 +30,7 @@ from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.numerics.robust import Noise
-from ispom.settings import Range
+from ispom.settings import Range, checked
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
@@ -93,7 +93,7 @@ class ModernIntegratedConfig:
     the window), so that both share one drift; otherwise the drift is independent."""
 
     def build(self, rig: Rig) -> ModernIntegrated:
-        return ModernIntegrated(rig, self)
+        return ModernIntegrated(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,8 @@ class ModernIntegrated:
         self, state: ModernIntegratedState, exposure: Measurement, asked: Mapping[str, Step]
     ) -> tuple[ModernIntegratedState, Step]:
         """Processes one frame: collects its observations, localises it, and after a pair optimises the window."""
-        setup, watch, is_pair = self._setup, Stopwatch(), require_frame(exposure, VIDEO | STEREO).kind in STEREO
+        setup, watch = self._setup, Stopwatch()
+        is_pair = require_frame(exposure, VIDEO | STEREO, rig=self.rig).kind in STEREO
         part = asked["stereo" if is_pair else "video"]
         fits = (right_fits(part),) if is_pair else ()
         if any(each.failed for each in fits):

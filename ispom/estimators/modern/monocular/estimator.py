@@ -29,7 +29,7 @@ from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise
-from ispom.settings import Choices, Range, WorthTrying
+from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
 from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
@@ -85,7 +85,7 @@ class ModernMonocularConfig:
         return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
     def build(self, rig: Rig) -> ModernMonocular:
-        return ModernMonocular(rig, self)
+        return ModernMonocular(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class ModernMonocular:
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
         """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
         corners."""
-        exposure = self._size.reduced(require_frame(exposure, VIDEO))
+        exposure = self._size.reduced(require_frame(exposure, VIDEO, rig=self.rig))
         setup, watch = self._setup, Stopwatch()
         state = remembered(setup, state, exposure.time_ns)
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))

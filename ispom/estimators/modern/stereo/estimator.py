@@ -26,7 +26,7 @@ from ispom.estimators.modern.stereo.track import track_and_locate
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
-from ispom.settings import Range, WorthTrying
+from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
@@ -107,7 +107,7 @@ class ModernStereoConfig:
 
     def build(self, rig: Rig) -> ModernStereo:
         """Returns the estimator for a rig."""
-        return ModernStereo(rig, self)
+        return ModernStereo(rig, checked(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class ModernStereo:
     def step(self, state: ModernStereoState, exposure: Measurement) -> tuple[ModernStereoState, Step]:
         """Tracks and localises one frame; at a keyframe also adds points and optimises the window."""
         last_ns = None if state.last.left is None else state.last.time_ns
-        exposure = self._size.reduced(require_frame(exposure, STEREO, last_ns))
+        exposure = self._size.reduced(require_frame(exposure, STEREO, last_ns, self.rig))
         watch, new = Stopwatch(), NewPair.of(exposure)
         outcome = self._advance(state, new, watch)
         after, step = outcome.after, as_step(self._setup, exposure, outcome)

@@ -1,0 +1,96 @@
+"""The record of a frame: what each number of a method at a frame is, and its value.
+
+Card, dock, header, report, published page, recording and agents read it here. One key, one definition: where two
+surfaces show the same label, they show the same value. What differs on purpose has another label: the live error is of
+the pose as it was given then and not aligned, the position error is of the trajectory as known now after the alignment
+of the ATE, which is one number for the whole run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from .error_curve import ErrorCurve
+    from .history.quantity import Value
+    from .history.record import ExposureRecord, MethodStatus
+
+When = Literal["then", "now"]
+
+
+@dataclass(frozen=True)
+class Definition:
+    """One sentence about a number, its unit, and when and how it is taken."""
+
+    key: str
+    label: str
+    """As people read it."""
+    text: str
+    unit: str = ""
+    when: When = "then"
+    """`then`: as the step gave it, for good. `now`: as known now; later frames may change it, until the run ends."""
+    alignment: str = ""
+    """How its positions are compared with the ground truth; empty where there is none in it."""
+
+
+INLIERS = Definition("inliers", "Inliers", "tracks that the pose of the step used")
+RESIDUAL = Definition(
+    "residual_median_px", "Residual median", "median reprojection error of the tracks that the pose used", "px"
+)
+LIVE_ERROR = Definition(
+    "error_m",
+    "Live error",
+    "live error: distance of the pose as given then from the truth, not aligned; none while provisional",
+    "m",
+    alignment="none",
+)
+ERROR = Definition(
+    "error",
+    "Position error",
+    "distance of the pose at this frame from the truth, after the alignment of the ATE over all poses",
+    "m",
+    "now",
+    "that of the ATE: SE(3) of a method with a metric unit, Sim(3) of others; forks of one run are aligned together",
+)
+ATE = Definition(
+    "ate_m",
+    "ATE",
+    "root mean square of the position errors of a run's own trajectory: one number for all frames",
+    "m",
+    "now",
+    "SE(3) of a method with a metric unit, Sim(3) of others",
+)
+VERDICT = Definition("verdict", "Verdict", "how a method is doing, in two or three words, by its status and its checks")
+LOCATED = Definition("located", "Located", "share of a method's own frames at which it tracked")
+DEFINITIONS = {d.key: d for d in (INLIERS, RESIDUAL, LIVE_ERROR, ERROR, ATE, VERDICT, LOCATED)}
+"""By key."""
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """What is known of one method at one frame."""
+
+    method: str
+    frame: int
+    status: MethodStatus | None
+    """Of its latest step up to there; None before its first."""
+    values: Mapping[str, Value]
+    """By key, what its step at this frame says, as STEP_QUANTITIES and its checks; empty where it did not step."""
+    error_m: float | None = None
+    """ERROR, of its latest pose up to there; None without ground truth."""
+    aligned: str = ""
+    """How, for people."""
+
+    def number(self, key: str) -> float | None:
+        """A value of its step that is a number; None where there is none."""
+        value = self.values.get(key)
+        return None if value is None or isinstance(value, str) else float(value)
+
+
+def frame_record(record: ExposureRecord, method: str, curve: ErrorCurve | None = None) -> FrameRecord:
+    """Of a method at the frame of a record; `curve` has its position errors."""
+    status, values = record.statuses.get(method), record.values_by_method.get(method, {})
+    error_m = None if curve is None else curve.at(record.time_ns)
+    return FrameRecord(method, record.index, status, values, error_m, "" if curve is None else curve.aligned)
