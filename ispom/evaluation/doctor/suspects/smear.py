@@ -47,7 +47,7 @@ def smear(seen: Examination) -> Finding | None:
     strength = share / SMEARED_SHARE
     return Finding(
         strength if low.sum() >= LEAST_SMEARED else min(strength, 0.9),
-        f"At {100 * share:.0f} % of the places in the image where corners pass ({int(low.sum())} of {int(known.sum())}), "
+        f"At {100 * share:.0f} % of the places where corners pass ({int(low.sum())} of {int(known.sum())}), "
         "they lose a third of their contrast or more, and have it again behind them.",
         {"smeared_share": share},
         (seen.main_shots[-1].index,),
