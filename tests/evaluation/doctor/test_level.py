@@ -43,7 +43,7 @@ def test_a_right_image_that_is_too_low_or_too_high_is_found_by_its_pixels(down_p
     finding = unlevel(moved(seen(), down_px))
     assert finding is not None and finding.found
     assert finding.values["shift_px"] == pytest.approx(down_px, abs=0.1)
-    assert 0 < finding.values["shift_sigma_px"] < 0.1
+    assert 0 < finding.values["shift_px_sigma"] < 0.1
 
 
 def test_a_camera_that_is_turned_is_left_to_the_tracks_and_told_by_its_angle() -> None:
@@ -60,4 +60,4 @@ def test_without_texture_nothing_is_said() -> None:
 def test_a_rover_s_pair_is_not_level() -> None:
     finding = unlevel(examination(open_sequence(str(DATA / "hard/rover_unlevel/sequences/32")), 0, 30))
     assert finding is not None and finding.found
-    assert finding.values["shift_px"] == pytest.approx(3.1, abs=3 * finding.values["shift_sigma_px"] + 0.05)
+    assert finding.values["shift_px"] == pytest.approx(3.1, abs=3 * finding.values["shift_px_sigma"] + 0.05)

@@ -10,6 +10,7 @@ from ispom.evaluation.doctor.examination import Examination, Shot, examination
 from ispom.evaluation.doctor.suspects.cover import covered
 from ispom.evaluation.doctor.suspects.images import blur, darkness, edge_width_px, exposure_jumps, low_texture
 from ispom.evaluation.doctor.suspects.lens import fixed_edges, on_lens
+from ispom.evaluation.doctor.suspects.smear import gains
 from ispom.evaluation.doctor.suspects.times import dropped, repeated
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Image, Rig
@@ -189,6 +190,16 @@ def test_something_on_the_lens_stays_where_it_is() -> None:
     row, column = np.nonzero(fixed_edges(seen(spotted))[0])
     apart = np.linalg.norm(np.column_stack([column, row])[:, None] - np.array(spots), axis=2).min(axis=1)
     assert len(apart) > 100 and np.percentile(apart, 90) < 10
+
+
+def test_a_smear_takes_contrast_where_corners_pass_it() -> None:
+    smeared = examination(open_sequence("sim:tiny?fault=smear", seed=1), 0, 49)
+    clean = examination(open_sequence("sim:tiny", seed=1), 0, 49)
+    found, other = on_lens(smeared), on_lens(clean)
+    assert found is not None and found.found and found.values["smeared_share"] > 0.025
+    assert other is not None and not other.found
+    gain, known = gains(clean)
+    assert known.sum() > 50 and abs(gain[known]).max() < 0.3
 
 
 def test_of_a_camera_at_rest_nothing_is_said_of_the_lens() -> None:

@@ -78,7 +78,7 @@ def unlevel(seen: Examination) -> Finding | None:
     return Finding(
         strength,
         f"{text} (a cause from {LEVEL_PX:.1f} px on).",
-        {"shift_px": shift, "shift_sigma_px": sigma, **degrees},
+        {"shift_px": shift, "shift_px_sigma": sigma, **degrees},
         (seen.pairs[shown].index,),
     )
 
@@ -108,7 +108,7 @@ def _fitted(model: Array, off: Array, kept: NDArray[np.bool_]) -> Array:
 
 
 UNLEVEL = Suspect(
-    "unlevel",
+    "unlevel-pair",
     "the stereo pair is not level",
     "images",
     "Calibrate the pair again, or rectify its images again: left and right must show a point in the same row.",
