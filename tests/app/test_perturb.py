@@ -42,7 +42,7 @@ def test_the_rerun_is_listed_with_the_prediction_and_near_it(run: Path, tmp_path
 
 @pytest.mark.parametrize("frame", ["rig", "video"])
 def test_what_does_not_depend_on_the_baseline_does_not_move(frame: str, tmp_path: Path) -> None:
-    """A run's folder has the paths of one frame, and a rerun those of each method's camera: they are compared as one."""
+    """A folder has the paths of one frame, a rerun those of each camera: they are compared at one point."""
     out, effect = tmp_path / "run", tmp_path / "effect"
     run = ["run", "sim:tiny?duration_s=2", "--methods", "monocular", "stereo", "--frame", frame, "--no-recording"]
     assert main([*run, "--out", str(out)]) == 0
