@@ -40,6 +40,22 @@ def test_the_rerun_is_listed_with_the_prediction_and_near_it(run: Path, tmp_path
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(1.02 * read_rig(run / "rig.yaml").baseline_m)
 
 
+@pytest.mark.parametrize("frame", ["rig", "video"])
+def test_what_does_not_depend_on_the_baseline_does_not_move(frame: str, tmp_path: Path) -> None:
+    """A folder has the paths of one frame, a rerun those of each camera: they are compared at one point."""
+    out, effect = tmp_path / "run", tmp_path / "effect"
+    run = ["run", "sim:tiny?duration_s=2", "--methods", "monocular", "stereo", "--frame", frame, "--no-recording"]
+    assert main([*run, "--out", str(out)]) == 0
+    assert main(["perturb", str(out), "--baseline-percent", "2", "--rerun", "--out", str(effect)]) == 0
+    found = {each["method"]: each for each in json.loads((effect / "perturb.json").read_text())["methods"]}
+    monocular, stereo = found["monocular"], found["stereo"]
+    assert monocular["shift_m"] == pytest.approx(0.0, abs=1e-7)
+    assert monocular["rerun_shift_m"] == pytest.approx(0.0, abs=1e-7), "its images and calibration are the same"
+    assert monocular["rerun_rmse_m"] == pytest.approx(monocular["rmse_m"], rel=1e-5)
+    assert monocular["held"]
+    assert stereo["rerun_shift_m"] > 1e-3 and stereo["held"]
+
+
 def test_what_an_integration_leaves_out_makes_its_prediction_rough(run: Path, tmp_path: Path) -> None:
     rough = {}
     for name, option in (("turn", "--turn-y-deg"), ("clock", "--clock-ms")):

@@ -49,7 +49,7 @@ def ran_in(folder: Path) -> Ran:
     truth = read_tum(folder / TRUTH, run.frame) if exists(folder / TRUTH) else None
     if truth is not None:
         truth = truth.moved(right=rig.rig_from(run.frame).inverse(), frame="rig")
-    units = {method: placement.scale for _, method, placement in placed(run.placements)}
+    units = {method: placement.scale for at, method, placement in placed(run.placements) if at > 0}
     return Ran(rig, methods, run.configs(), trajectories, read_maps(folder / LANDMARKS), truth, units)
 
 
