@@ -94,7 +94,7 @@ def serve_beside_page(session: Session, port: int, access: Access) -> BesidePage
 
 def _server(server: MCPServer, listening: socket, access: Access) -> uvicorn.Server:
     app = application(server, listening.getsockname()[1], access.knows)
-    return uvicorn.Server(uvicorn.Config(app, access_log=False, log_level="warning"))
+    return uvicorn.Server(uvicorn.Config(app, access_log=False, log_level="warning", log_config=None))
 
 
 def _address(listening: socket) -> str:

@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field
 from ispom.errors import InputError, printable
 
 from .agent_session import AgentSession
+from .faults import in_one_line
 from .tool import Picture, Tool, tools
 
 LONGEST = 300
@@ -39,6 +40,7 @@ class AgentServer(MCPServer):
     def __init__(self, agents: AgentSession, log: Log) -> None:
         found = [served(tool, agents) for tool in tools().values()]
         super().__init__("ispom", instructions=INSTRUCTIONS, version=version("ispom"), tools=found, log_level="WARNING")
+        in_one_line(log)  # after the SDK has set up its own
         self._log = log
 
     async def call_tool(

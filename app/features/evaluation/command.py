@@ -22,7 +22,7 @@ MAX_DIFFERENCE_S = 3600.0
 def evaluate(options: Evaluate) -> int:
     """Compares, prints and writes the numbers. Raises InputError where that is not possible."""
     if options.plots is not None and find_spec("matplotlib") is None:
-        raise InputError("--plots needs Matplotlib, which is not installed: run 'pip install matplotlib'")
+        raise InputError("--plots needs Matplotlib, which is not installed: run pip install 'ispom[plots]'")
     if not options.estimates:
         raise InputError("no estimate was given: name at least one trajectory file after the reference")
     if options.delta < 1 or not 0 <= options.max_difference_s <= MAX_DIFFERENCE_S:

@@ -165,7 +165,7 @@ def _draw(options: Map, points: dict[str, Placed]) -> None:
     if not any(each.true_world is not None for each in points.values()):
         return
     if find_spec("matplotlib") is None:
-        _print_line("no picture of the laser's points: it is drawn with Matplotlib, run 'pip install matplotlib'")
+        _print_line("no picture of the laser's points: it is drawn with Matplotlib, run pip install 'ispom[plots]'")
         return
     from .laser import picture
 

@@ -8,10 +8,6 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
@@ -134,7 +130,15 @@ WORST_M = 0.3
 
 
 def picture(found: Mapping[str, Placed]) -> bytes:
-    """PNG: seen from the side that the path has at its left; each point in the colour of its error."""
+    """PNG: seen from the side that the path has at its left; each point in the colour of its error.
+
+    Takes Matplotlib, of the extra `plots`.
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
     shown = {name: each for name, each in found.items() if each.true_world is not None and len(each.points)}
     figure = Figure(figsize=(1 + PANEL_IN * len(shown), 5.2), layout="constrained")
     places = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]

@@ -81,7 +81,7 @@ class Fused:
             )
         for module, needed in (("gtsam", True), ("small_gicp", "laser" in self._sensors)):
             if needed and find_spec(module) is None:
-                raise InputError(f"{name} needs {module}, which is not installed: run 'pip install gtsam small_gicp'")
+                raise InputError(f"{name} needs {module}, of the extra `fusion`: run pip install 'ispom[fusion]'")
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
         noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)

@@ -138,7 +138,7 @@ def test_plots_without_matplotlib_say_what_to_install(
 ) -> None:
     monkeypatch.setattr("ispom_app.features.evaluation.command.find_spec", lambda _: None)
     assert main(["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), "--plots", str(tmp_path)]) == 2
-    assert "run 'pip install matplotlib'" in capsys.readouterr().err
+    assert "pip install 'ispom[plots]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
