@@ -1,4 +1,4 @@
-"""Tables of what `ispom run` writes: columns, quantities, kinds of events, reasons for the end of a track."""
+"""Tables of what `ispom run` writes (columns, quantities, kinds of events, reasons for the end of a track), and of doubts."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ def pages() -> dict[str, str]:
     from ispom_app.session.actions import actions
     from ispom_app.session.registry import load_features
 
+    from ispom.plausibility import DOUBTS
     from ispom.types import TrackStatus
 
     known = {
@@ -56,9 +57,11 @@ def pages() -> dict[str, str]:
     ]
     quantities = table(("name", "meaning"), rows)
     ends = [(f"`{s.name.lower()}`", as_cell(s.reason)) for s in TrackStatus if s.dropped]
+    doubts = [(f"`{key}`", as_cell(text)) for key, text in DOUBTS.items()]
     load_features()
     keys = [(f"`{a.key.replace('Arrow', '')}`", as_cell(a.label), as_cell(a.hint)) for a in actions()]
     return {
+        "_generated/doubts.md": table(("key", "what a note points at"), doubts),
         "_generated/keys.md": table(("key", "action", "what it does"), keys),
         "_generated/steps_columns.md": steps,
         "_generated/decisions_columns.md": decisions,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.files import MAX_BYTES, read_bytes
-from ispom.io.values import LARGEST, MAX_TIME_S, number
+from ispom.io.values import LARGEST, number, time_ns
 from ispom.types import FrameName, Trajectory
 
 Row = tuple[int, list[str]]
@@ -75,7 +74,7 @@ def matrix(path: Path, shape: tuple[int, int]) -> Array:
 def times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
     """Returns the first words, decimal seconds, as integers (N,) [ns], exactly. Raises InputError where time goes
     backwards."""
-    times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)
+    times = np.array([time_ns(f"{path} line {line}", words[0]) for line, words in rows], np.int64)
     _refuse(path, rows, np.diff(times) < 0)
     return times
 
@@ -112,13 +111,3 @@ def _refuse(path: Path, rows: list[Row], wrong: NDArray[np.bool_]) -> None:
     if wrong.any():
         line, words = rows[np.flatnonzero(wrong)[0] + 1]
         raise InputError(f"{path} line {line}: time {words[0]} is not after the one before: put the lines in order")
-
-
-def _time_ns(path: Path, line: int, word: str) -> int:
-    try:
-        seconds = Decimal(word)
-    except InvalidOperation:
-        seconds = Decimal("NaN")
-    if not seconds.is_finite() or abs(seconds) > MAX_TIME_S:
-        raise InputError(f"{path} line {line}: '{word[:40]}' is not a time in seconds: correct that line")
-    return int((seconds * 10**9).to_integral_value())

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.rows import numbers, read_text
-from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number
+from ispom.io.values import LEAST_SIGMA, MOST_SIGMA, number, time_ns
 
 TIMES = {"time_ns": 1, "time_s": 10**9}
 IMU = ("gx", "gy", "gz", "ax", "ay", "az")
@@ -81,7 +80,7 @@ def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
         words = [word.strip() for word in text.split(comma)]
         if len(words) != len(names):
             raise InputError(f"{path} line {line} has {len(words)} columns, not {len(names)}: correct that line")
-        times.append(_time_ns(path, line, words[names.index(clock)], TIMES[clock]))
+        times.append(time_ns(f"{path} line {line}", words[names.index(clock)], TIMES[clock]))
         if len(times) > 1 and times[-1] <= times[-2]:
             raise InputError(f"{path} line {line}: its time is not after the one before: put the lines in order")
         rows.append(numbers(path, line, [word for name, word in zip(names, words, strict=True) if name != clock]))
@@ -108,13 +107,3 @@ def gnss_sigma(table: Table, default_m: float | None) -> Array:
     for end in (sigma.min(), sigma.max()):
         number(f"{table.path}: a standard deviation", end, LEAST_SIGMA, MOST_SIGMA)
     return sigma
-
-
-def _time_ns(path: Path, line: int, word: str, unit_ns: int) -> int:
-    try:
-        value = Decimal(word)
-    except InvalidOperation:
-        value = Decimal("NaN")
-    if not value.is_finite() or abs(value) * unit_ns > MAX_TIME_S * 10**9:
-        raise InputError(f"{path} line {line}: '{word[:40]}' is not a time: correct that line")
-    return int((value * unit_ns).to_integral_value())

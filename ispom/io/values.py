@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from decimal import Decimal, InvalidOperation
 from typing import Any
 
 from ispom.errors import InputError
@@ -38,6 +39,19 @@ def number(where: str, value: Any, least: float = -LARGEST, most: float = LARGES
             raise InputError(f"{where}: '{str(value)[:40]}' is too large for what it says: correct it")
         raise InputError(f"{where} is {found:g}, give a value from {least:g} to {most:g}")
     return found
+
+
+def time_ns(where: str, word: str, unit_ns: int = 10**9) -> int:
+    """Returns the time [ns] that a decimal number of units says, exactly. Raises InputError, which begins with
+    `where`."""
+    try:
+        value = Decimal(word)
+    except InvalidOperation:
+        value = Decimal("NaN")
+    if not value.is_finite() or abs(value) * unit_ns > MAX_TIME_S * 10**9:
+        unit = " in seconds" if unit_ns == 10**9 else ""
+        raise InputError(f"{where}: '{word[:40]}' is not a time{unit}: correct that line")
+    return int((value * unit_ns).to_integral_value())
 
 
 def is_name(word: Any) -> bool:

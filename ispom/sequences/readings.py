@@ -18,6 +18,8 @@ from ispom.plausibility.times import time_doubts
 from ispom.plausibility.wheel import still_doubts, wheel_doubts
 from ispom.types import FRAME_KINDS, FrameName, GnssFix, ImuSamples, Kind, Measurement, Rig, Sequence, WheelIncrement
 
+READ = ("imu", "gnss", "wheel")
+"""Kinds of measurements that are small enough to be loaded all."""
 LEAST_SHARE = 0.9
 """Gravity is the mean specific force where the mean is so much of the mean length: the unit hardly turned."""
 
@@ -62,14 +64,14 @@ class Readings:
             turns = [m.turned_rad for m in wheels if m.turned_rad is not None]
             values |= {"turns": np.array(turns)} if len(turns) == len(wheels) else {}
             return Readings(first.kind, np.append(wheels[0].since_ns, times_ns), values)
-        return Readings(first.kind, times_ns)
+        return Readings(first.kind, times_ns)  # a package's own measurements of one of these kinds
 
 
 def readings_of(sequence: Sequence) -> dict[FrameName, Readings]:
-    """Returns the readings of each sensor that is no camera, by its name; loads no images."""
+    """Returns the readings of each IMU, receiver and odometer, by its name; loads no images and no scans."""
     found: dict[FrameName, list[Measurement]] = {}
     for i, kind in enumerate(sequence.kinds):
-        if kind not in FRAME_KINDS:
+        if kind in READ:
             measured = sequence.load(i)
             found.setdefault(str(getattr(measured, "sensor", kind)), []).append(measured)
     return {name: Readings.of(measured) for name, measured in found.items()}

@@ -13,7 +13,7 @@ import pytest
 from ispom_app.engine.events import blank
 from ispom_app.engine.history.encoding import decode, encode
 from ispom_app.engine.playback import Playback
-from ispom_app.engine.run_folder.run_file import run_file
+from ispom_app.engine.run_folder.run_file import read_run_file, run_file
 from ispom_app.engine.run_folder.thumbnail import thumbnail
 from ispom_app.session import commands as do
 from ispom_app.session import moves
@@ -28,6 +28,7 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from ispom import methods
 from ispom.estimator import Method
+from ispom.plausibility import Doubt
 from ispom.types import Camera, Frame, GnssAntenna, GnssFix, Imu, ImuSamples, Measurement, Rig, Sequence, Status, Step
 from tests import doubles
 from tests.app.helpers import started, wait_for
@@ -147,6 +148,12 @@ def test_files_of_a_run_count_them(run: CurrentRun) -> None:
         assert (thumbnail(opened, count) is not None) == any(k in ("video", "stereo") for k in opened.kinds[:count])
     for i, kind in enumerate(opened.kinds):
         assert blank(opened, i).kind == kind
+
+
+def test_a_doubt_is_a_note_in_the_files_of_a_run(tmp_path: Path) -> None:
+    doubtful = sequence().with_notes([Doubt("imu_hole", "a hole")])
+    (tmp_path / "run.yaml").write_text(run_file("double", doubtful, {}, {}).text)
+    assert read_run_file(tmp_path).notes[-1] == "a hole"
 
 
 def test_a_session_steps_over_them_and_keys_reach_stereo(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ispom.errors import printable
 from ispom.methods import possible_methods
-from ispom.sequences.readings import Readings, readings_of
+from ispom.sequences.readings import READ, Readings, readings_of
 from ispom.types import Camera, Kind, Sequence, Trajectory
 
 from ...engine.options import Options
@@ -55,7 +55,7 @@ def described(sequence: Sequence) -> list[str]:
     for name, sensor in rig.sensors.items():
         if name not in ("video", "left", "right"):
             what = _rate(sequence.times_ns[kinds == sensor.kind], "measurements")
-            if name not in rig.cameras:
+            if sensor.kind in READ:
                 what = _measured(readings.get(name))
             lines += _camera(name, rig.camera(name), what) if name in rig.cameras else [_line(name, what)]
     lines.append(_line("span", _span(sequence.times_ns)))

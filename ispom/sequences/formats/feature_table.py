@@ -28,7 +28,7 @@ from ispom.io.files import exists
 from ispom.io.rig import LEAST_NOISE, MAX_NOISE
 from ispom.io.rows import numbers, read_text
 from ispom.io.trajectories import read_tum
-from ispom.io.values import LARGEST, MAX_TIME_S
+from ispom.io.values import LARGEST, time_ns
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.sensors import imu_measurements
 from ispom.types import Camera, Frame, Image, Imu, Measurement, Rig, Sequence
@@ -141,17 +141,15 @@ def _read(path: Path) -> tuple[dict[str, tuple[int, str]], tuple[NDArray[np.int6
             continue
         if kind not in ("imu", "vision_feature"):
             raise InputError(f"{path} line {line} is of the type {kind[:40]!r}, not imu, vision_feature or meta")
-        time_s = float(numbers(path, line, [row["t_abs"]])[0])
-        if abs(time_s) > MAX_TIME_S:
-            raise InputError(f"{path} line {line}: {row['t_abs'][:40]} is not a time in seconds: correct it")
-        time_ns, earlier = round(1e9 * time_s), stamps if kind == "imu" else [t for t, _ in seen[-1:]]
-        if earlier and (time_ns < earlier[-1] or (kind == "imu" and time_ns == earlier[-1])):
+        stamp_ns = time_ns(f"{path} line {line}", row["t_abs"])
+        earlier = stamps if kind == "imu" else [t for t, _ in seen[-1:]]
+        if earlier and (stamp_ns < earlier[-1] or (kind == "imu" and stamp_ns == earlier[-1])):
             raise InputError(f"{path} line {line}: its time is not after the one before: put the lines in order")
         if kind == "imu":
-            stamps.append(time_ns)
+            stamps.append(stamp_ns)
             samples.append(numbers(path, line, [row[name] for name in COLUMNS[3:9]]))
         else:
-            seen.append((time_ns, int(numbers(path, line, [row["landmark_id"]])[0])))
+            seen.append((stamp_ns, int(numbers(path, line, [row["landmark_id"]])[0])))
             points.append(numbers(path, line, [row["u_norm"], row["v_norm"]]))
     if not samples or not points:
         raise InputError(f"{path} needs rows of the types imu and vision_feature: restore the file")
