@@ -236,6 +236,8 @@ class Adjusted:
     scale_sigma: float
     """Relative standard deviation of the best known length, the displacement or the depth of several points: inf where
     nothing determines the scale."""
+    scale_step: float = 0.0
+    """By how much that of the displacement would change in the next step, relatively, if nothing held it."""
 
 
 def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE) -> Adjusted:
@@ -272,7 +274,7 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
         window = minimise(window, cost, stepped, ITERATIONS, TOLERANCE).values
     errors_px = distances_px(window, cameras, seen)
     system, way = System.of(window, cameras, seen, noise_px), window.translations - window.translations[0]
-    reduced, _ = system.reduced(0.0)
+    reduced, side = system.reduced(0.0)
     free = _inverse(reduced)
     at, long = slice(6 * far - 6, 6 * far - 3), float(np.linalg.norm(way[far]))
     if long > 1e-6:
@@ -280,9 +282,10 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     rho_sigma = system.depth_sigmas(_inverse(reduced))
     last = float(np.linalg.norm(way[-1]))
     relative = float(np.sqrt(max(way[-1] @ free[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2 if last > 1e-9 else np.inf
+    scale_step = -float(way[-1] @ (free @ side)[-6:-3]) / last**2 if last > 1e-9 else 0.0
     depths = np.sort(system.depth_sigmas(free) / window.rho)
     depth = float(depths[AGREEING - 1]) if len(depths) >= AGREEING else np.inf
-    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth))
+    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth), scale_step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from ispom.ensemble import build
-from ispom.estimators.survey.multicamera import CHECKS, MulticameraConfig
+from ispom.estimators.survey.multicamera import CHECKS, Memory, MulticameraConfig
 from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Pose
 from ispom.methods import Config
@@ -20,6 +21,7 @@ from ispom.sequences import open_sequence
 from ispom.sequences.crops import cropped_pair, only_cameras
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.sequences.images import read_grey
+from ispom.solvers.generalised import scaled
 from ispom.types import Camera, Frame, Image, Rig, Sequence, Status, Step, Trajectory
 
 KITTI = Path("../shared/data/kitti/sequences/06")
@@ -49,8 +51,8 @@ def figures(sequence: Sequence, metric: bool = True, **settings: Any) -> dict[st
 
 
 @cache
-def outwards(count: int, turning: bool) -> Sequence:
-    """Cameras without overlap on a circle of 0.5 m, past balls: straight ahead, or turning by 5 degrees a frame."""
+def outwards(count: int, turning: bool, degrees: float = 5.0) -> Sequence:
+    """Cameras without overlap on a circle of 0.5 m, past balls: straight ahead, or turning by so much a frame."""
     values: dict[str, Camera | Pose] = {f"c{k}": CAMERA for k in range(count)}
     for k in range(count):
         aside = Pose.from_rotvec(np.array([0.0, 2 * np.pi * k / count, 0.0]), np.zeros(3))
@@ -58,7 +60,7 @@ def outwards(count: int, turning: bool) -> Sequence:
     rig = Rig.of(**values)
     xyz = np.random.default_rng(0).uniform((-9, -4, -8), (9, 4, 12), (BALLS, 3))
     grey = np.random.default_rng(1).integers(60, 255, BALLS)
-    angle = np.radians(5.0) if turning else 0.0
+    angle = np.radians(degrees) if turning else 0.0
     poses = [Pose.from_rotvec(np.array([0, angle * i, 0]), np.array([0.0, 0.0, 0.12 * i])) for i in range(14)]
 
     def load(i: int) -> Frame:
@@ -105,6 +107,44 @@ def test_a_turning_rig_without_overlap_finds_its_scale() -> None:
         for t in (trajectory, sequence.truth)
     )
     assert np.linalg.norm(found.translation) == pytest.approx(np.linalg.norm(true.translation), rel=0.05)
+
+
+def off_by(memory: Memory, degrees: float) -> float:
+    """By which factor the window is too long, of a rig that turns by so much with each 0.12 m."""
+    first, last = memory.window.pose(0), memory.window.pose(-1)
+    moved = first.inverse() @ last
+    frames = np.degrees(np.linalg.norm(moved.log()[3:])) / degrees
+    return float(np.linalg.norm(moved.translation)) / max(0.12 * frames, 1e-9)
+
+
+def test_a_guess_that_the_images_contradict_is_freed() -> None:
+    """The guess is 75 % too long, and held while nothing is known; the cameras know better before they know it well."""
+    sequence = outwards(3, turning=True, degrees=2.0)
+    estimator = MulticameraConfig().build(sequence.rig)
+    state, factors, wrong = estimator.start(), [], []
+    for i in range(len(sequence)):
+        state, step = estimator.step(state, sequence[i])
+        factors.append(off_by(state.memory, 2.0))
+        wrong += [i for d in step.decisions if d.key == "scale_contradiction" and not d.passed]
+        assert not wrong or i != wrong[0] or step.restarted
+    assert len(wrong) == 1 and factors[wrong[0] - 1] > 1.5
+    assert factors[wrong[0]] < 1.2 and factors[-1] == pytest.approx(1, abs=0.05)
+
+
+def test_a_known_scale_that_the_images_contradict_is_found_anew() -> None:
+    sequence = outwards(3, turning=True)
+    estimator = MulticameraConfig().build(sequence.rig)
+    state, contradicted = estimator.start(), []
+    for i in range(len(sequence)):
+        state, step = estimator.step(state, sequence[i])
+        contradicted += [i for d in step.decisions if d.key == "scale_contradiction" and not d.passed]
+        memory = state.memory
+        if i == 9:
+            assert memory.scale_known and not contradicted
+            wrong = replace(memory, window=scaled(memory.window, 1.33), rho_sigma=memory.rho_sigma / 1.33)
+            state = replace(state, memory=wrong)
+    assert contradicted == [10]
+    assert off_by(state.memory, 5.0) == pytest.approx(1, abs=0.05)
 
 
 def test_one_camera_never_knows_its_scale() -> None:
