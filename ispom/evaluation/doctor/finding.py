@@ -44,6 +44,11 @@ class Finding:
     def found(self) -> bool:
         return self.strength >= 1 and not self.undecided
 
+    @property
+    def state(self) -> str:
+        """One or two words: found, cannot tell, or not found."""
+        return "found" if self.found else "cannot tell" if self.undecided else "not found"
+
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")

@@ -101,13 +101,13 @@ OTHERS: Mapping[str, tuple[str, ...]] = {
     "pair_focal_percent": (*PAIR_CENTRE, *RIGHT, *LENS),
     "pair_centre_x_px": ("pair_focal_percent", *RIGHT, *LENS),
     "right_x_deg": ("pair_focal_percent", *PAIR_CENTRE, *LENS),
-    "baseline_percent": TURN,
+    "baseline_percent": (),
     "turn_x_deg": (*SHIFT, *CENTRE, "clock_ms"),
     "shift_x_m": (*TURN, *CENTRE, "clock_ms"),
 }
 """By the first number of a suspect: what may be wrong instead. For a camera, its lens and where it looks; for a mount,
 the camera's centre and clock, too. The lenses of all cameras are never free together: where all are wrong alike, the
-path of a car looks right."""
+path of a car looks right. The baseline and a turned mount trade places too slowly for a fit of both."""
 
 
 def group_of(names: tuple[str, ...], rig: Rig) -> tuple[str, ...]:
@@ -157,7 +157,8 @@ def freed(
     elif outcome.z < SURE or outcome.majority < MAJORITY:
         against = "a few tracks only say so"
     elif explains >= 1:
-        group = seen.with_others(group_of(names, seen.rig))
+        others = group_of(names, seen.rig)
+        group = figures if others == names else seen.with_others(others)
         figures = {name: _honest(figure, group[name], least[name]) for name, figure in figures.items()}
         against, undecided = _doubts(figures, group, least)
     strength = max(0.0, min(explains, WEAK) if against else explains)
