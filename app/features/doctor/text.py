@@ -57,8 +57,8 @@ def rerun_table(reruns: Reruns) -> list[tuple[str, Outcome, bool]]:
 
 def line(each: Ranked) -> str:
     """Returns one row of the ranking."""
-    state = "found" if each.finding.found else "not found"
-    return f"{each.suspect.key} ({state}, strength {each.finding.strength:.2f}): {each.finding.evidence}"
+    state = f"{each.finding.state}, strength {each.finding.strength:.2f}"
+    return f"{each.suspect.key} ({state}): {each.finding.evidence} {each.finding.undecided}".rstrip()
 
 
 def _frames(each: Ranked) -> str:
@@ -80,6 +80,7 @@ def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
                 "cause": each.suspect.name,
                 "how": each.suspect.how,
                 "found": each.finding.found,
+                "undecided": each.finding.undecided,
                 "strength": each.finding.strength,
                 "evidence": each.finding.evidence,
                 "values": dict(each.finding.values),
@@ -88,6 +89,7 @@ def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
             }
             for each in found.ranked
         ],
+        "rivals": list(found.rivals),
         "silent": list(found.silent),
         "left": list(found.left),
         "set_back": None if found.set_back is None else _plain_reruns(found.set_back),

@@ -71,9 +71,21 @@ class Crossed:
     differ."""
     gain: float
     z: float
+    """Mean improvement of a track over its standard error."""
+    majority: float
+    """How many more tracks are better than are worse, over the standard error of that number: a few tracks that fit
+    badly, such as in a corner of the image, can make a mean, but no majority."""
     before_px: float
     residual_px: float
     tracks: int
+    costs: Array
+    """(2 P,) mean cost of each point with the change, of one half and then the other; NaN where it is not held out."""
+
+    def better_than(self, other: Crossed) -> float:
+        """Returns how much better the tracks fit than with another change: the mean over its standard error."""
+        difference = (other.costs - self.costs)[np.isfinite(self.costs) & np.isfinite(other.costs)]
+        error = float(difference.std()) / np.sqrt(max(len(difference), 1))
+        return float(difference.mean()) / max(error, 1e-12) if len(difference) else 0.0
 
 
 def baseline(start: Start, rig: Rig, held_out: NDArray[np.bool_] | None = None) -> Baseline:
@@ -108,7 +120,7 @@ def _freed(base: Baseline, names: tuple[str, ...]) -> tuple[Scene, Change]:
 
 def _judged(base: Baseline, scene: Scene, change: Change) -> Outcome:
     scene, after = placed(scene, base.rig, change, base.held_out)
-    gain, z, tracks = _gain((base,), (after,))
+    gain, z, _, tracks = _gain((base,), (after,))
     return Outcome(change, after, gain, z, _median(scene, base.rig, change, base.held_out), tracks)
 
 
@@ -116,10 +128,13 @@ def crossed(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> Crossed:
     """Frees these numbers in each half, and judges them in the other."""
     fitted = [_freed(base, names) for base in halves]
     outcomes = [_judged(base, *fit) for base, fit in zip(halves, fitted, strict=True)]
-    gain, z, tracks = _gain(halves, tuple(outcome.costs for outcome in outcomes))
+    costs = tuple(outcome.costs for outcome in outcomes)
+    gain, z, majority, tracks = _gain(halves, costs)
     before_px = float(np.mean([base.residual_px for base in halves]))
     after_px = float(np.mean([outcome.residual_px for outcome in outcomes]))
-    return Crossed(_figures(halves, names, fitted), gain, z, before_px, after_px, tracks)
+    return Crossed(
+        _figures(halves, names, fitted), gain, z, majority, before_px, after_px, tracks, np.concatenate(costs)
+    )
 
 
 def figures(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> dict[str, Figure]:
@@ -144,8 +159,9 @@ def _figures(
     }
 
 
-def _gain(halves: tuple[Baseline, ...], costs: tuple[Array, ...]) -> tuple[float, float, int]:
-    """Returns the share of the held-out cost that is saved, its mean over its standard error, and the tracks."""
+def _gain(halves: tuple[Baseline, ...], costs: tuple[Array, ...]) -> tuple[float, float, float, int]:
+    """Returns the share of the held-out cost that is saved, its mean over its standard error, how many more tracks are
+    better than worse over its standard error, and the tracks."""
     before = np.concatenate([base.costs for base in halves])
     after = np.concatenate(costs)
     count = np.concatenate([np.bincount(base.held_out.point, minlength=len(base.costs)) for base in halves])
@@ -153,7 +169,8 @@ def _gain(halves: tuple[Baseline, ...], costs: tuple[Array, ...]) -> tuple[float
     better, weights = (before - after)[valid], count[valid] / count[valid].sum()
     mean, total = float((weights * better).sum()), float((weights * before[valid]).sum())
     error = float(np.sqrt((weights**2 * (better - mean) ** 2).sum()))
-    return mean / max(total, 1e-12), mean / max(error, 1e-12), int(valid.sum())
+    majority = float(np.sign(better).sum() / np.sqrt(max(len(better), 1)))
+    return mean / max(total, 1e-12), mean / max(error, 1e-12), majority, int(valid.sum())
 
 
 def _median(scene: Scene, rig: Rig, change: Change, seen: Observations) -> float:

@@ -11,6 +11,7 @@ from .examination import Examination
 from .finding import Diagnosis, Ranked, Suspect
 from .reruns import Reruns
 from .suspects import SUSPECTS
+from .suspects.calibration import SURE
 
 
 def diagnose(
@@ -36,7 +37,16 @@ def diagnose(
             ranked.append(Ranked(suspect, finding))
     ranked.sort(key=_place)  # stable: at the same strength in the table's order
     first, last = (seen.shots[0].index, seen.shots[-1].index) if seen.shots else (0, 0)
-    return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left))
+    return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left), rivals=_rivals(seen, ranked))
+
+
+def _rivals(seen: Examination, ranked: list[Ranked]) -> tuple[str, ...]:
+    """Returns the keys of causes that explain the tracks as well as the first one, as far as they can tell."""
+    keys = [each.suspect.key for each in ranked if each.finding.found]
+    if not keys or keys[0] not in seen.outcomes:
+        return ()
+    first = seen.outcomes[keys[0]]
+    return tuple(key for key in keys[1:] if key in seen.outcomes and first.better_than(seen.outcomes[key]) < SURE)
 
 
 def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:

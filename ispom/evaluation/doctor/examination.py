@@ -15,7 +15,7 @@ from ispom.types import Frame, Image, Rig, Sequence
 
 if TYPE_CHECKING:
     from .adjustment import Promise
-    from .counterfactual import Baseline, Figure
+    from .counterfactual import Baseline, Crossed, Figure
     from .start import Start
     from .tracking import Tracked
 
@@ -108,6 +108,11 @@ class Examination:
         if group not in self._with_others:
             self._with_others[group] = figures(self.halves, group)
         return self._with_others[group]
+
+    @cached_property
+    def outcomes(self) -> dict[str, Crossed]:
+        """By key of a suspect: what its change does, of those that were tested."""
+        return {}
 
     @cached_property
     def _with_others(self) -> dict[tuple[str, ...], dict[str, Figure]]:

@@ -45,6 +45,11 @@ class Finding:
     def found(self) -> bool:
         return self.strength >= 1 and not self.undecided
 
+    @property
+    def state(self) -> str:
+        """One or two words: found, cannot tell, or not found."""
+        return "found" if self.found else "cannot tell" if self.undecided else "not found"
+
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
@@ -85,6 +90,8 @@ class Diagnosis:
     """Keys of suspects about which the recording says nothing."""
     left: tuple[str, ...] = ()
     """Keys of suspects for which no time was left."""
+    rivals: tuple[str, ...] = ()
+    """Keys of causes that explain the stretch as well as the first one: the recording cannot tell which it is."""
     reruns: Reruns | None = None
     """Of the run's own methods with other settings; None where there is no run, or nobody asked."""
     set_back: Reruns | None = None
@@ -116,4 +123,8 @@ class Diagnosis:
                 return f"Cannot tell whether {name}. {open_.evidence} {open_.undecided}{unknown}{tried}"
             return f"No single cause found: none of {len(self.ranked)} suspects explains this stretch.{unknown}{tried}"
         best = self.causes[0]
+        others = [each.suspect.name for each in self.causes[1:] if each.suspect.key in self.rivals]
+        if others and best.suspect.how == "counterfactual":
+            which = f"{best.suspect.name}, or {', or '.join(others)}; the tracks cannot tell which"
+            return f"The likely cause: {which}. {best.finding.evidence}"
         return f"The likely cause: {best.suspect.name}. {best.finding.evidence}"
