@@ -77,6 +77,7 @@ def open_sequence(
     policy: SourcePolicy = ANY_SOURCE,
     placed: bool = True,
     sensors: str | Path | None = None,
+    cache_dir: Path | None = None,
 ) -> Sequence:
     """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
     by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
@@ -84,7 +85,8 @@ def open_sequence(
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
     pose: it is then that of the rig. `sensors` is a file that
-    describes other sensors (see `sequences.sensors`).
+    describes other sensors (see `sequences.sensors`). `cache_dir` replaces the user's cache folder, where images of
+    simulations are kept.
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
@@ -99,7 +101,7 @@ def open_sequence(
         from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
         with bounded(policy.places):  # its words may name files: a route, a mesh
-            sequence = open_words(source.removeprefix("sim:"), seed)
+            sequence = open_words(source.removeprefix("sim:"), seed, cache_dir)
     elif looks_live(source):
         if sensors is not None:
             raise InputError(f"{source} is a live camera, which takes in no files of sensors: leave --sensors out")

@@ -14,6 +14,7 @@ from ispom.evaluation.trajectory_error import MIN_POSES, aligned, alignment, ass
 from ispom.geometry import Array, Pose
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import rendered_source
+from ispom.simulation.rendering.cache import NOWHERE
 from ispom.simulation.truth import Truth
 from ispom.types import FrameName, Step, TrackStatus, Trajectory
 
@@ -71,7 +72,7 @@ def measured(package: str, name: str, source: str, seed: int, max_exposures: int
         raise InputError(f"--source {source} is no simulation: give such as sim:tiny")
     if rendered.rolling_ns or rendered.fisheye:
         raise InputError(f"--source {source} has a rolling shutter or fisheyes: give one without")
-    sequence = open_sequence(source, seed=seed, max_exposures=max_exposures)
+    sequence = open_sequence(source, seed=seed, max_exposures=max_exposures, cache_dir=NOWHERE)
     frames, frame_now = {"rig", *sequence.rig.sensors}, None
     try:
         with SubmissionProcess(package, (name,), limits) as submission:

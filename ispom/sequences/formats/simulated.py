@@ -87,12 +87,12 @@ PRESETS = {
 }
 
 
-def open_words(text: str, seed: int) -> Sequence:
+def open_words(text: str, seed: int, cache_dir: Path | None = None) -> Sequence:
     """What `sim:TEXT` means: a scene, perhaps `?` with motion, faults and the like, perhaps `#` with its own seed.
 
-    InputError where any of it is wrong.
+    `cache_dir` replaces the user's cache folder. InputError where any of it is wrong.
     """
-    return open_scenario(*_of_words(text, seed))
+    return open_scenario(*_of_words(text, seed), cache_dir)
 
 
 def open_scenario_file(path: Path, seed: int) -> Sequence:

@@ -30,6 +30,8 @@ _DIGEST_BYTES = 16
 _PACKAGE = Path(__file__).parents[1]
 _NOT_RENDERED = {"cache", "filmed_board", "process", "truth"}
 """Modules that do not change what is rendered."""
+NOWHERE = Path(os.devnull)
+"""In place of a folder: images are not kept, whose folder gives away the seed, and what comes next."""
 _KEPT_FOLDERS = 4
 """Rendered sequences that stay on disk, about 0.7 GB each; the least recently used ones go first."""
 _IN_USE_S = 3600.0
@@ -65,6 +67,8 @@ class ImageCache:
     @staticmethod
     def open(parent: Path, key: str) -> ImageCache:
         """Opens the cache `key` in a parent folder, and deletes the ones there that were not used lately."""
+        if parent == NOWHERE:
+            return ImageCache(NOWHERE)
         folder = parent / key
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
@@ -95,6 +99,8 @@ class ImageCache:
 
     def write(self, name: str, image: Image) -> bool:
         """Returns whether it is on disk now: a full or read-only disk only costs the next run its time."""
+        if self.folder == NOWHERE:
+            return False
         body = cv2.imencode(
             ".png",
             cv2.cvtColor(image, cv2.COLOR_RGB2BGR),

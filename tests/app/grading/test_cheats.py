@@ -214,11 +214,14 @@ def graded(folder: str, report: Path, *options: str) -> dict:
     return found
 
 
-def test_a_walk_through_the_process_finds_no_truth(tmp_path: Path) -> None:
+def test_a_walk_through_the_process_finds_no_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = tmp_path / "rendered"
+    monkeypatch.setattr("ispom.sequences.formats.simulated.default_folder", lambda: cache)
     folder = package(tmp_path, "cheat_truth", CHEAT_TRUTH, ["cheat_truth"])
     found = graded(folder, tmp_path / "grade.json", "--key", "a-secret-word", "--max-exposures", "24")
     assert found["points"] < 30 and found["runs"][0]["failure"] is None
     assert not (tmp_path / "found").exists()
+    assert not cache.exists(), "names of rendered images lead to the seed, and the next images can be read there"
     notes = json.loads((tmp_path / "notes.json").read_text())
     assert notes and not any("sim:" in note or "a-secret-word" in note for note in notes)
     assert not any(str(found["runs"][0]["seed"]) in note for note in notes)
