@@ -56,7 +56,7 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
         f"{'holds' if o.holds else 'does not hold'}: {o.statement.text} ({o.holding} of {o.runs})" for o in outcomes
     ]
     if find_spec("matplotlib") is None:
-        lines.append("no figures: they are drawn with Matplotlib, run pip install 'ispom[plots]', and this command again")
+        lines.append("no figures: run pip install 'ispom[plots]', and this command again")
     lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / PAGE}")
     sys.stdout.write("\n".join(map(printable, lines)) + "\n")
     return 0
