@@ -114,7 +114,7 @@ def demo(bare: list[str], environment: dict[str, str], tmp_path_factory: pytest.
 @with_browser
 def test_the_demo_shows_its_first_exposures(browser, demo: str) -> None:
     page = Page(browser, demo)
-    page.until("state.index >= 3", "the first exposures")
+    page.until("state.index >= 3", "the first exposures", 240_000)  # compiled first
     page.tab.locator("#cover").wait_for(state="hidden")
     page.until("window.ispom.viewer.stage?.shown", "Rerun to show an exposure")
     assert not [notice for notice in page.state["notices"] if notice["kind"] == "error"]

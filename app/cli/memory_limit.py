@@ -23,7 +23,7 @@ def too_little(words: Sequence[str]) -> str | None:
     command = f"ispom {words[0]}" if runs and words else "ispom"
     return (
         f"the address space of this process is limited to {limit / 1e9:.1f} GB (ulimit -v), and {command} takes "
-        f"{needed / 1e9:.1f} GB of it, most of which is only reserved: raise the limit, or limit the memory in another way"
+        f"{needed / 1e9:.1f} GB of it, mostly reserved only: raise the limit, or limit memory in another way"
     )
 
 

@@ -59,7 +59,7 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
     lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
     lines += [f"{o.verdict}: {o.statement.text} ({_counts(o)})" for o in outcomes]
     if find_spec("matplotlib") is None:
-        lines.append("no figures: they are drawn with Matplotlib, run pip install 'ispom[plots]', and this command again")
+        lines.append("no figures: run pip install 'ispom[plots]', and this command again")
     lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / PAGE}")
     sys.stdout.write("\n".join(map(printable, lines)) + "\n")
     return 0
