@@ -1,4 +1,4 @@
-"""Tables of what `ispom run` writes (columns, quantities, kinds of events, reasons for the end of a track), and of doubts."""
+"""Tables of what `ispom run` writes (columns, quantities, events, reasons for the end of a track), and of doubts."""
 
 from __future__ import annotations
 

@@ -12,8 +12,9 @@ from ispom.plausibility.doubt import Doubt
 GRAVITY = 9.81
 LARGEST_RATE = 37.0
 """[rad/s] Gyroscopes of usual IMUs measure up to 2,000 deg/s, which is 35 rad/s."""
-TURN_S, TURN_RAD = 2.0, 4 * np.pi
-"""Two whole turns within two seconds: a camera that turns so for long sees nothing but blur (12 degrees per image)."""
+TURN_S, TURN_RAD = 2.0, 8 * np.pi
+"""Four whole turns within two seconds: the fastest drones roll so for a moment, and their camera sees nothing but blur
+(24 degrees per image)."""
 LARGEST_FORCE = 160.0
 """[m/s^2] Accelerometers of usual IMUs measure up to 16 g, so that half of the samples stay below it."""
 LEAST_FORCE = 6.0

@@ -11,7 +11,9 @@ from ispom.plausibility.doubt import Doubt
 FASTEST_M_S = 100.0
 """Trains and racing cars on wheels reach 90 m/s."""
 GRIP_M_S2 = 12.0
-"""Tyres transmit about 1 g: no vehicle on wheels accelerates for long, or turns, with more."""
+"""Tyres transmit about 1 g: no vehicle on wheels accelerates for long with more."""
+CORNER_M_S2 = 45.0
+"""Racing cars, pressed down by the air, turn with up to 4.5 g."""
 FASTEST_TURN = 6.3
 """[rad/s] A whole turn per second: small robots turn at half of that."""
 LEAST_ROWS = 8
@@ -34,7 +36,7 @@ def wheel_doubts(where: str, times_ns: NDArray[np.int64], distances: Array, turn
     if turns is not None:
         rates = turns / seconds
         rate, pull = float(np.percentile(np.abs(rates), 95)), float(np.percentile(np.abs(rates * speeds), 95))
-        if rate > FASTEST_TURN or pull > GRIP_M_S2:
+        if rate > FASTEST_TURN or pull > CORNER_M_S2:
             text = f"{where}: its rotations are {rate:.3g} rad/s, a sideways acceleration of {pull:.3g} m/s^2"
             out.append(Doubt("wheel_turn_in_degrees", f"{text}: this looks like degrees; give radians."))
     return tuple(out)
