@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ispom_app.engine.error_curve import Part, family_curves
+from ispom_app.features.branches.accuracy import with_curves
+from ispom_app.features.branches.branches import NOTHING, Branch, Measured
 
 from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Pose, so3_exp
@@ -69,3 +71,14 @@ def test_runs_that_share_nothing_are_aligned_by_themselves() -> None:
     own = error(40, 0.0), error(40, 0.05)
     found = family_curves({0: Part(own[0], None), 1: Part(own[1], None), 2: Part(own[1], 7, SHARED * 10**8)})
     assert all(np.array_equal(found[n].metres, own[min(n, 1)].position_errors_m) for n in (0, 1, 2))
+
+
+def test_branches_get_their_curves_together_and_one_that_was_not_measured_stays_so() -> None:
+    measured = [Measured({"stereo": error(count, drift)}) for count, drift in ((40, 0.001), (60, 0.05))]
+    branches = Branch(0, "first run", measured=measured[0]), Branch(1, "fork", 0, SHARED, measured=measured[1])
+    found = with_curves((*branches, Branch(2, "new", 0, 30)), lambda branch: branch.at * 10**8)
+    shared = [branch.measured.curves["stereo"].metres[:SHARED] for branch in found[:2]]
+    assert np.array_equal(*shared) and found[2].measured is NOTHING
+    assert [b.measured.errors["stereo"].ate_m for b in found[:2]] == [m.errors["stereo"].ate_m for m in measured]
+    alone = with_curves(found[1:2], lambda branch: branch.at * 10**8)
+    assert alone[0].measured.curves["stereo"].branches == 1, "its parent was deleted"
