@@ -184,7 +184,7 @@ def row_of(
             "silent": [*found.silent, *(each.suspect.key for each in found.undecided)],
             "answer": found.answer,
             "strengths": {each.suspect.key: round(each.finding.strength, 3) for each in found.ranked},
-            "figures": _figures(case.kind, whole, found, seen.rig.cameras[seen.main].width),
+            "figures": _figures(case.kind, whole, found),
         }
         if not options.doctor_only:
             row["methods"] = methods_of(sequence, options.methods, builder)
@@ -210,20 +210,17 @@ def _range(whole: Recording, case: Case) -> tuple[int, int]:
     return own[start], own[min(start + FRAMES, len(own)) - 1]
 
 
-def _figures(kind: FaultKind, whole: Recording, found: Diagnosis, width: int) -> dict[str, dict[str, float | None]]:
+def _figures(kind: FaultKind, whole: Recording, found: Diagnosis) -> dict[str, dict[str, float | None]]:
     """Returns, of the suspect that is right, each figure with what it should be, and its standard deviation."""
     fault = kind.made(whole.rig)
     if kind.figures is None or fault is None:
         return {}
     for each in found.causes:
         if each.suspect.key in kind.suspects:
-            camera = whole.rig.video or whole.rig.left
-            scale = width / camera.width if camera is not None else 1.0  # pixels are those of the images examined
             values, figures = each.finding.values, dict[str, dict[str, float | None]]()
             for name, stated in kind.figures(fault).items():
                 if name in values:
-                    right = stated * scale if name.endswith("_px") else stated
-                    figures[name] = {"said": values[name], "right": right, "sigma": values.get(name + SIGMA)}
+                    figures[name] = {"said": values[name], "right": stated, "sigma": values.get(name + SIGMA)}
             return figures
     return {}
 

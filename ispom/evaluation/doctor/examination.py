@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -47,6 +47,12 @@ class Examination:
     shots: tuple[Shot, ...]
     times_ns: NDArray[np.int64]
     """Of all frames of the main camera's kind in the stretch and before it: a gap is one by the usual interval."""
+    reduced: Mapping[str, int] = field(default_factory=dict)
+    """By camera: pixels of the recording per pixel of the images here; 1 for those that are not named."""
+
+    def recorded_px(self, camera: str, examined_px: float) -> float:
+        """Returns a length in pixels of the recording's images, of one in pixels of the images here."""
+        return self.reduced.get(camera, 1) * examined_px
 
     @property
     def main(self) -> str:
@@ -136,7 +142,8 @@ def examination(sequence: Sequence, first: int, last: int, advance: Callable[[],
         advance()
     smaller = {n: camera.scaled(0.5 ** sizes[n]) for n, camera in rig.cameras.items() if sizes[n]}
     own = np.array([k == kind for k in sequence.kinds[: last + 1]], bool)
-    return Examination(rig.changed(**smaller), tuple(shots), sequence.times_ns[: last + 1][own])
+    reduced = {name: 2**count for name, count in sizes.items() if count}
+    return Examination(rig.changed(**smaller), tuple(shots), sequence.times_ns[: last + 1][own], reduced)
 
 
 def exchanged(seen: Examination) -> Examination:

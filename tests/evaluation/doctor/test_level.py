@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ispom.evaluation.doctor.counterfactual import Figure
 from ispom.evaluation.doctor.examination import Examination, Shot, examination
+from ispom.evaluation.doctor.suspects.calibration import recorded
 from ispom.evaluation.doctor.suspects.level import unlevel
 from ispom.sequences import open_sequence
+from ispom.types import Frame, Measurement
 
 LAST = 49
 DATA = Path(__file__).parents[4] / "shared/data"
@@ -44,6 +47,26 @@ def test_a_right_image_that_is_too_low_or_too_high_is_found_by_its_pixels(down_p
     assert finding is not None and finding.found
     assert finding.values["shift_px"] == pytest.approx(down_px, abs=0.1)
     assert 0 < finding.values["shift_px_sigma"] < 0.1
+
+
+def test_figures_are_in_pixels_of_the_recording_s_images() -> None:
+    recording, times = open_sequence("sim:tiny", seed=0), 2  # a pair 1280 px wide: examined at half of that
+
+    def load(i: int) -> Measurement:
+        frame = recording.load(i)
+        assert isinstance(frame, Frame)
+        images = {name: image.repeat(times, axis=0).repeat(times, axis=1) for name, image in frame.images.items()}
+        if "right" in images:
+            images["right"] = np.roll(images["right"], 8, axis=0)
+        return replace(frame, images=images)
+
+    rig = recording.rig.changed(**{name: camera.scaled(times) for name, camera in recording.rig.cameras.items()})
+    large = examination(replace(recording, rig=rig, load=load), 0, LAST)
+    finding = unlevel(large)
+    assert large.reduced == {"left": 2, "right": 2} and large.rig.camera("right").width == 640
+    assert finding is not None and finding.values["shift_px"] == pytest.approx(8, abs=0.3)
+    offset = recorded("pair_centre_x_px", Figure(2.0, 0.5), large), recorded("k1", Figure(2.0, 0.5), large)
+    assert [(figure.value, figure.sigma) for figure in offset] == [(4.0, 1.0), (2.0, 0.5)]
 
 
 def test_a_camera_that_is_turned_is_left_to_the_tracks_and_told_by_its_angle() -> None:

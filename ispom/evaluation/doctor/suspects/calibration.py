@@ -162,6 +162,7 @@ def freed(
         figures = {name: _honest(figure, group[name], least[name]) for name, figure in figures.items()}
         against, undecided = _doubts(figures, group, least)
     strength = max(0.0, min(explains, WEAK) if against else explains)
+    figures = {name: recorded(name, figure, seen) for name, figure in figures.items()}
     text = sentence(outcome, figures) + (f" This is no cause: {against}." if against and explains >= 1 else "")
     return Finding(
         strength,
@@ -193,6 +194,14 @@ def _doubts(figures: Mapping[str, Figure], group: Mapping[str, Figure], least: M
     if all(abs(figure.value - group[name].value) > SURE * group[name].sigma for name, figure in large.items()):
         return "with the other numbers of the calibration free, too, this one does not stay", ""
     return "", "More motion, and turns, near and far points, would decide it, or a calibration with a target."
+
+
+def recorded(name: str, figure: Figure, seen: Examination) -> Figure:
+    """Returns a number in pixels of the recording, of one in pixels of the examined images; others as they are."""
+    if not name.endswith("_px"):
+        return figure
+    camera = "left" if name.startswith("pair") else "video"
+    return Figure(seen.recorded_px(camera, figure.value), seen.recorded_px(camera, figure.sigma))
 
 
 def said(name: str, figure: Figure) -> str:

@@ -63,9 +63,11 @@ def unlevel(seen: Examination) -> Finding | None:
     turned = misfit["turn"] + PREFERRED < misfit["shift"] or largest > abs(shift)
     if largest > LEVEL_PX and misfit["near"] + PREFERRED < misfit["shift"]:
         return None
+    shift_px, sigma_px, limit_px = (seen.recorded_px("right", px) for px in (shift, sigma, LEVEL_PX))
     strength = largest / LEVEL_PX if largest > SURE * sigma else min(largest / LEVEL_PX, 0.9)
     text = (
-        f"The right image is {abs(shift):.2f} px (±{sigma:.2f}) too {'low' if shift > 0 else 'high'} by {points} points"
+        f"The right image is {abs(shift_px):.2f} px (±{sigma_px:.2f}) too {'low' if shift > 0 else 'high'} by {points} "
+        "points"
     )
     degrees = {"pitch_deg": float(np.degrees(pitch / focal)), "roll_deg": float(np.degrees(roll / focal))}
     if turned:
@@ -77,8 +79,8 @@ def unlevel(seen: Examination) -> Finding | None:
         text += ", everywhere by the same"
     return Finding(
         strength,
-        f"{text} (a cause from {LEVEL_PX:.1f} px on).",
-        {"shift_px": shift, "shift_px_sigma": sigma, **degrees},
+        f"{text} (a cause from {limit_px:.1f} px on).",
+        {"shift_px": shift_px, "shift_px_sigma": sigma_px, **degrees},
         (seen.pairs[shown].index,),
     )
 
