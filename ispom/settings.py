@@ -116,7 +116,8 @@ def checked(config: C) -> C:
 def _fault(config: Any) -> tuple[str, str] | None:
     """Returns which value is out of its range, by its name, and how; None where none is."""
     for setting in settings(type(config)):
-        value, limits = getattr(config, setting.name), setting.range
+        value: Any = getattr(config, setting.name)
+        limits = setting.range
         if is_dataclass(value):
             if inner := _fault(value):
                 return f"{setting.name}.{inner[0]}", inner[1]
@@ -124,7 +125,7 @@ def _fault(config: Any) -> tuple[str, str] | None:
             return setting.name, f"is {str(value)[:60]!r}, give a number from {limits.low:g} to {limits.high:g}"
         elif limits and setting.type is int and not isinstance(value, Integral):
             return setting.name, f"is {value:g}, give a whole number from {limits.low:g} to {limits.high:g}"
-        elif limits and not limits.low <= value <= limits.high:
+        elif limits and not limits.low <= float(value) <= limits.high:
             return setting.name, f"is {value:g}, give a value from {limits.low:g} to {limits.high:g}"
         elif setting.type is bool and value not in (True, False):
             return setting.name, f"is {str(value)[:60]!r}, give True or False"
