@@ -60,7 +60,7 @@ def geodetic_doubts(where: str, geodetic: Array) -> tuple[tuple[Doubt, ...], boo
     out = []
     if len(fixes) < len(geodetic):
         text = f"{where}: {len(geodetic) - len(fixes)} of {len(geodetic)} fixes are at 0, 0, as receivers write them "
-        out.append(Doubt("gnss_null_fix", f"{text}without a fix: remove those lines."))
+        out.append(Doubt("gnss_null_fix", f"{text}without a fix: they are left out; remove those lines."))
     if lat.max() <= np.pi / 2 and lon.max() <= np.pi and max(lat.max(), lon.max()) > NEAR_NULL_DEG:
         text = f"{where}: all fixes are near latitude {fixes[0, 0]:.3g}, longitude {fixes[0, 1]:.3g}, in the sea off "
         text += (
