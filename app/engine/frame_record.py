@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -68,29 +69,36 @@ DEFINITIONS = {d.key: d for d in (INLIERS, RESIDUAL, LIVE_ERROR, ERROR, ATE, VER
 """By key."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameRecord:
     """What is known of one method at one frame."""
 
     method: str
-    frame: int
-    status: MethodStatus | None
-    """Of its latest step up to there; None before its first."""
-    values: Mapping[str, Value]
-    """By key, what its step at this frame says, as STEP_QUANTITIES and its checks; empty where it did not step."""
-    error_m: float | None = None
-    """ERROR, of its latest pose up to there; None without ground truth."""
-    aligned: str = ""
-    """How, for people."""
+    record: ExposureRecord
+    curve: ErrorCurve | None = None
+    """Its position errors; None without ground truth."""
+
+    @property
+    def status(self) -> MethodStatus | None:
+        """Of its latest step up to there; None before its first."""
+        return self.record.statuses.get(self.method)
+
+    @cached_property
+    def values(self) -> Mapping[str, Value]:
+        """By key, what its step at this frame says: STEP_QUANTITIES and its checks; empty where it did not step."""
+        return self.record.values_by_method.get(self.method, {})
+
+    @property
+    def error_m(self) -> float | None:
+        """ERROR, of its latest pose up to there."""
+        return None if self.curve is None else self.curve.at(self.record.time_ns)
+
+    @property
+    def aligned(self) -> str:
+        """How, for people."""
+        return "" if self.curve is None else self.curve.aligned
 
     def number(self, key: str) -> float | None:
         """A value of its step that is a number; None where there is none."""
         value = self.values.get(key)
         return None if value is None or isinstance(value, str) else float(value)
-
-
-def frame_record(record: ExposureRecord, method: str, curve: ErrorCurve | None = None) -> FrameRecord:
-    """Of a method at the frame of a record; `curve` has its position errors."""
-    status, values = record.statuses.get(method), record.values_by_method.get(method, {})
-    error_m = None if curve is None else curve.at(record.time_ns)
-    return FrameRecord(method, record.index, status, values, error_m, "" if curve is None else curve.aligned)

@@ -14,7 +14,7 @@ from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step, Tracks, TrackStatus
 
 from ...engine.error_curve import ErrorCurve
-from ...engine.frame_record import ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord, frame_record
+from ...engine.frame_record import ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ...engine.history.record import ExposureRecord
 from ...engine.history.step_quantities.step import DROPPED
 from ...engine.model.drawn_size import unit_in_metres
@@ -157,7 +157,7 @@ def _css(method: str) -> str:
 
 def _card(step: Step, record: ExposureRecord, shown: int, curve: ErrorCurve | None = None) -> Card:
     own = registered(step.method)
-    here = frame_record(record, step.method, curve)
+    here = FrameRecord(step.method, record, curve)
     found = verdict(step, record.index, here.values)
     rows = [_check(step.method, d, own.checks) for d in found.failed]
     others = tuple(row for d, row in zip(found.failed, rows, strict=True) if d is not found.decisive)

@@ -9,7 +9,7 @@ from ispom.methods import method as registered
 from ispom.types import Decision
 
 from ...engine.error_curve import ErrorCurve
-from ...engine.frame_record import INLIERS, LIVE_ERROR, RESIDUAL, frame_record
+from ...engine.frame_record import INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ...engine.history.record import ExposureRecord
 from ...engine.verdict import alarming
 from ...presentation.decisions import sentence
@@ -72,7 +72,7 @@ def _row(card: Card, records: tuple[ExposureRecord, ...], all_checks: bool) -> d
 
 
 def _numbers(record: ExposureRecord, method: str, curves: Mapping[str, ErrorCurve]) -> dict[str, Any]:
-    here = frame_record(record, method, curves.get(method))
+    here = FrameRecord(method, record, curves.get(method))
     found = {definition.key: here.number(definition.key) for definition in (INLIERS, RESIDUAL, LIVE_ERROR)}
     found["error_aligned_m"] = here.error_m
     return {"numbers": {key: None if value is None else brief(value) for key, value in found.items()}

@@ -9,7 +9,7 @@ import msgspec
 
 from ispom.methods import method as registered
 
-from ...engine.frame_record import ERROR, LIVE_ERROR, frame_record
+from ...engine.frame_record import ERROR, LIVE_ERROR, FrameRecord
 from ...engine.verdict import WAITING
 from ...features.branches.state import Branches
 from ...features.layers.state import Layers
@@ -142,7 +142,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
         error, how = length(known.ate_m), ALIGNED[known.alignment]
         hint.append(f"ATE: {error} from the ground truth over {len(known.estimate)} poses, as known now, {how}.")
         curve = shown.measured.curves.get(method)
-        here = frame_record(state.displayed, method, curve) if state.displayed is not None else None
+        here = FrameRecord(method, state.displayed, curve) if state.displayed is not None else None
         if here is not None and here.error_m is not None:
             hint.append(f"{ERROR.label} at this frame: {length(here.error_m)}, {here.aligned}, as known now.")
     if now is not None and now.provisional:

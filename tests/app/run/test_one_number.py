@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.engine.frame_record import DEFINITIONS, ERROR, INLIERS, LIVE_ERROR, RESIDUAL, frame_record
+from ispom_app.engine.frame_record import DEFINITIONS, ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.tool import tools
 from ispom_app.features.branches.state import Branches
@@ -123,7 +123,7 @@ def test_what_a_step_gave_is_one_number_everywhere(seen: Seen, definition: Any) 
     compared = 0
     for index in range(FRAMES):
         for method, card in cards_of(seen, index).items():
-            here = frame_record(seen.run.history[index], method)
+            here = FrameRecord(method, seen.run.history[index])
             value = here.number(key)
             assert close(dock[f"{method}.{key}"].get(index), value)
             at = list(report.steps[method].exposures).index(index)
@@ -148,7 +148,7 @@ def test_the_position_error_is_one_number_and_names_its_alignment(seen: Seen) ->
         header = {m["name"]: m for m in message_of(seen.at(index))["methods"]}
         for method, card in cards_of(seen, index).items():
             curve = seen.state[Branches].curves.get(method)
-            here = frame_record(seen.run.history[index], method, curve)
+            here = FrameRecord(method, seen.run.history[index], curve)
             if here.error_m is None:
                 assert "error" not in numbers(card) and ERROR.label not in header[method]["hint"]
                 continue
