@@ -27,7 +27,7 @@ COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
 DEFAULT = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
 """What most sources are run with: compiled in advance where nobody has said yet what is to run."""
 MOST_PROCESSES = 4
-"""A process takes 250 MB, and the longest kernel a fifth of the whole time."""
+"""A process takes 350 MB, and the longest kernel a fifth of the whole time."""
 KEPT_S = 0.05
 """For a kernel whose machine code is there already."""
 PRIOR_S = 3.0
