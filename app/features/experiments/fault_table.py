@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ Row = dict[str, Any]
 
 def markdown(rows: Sequence[Row], rules: str) -> str:
     """Returns the parts that there are rows for: healthy stretches, faults on simulations and recordings, methods."""
+    rows = _without_folder(rows)
     parts = [f"Rules of the doctor: `{rules}`."]
     if healthy := [row for row in rows if _parts(row)[1] == HEALTHY]:
         parts.append(_healthy(healthy))
@@ -30,6 +32,14 @@ def markdown(rows: Sequence[Row], rules: str) -> str:
     if played := [row for row in rows if row["methods"]]:
         parts.append(f"### Methods\n\n{_methods(played)}")
     return "\n\n".join(parts) + "\n"
+
+
+def _without_folder(rows: Sequence[Row]) -> list[Row]:
+    """Returns the rows with recordings named below the folder that all of them are in."""
+    of_rows = {row["source"] for row in rows if not row["simulated"]}
+    folder = os.path.commonpath([os.path.dirname(source) for source in of_rows]) if of_rows else ""
+    short = {source: os.path.relpath(source, folder or ".") for source in of_rows}
+    return [{**row, "source": short.get(row["source"], row["source"])} for row in rows]
 
 
 def merged(file: Path, text: str) -> str:

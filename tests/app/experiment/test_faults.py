@@ -99,7 +99,7 @@ def test_a_mistake_is_one_sentence(
 
 def made(kind: str, right: list[str], causes: list[str], simulated: bool = True, **more) -> dict:
     given = {
-        "source": "sim:tiny" if simulated else "drive", "seed": 0, "stretch": "1/1", "first": 0, "last": 44,
+        "source": "sim:tiny" if simulated else "../data/drive", "seed": 0, "stretch": "1/1", "first": 0, "last": 44,
         "kind": kind, "right": right, "simulated": simulated, "rules": "r", "failure": None, "causes": causes,
         "silent": ["clock"], "figures": {}, "methods": None,
     }  # fmt: skip
@@ -118,7 +118,7 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
         made("jpeg", [], ["blur"]),
         made("clock", ["clock"], []),
         made("blur", ["blur"], [], simulated=False),
-        made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="rover"),
+        made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="../data/hard/rover"),
     ]
     text = markdown(found, "r")
     assert "2 stretches, 1 alarms." in text
@@ -128,7 +128,7 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
     assert "| jpeg | none is known | 2 | 1 named nothing |  |  |  | no cause 1, blur 1 |" in simulated
     assert "| all 2 kinds |  | 4 | 25 % | 50 % | 1 | 1 of 2 |  |" in simulated
     assert "| blur | blur | 2 | 1 | 1 | 0 |  | no cause 1, blur 1 |" in real
-    assert "On `drive`, `rover` (after `unlevel`)." in real
+    assert "On `drive`, `hard/rover` (after `unlevel`)." in real
 
 
 def test_options_of_faults_are_not_those_of_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
