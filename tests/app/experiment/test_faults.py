@@ -64,6 +64,14 @@ def test_rows_of_other_rules_do_not_count(
     assert run(*given) == 2 and "other rules of the doctor" in capsys.readouterr().err
 
 
+def test_what_is_right_is_said_by_the_kinds_of_today(drive: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run(drive, "--fault", "blur", "--doctor-only", "--out", str(out)) == 0
+    (row,) = rows(out)
+    (out / "rows.jsonl").write_text(json.dumps(row | {"right": ["softness"]}) + "\n")
+    assert [each["right"] for each in study.read_rows(out / "rows.jsonl")] == [["blur"]]
+
+
 def test_the_table_goes_between_its_marks(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page, given = tmp_path / "page.md", (drive, "--fault", "healthy", "--doctor-only", "--out", str(tmp_path / "out"))
     page.write_text(f"Words.\n\n{BEGIN}\nold\n{END}\n\nMore words.\n")
