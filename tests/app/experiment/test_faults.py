@@ -119,17 +119,20 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
     found = [
         made("healthy", [], []),
         made("healthy", [], ["blur"], simulated=False),
+        made("healthy", [], ["blur"], simulated=False, stretch="0-44"),
         made("focal", ["video-focal"], ["video-focal", "blur"], figures={"video_focal_percent": focal}),
-        made("focal", ["video-focal"], ["blur", "clock", "video-focal"], figures={"a": focal | {"sigma": 0.01}}),
-        made("focal", ["video-focal"], ["a", "b", "c", "video-focal"], figures={"a": focal | {"sigma": None}}),
+        made(
+            "focal", ["video-focal"], ["blur", "clock", "video-focal"], seed=1, figures={"a": focal | {"sigma": 0.01}}
+        ),
+        made("focal", ["video-focal"], ["a", "b", "c", "video-focal"], seed=2, figures={"a": focal | {"sigma": None}}),
         made("jpeg", [], []),
-        made("jpeg", [], ["blur"]),
+        made("jpeg", [], ["blur"], seed=1),
         made("clock", ["clock"], []),
         made("blur", ["blur"], [], simulated=False),
         made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="../data/hard/rover"),
     ]
     text = markdown(found, "r")
-    assert "2 stretches, 1 alarms." in text
+    assert "Of 2 stretches, a cause was named in 1." in text
     simulated, real = text.partition("### Faults on recordings")[::2]
     assert "| focal | video-focal | 3 | 1 | 2 | 0 | 1 of 2 | video-focal 1, blur 1, a 1 |" in simulated
     assert "| clock | clock | 1 | 0 | 0 | 1 |  | no cause 1 |" in simulated
