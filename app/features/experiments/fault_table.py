@@ -66,7 +66,7 @@ def _healthy(rows: Sequence[Row]) -> str:
         for said in _in_order(map(_said, own)):
             same = [row for row in own if _said(row) == said]
             lines.append((source, ", ".join(map(_place, same)), str(len(same)), said))
-    head = f"### Healthy stretches\n\nOf {len(tested)} stretches, a cause was named in {len(alarms)}."
+    head = f"### Stretches without a fault\n\nOf {len(tested)} stretches, a cause was named in {len(alarms)}."
     return f"{head}\n\n{_table(('recording', 'frames', 'stretches', 'what came first'), lines)}"
 
 
