@@ -18,6 +18,8 @@ from tests import doubles
         ({"max_tracks": 99.5}, "max_tracks"),
         ({"max_tracks": float("nan")}, "max_tracks"),
         ({"max_tracks": True}, "max_tracks"),
+        ({"max_tracks": 10**400}, "max_tracks"),
+        ({"max_tracks": -(10**400)}, "max_tracks"),
         ({"loops": "no"}, "loops"),
     ],
 )
