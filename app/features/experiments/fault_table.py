@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 def markdown(rows: Sequence[Row], rules: str) -> str:
     """Returns the parts that there are rows for: healthy stretches, faults on simulations and recordings, methods."""
-    rows = _without_folder(rows)
+    rows = _without_folder(_once(rows))
     parts = [f"Rules of the doctor: `{rules}`."]
     if healthy := [row for row in rows if _parts(row)[1] == HEALTHY]:
         parts.append(_healthy(healthy))
@@ -32,6 +32,11 @@ def markdown(rows: Sequence[Row], rules: str) -> str:
     if played := [row for row in rows if row["methods"]]:
         parts.append(f"### Methods\n\n{_methods(played)}")
     return "\n\n".join(parts) + "\n"
+
+
+def _once(rows: Sequence[Row]) -> list[Row]:
+    """Returns the rows without those of a stretch that was asked for in two ways, such as 0-44 and 1/3."""
+    return list({(r["source"], r["seed"], r["first"], r["last"], r["kind"]): r for r in rows}.values())
 
 
 def _without_folder(rows: Sequence[Row]) -> list[Row]:
@@ -61,7 +66,7 @@ def _healthy(rows: Sequence[Row]) -> str:
         for said in _in_order(map(_said, own)):
             same = [row for row in own if _said(row) == said]
             lines.append((source, ", ".join(map(_place, same)), str(len(same)), said))
-    head = f"### Healthy stretches\n\n{len(tested)} stretches, {len(alarms)} alarms."
+    head = f"### Healthy stretches\n\nOf {len(tested)} stretches, a cause was named in {len(alarms)}."
     return f"{head}\n\n{_table(('recording', 'frames', 'stretches', 'what came first'), lines)}"
 
 

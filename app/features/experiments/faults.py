@@ -255,7 +255,7 @@ def _played(sequence: Recording, name: str, builder: Builder) -> dict[str, Any]:
 
 
 def read_rows(file: Path) -> list[dict[str, Any]]:
-    """Returns the rows of a folder. Raises InputError where they are damaged."""
+    """Returns the rows of a folder, with what is right to say today. Raises InputError where they are damaged."""
     if not exists(file):
         return []
     try:
@@ -264,7 +264,7 @@ def read_rows(file: Path) -> list[dict[str, Any]]:
         rows = [None]
     if not all(isinstance(row, dict) and row.keys() >= NAMES for row in rows):
         raise InputError(f"{file} is damaged: remove it, or give a new --out")
-    return rows
+    return [row | {"right": list(kind_of_words(row["kind"]).suspects)} for row in rows]
 
 
 @cache

@@ -111,7 +111,7 @@ def _clock(fault: Clock) -> dict[str, float]:
 
 
 BOTH = (VIDEO, STEREO)
-TURNED = ("pair-turned", "unlevel")
+TURNED = ("pair-turned", "unlevel-pair")
 """A camera that has turned about its x axis shows its rows higher or lower: both say the same."""
 KINDS: Mapping[str, FaultKind] = {
     HEALTHY: FaultKind("", ()),

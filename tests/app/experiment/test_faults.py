@@ -64,6 +64,14 @@ def test_rows_of_other_rules_do_not_count(
     assert run(*given) == 2 and "other rules of the doctor" in capsys.readouterr().err
 
 
+def test_what_is_right_is_said_by_the_kinds_of_today(drive: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run(drive, "--fault", "blur", "--doctor-only", "--out", str(out)) == 0
+    (row,) = rows(out)
+    (out / "rows.jsonl").write_text(json.dumps(row | {"right": ["softness"]}) + "\n")
+    assert [each["right"] for each in study.read_rows(out / "rows.jsonl")] == [["blur"]]
+
+
 def test_the_table_goes_between_its_marks(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page, given = tmp_path / "page.md", (drive, "--fault", "healthy", "--doctor-only", "--out", str(tmp_path / "out"))
     page.write_text(f"Words.\n\n{BEGIN}\nold\n{END}\n\nMore words.\n")
@@ -111,17 +119,20 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
     found = [
         made("healthy", [], []),
         made("healthy", [], ["blur"], simulated=False),
+        made("healthy", [], ["blur"], simulated=False, stretch="0-44"),
         made("focal", ["video-focal"], ["video-focal", "blur"], figures={"video_focal_percent": focal}),
-        made("focal", ["video-focal"], ["blur", "clock", "video-focal"], figures={"a": focal | {"sigma": 0.01}}),
-        made("focal", ["video-focal"], ["a", "b", "c", "video-focal"], figures={"a": focal | {"sigma": None}}),
+        made(
+            "focal", ["video-focal"], ["blur", "clock", "video-focal"], seed=1, figures={"a": focal | {"sigma": 0.01}}
+        ),
+        made("focal", ["video-focal"], ["a", "b", "c", "video-focal"], seed=2, figures={"a": focal | {"sigma": None}}),
         made("jpeg", [], []),
-        made("jpeg", [], ["blur"]),
+        made("jpeg", [], ["blur"], seed=1),
         made("clock", ["clock"], []),
         made("blur", ["blur"], [], simulated=False),
         made("unlevel+blur", ["blur"], ["blur"], simulated=False, source="../data/hard/rover"),
     ]
     text = markdown(found, "r")
-    assert "2 stretches, 1 alarms." in text
+    assert "Of 2 stretches, a cause was named in 1." in text
     simulated, real = text.partition("### Faults on recordings")[::2]
     assert "| focal | video-focal | 3 | 1 | 2 | 0 | 1 of 2 | video-focal 1, blur 1, a 1 |" in simulated
     assert "| clock | clock | 1 | 0 | 0 | 1 |  | no cause 1 |" in simulated

@@ -26,7 +26,7 @@ def test_a_kind_is_on_a_simulation_and_the_doctor_knows_its_names(name: str) -> 
     fault = kind.made(sequence.rig)
     figures = kind.figures(fault) if kind.figures is not None else {}
     assert set(figures) <= set(STEPS)
-    assert not kind.suspects or {each.key for each in SUSPECTS} & set(kind.suspects)
+    assert set(kind.suspects) <= {each.key for each in SUSPECTS}
     assert name != HEALTHY or not (kind.suspects or kind.fault or kind.world)
 
 
