@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
@@ -125,8 +126,8 @@ def _fault(config: Any) -> tuple[str, str] | None:
             return setting.name, f"is {str(value)[:60]!r}, give a number from {limits.low:g} to {limits.high:g}"
         elif limits and setting.type is int and not isinstance(value, Integral):
             return setting.name, f"is {value:g}, give a whole number from {limits.low:g} to {limits.high:g}"
-        elif limits and not limits.low <= float(value) <= limits.high:
-            return setting.name, f"is {value:g}, give a value from {limits.low:g} to {limits.high:g}"
+        elif limits and not limits.low <= _float(value) <= limits.high:
+            return setting.name, f"is {_float(value):g}, give a value from {limits.low:g} to {limits.high:g}"
         elif setting.type is bool and value not in (True, False):
             return setting.name, f"is {str(value)[:60]!r}, give True or False"
         elif get_origin(setting.type) is Literal and value not in (names := get_args(setting.type)):
@@ -158,7 +159,15 @@ def _plain_value(setting: Setting, value: Any, where: str) -> Any:
         what = {bool: "true or false", int: "an integer", float: "a number"}.get(setting.type, "text")
     if not fits:
         raise InputError(f"{where} is {str(value)[:40]!r}, not {what}")
-    return float(value) if setting.type is float else value
+    return _float(value) if setting.type is float else value
+
+
+def _float(value: Any) -> float:
+    """Returns the float of a number; an infinite one of an integer that is too large for a float."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def _field_docs(config: type) -> dict[str, str]:

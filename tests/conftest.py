@@ -1,6 +1,24 @@
-"""Property tests try the same examples on every run, however slow the machine is."""
+"""Before all tests: the same examples of property tests on every run, and compiled kernels."""
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=60)
 settings.load_profile("steady")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compiles all kernels once, before the processes of the tests start: in each of them a test would wait for it, and
+    a command that compiles says so on its standard error, where tests want one sentence."""
+    if hasattr(session.config, "workerinput") or not getattr(session.config.option, "numprocesses", None):
+        return
+    from ispom_app.engine import warmup
+
+    from ispom.kernel_list import kernel_list
+    from ispom.methods import Config
+
+    methods = sorted({method for kernel in kernel_list().values() for method in kernel.methods})
+    warmup.start(methods, Config())
+    while not warmup.finished(60.0):
+        pass

@@ -18,6 +18,8 @@ from tests import doubles
         ({"max_tracks": 99.5}, "max_tracks"),
         ({"max_tracks": float("nan")}, "max_tracks"),
         ({"max_tracks": True}, "max_tracks"),
+        ({"max_tracks": 10**400}, "max_tracks"),
+        ({"max_tracks": -(10**400)}, "max_tracks"),
         ({"loops": "no"}, "loops"),
     ],
 )
@@ -30,7 +32,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert method("stereo").config(max_tracks=np.int64(99)).build(doubles.rig())
 
 
-@pytest.mark.parametrize("given", [{"stereo": {"max_tracks": 99}}, {"sterio": None}, {"stereo": None}])
+@pytest.mark.parametrize("given", [{"stereo": {"max_tracks": 99}}, {"other": None}, {"stereo": None}])
 def test_settings_are_those_of_a_method(given: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(given))):
         Config(given)

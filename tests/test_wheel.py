@@ -44,7 +44,9 @@ def test_every_file_that_is_no_code_has_a_pattern() -> None:
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["*"]
     for file in packaged():
         if not file.endswith(".py"):
-            assert any(fnmatch.fnmatch("/".join(file.split("/")[-2:]), pattern) for pattern in patterns), file
+            parts = file.split("/")
+            names = {pattern: "/".join(parts[-1 - pattern.count("/") :]) for pattern in patterns}
+            assert any(fnmatch.fnmatch(name, pattern) for pattern, name in names.items()), file
 
 
 @pytest.fixture(scope="module")

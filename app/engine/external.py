@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import shutil
 from collections.abc import Iterable, Iterator
@@ -11,11 +10,11 @@ from keyword import iskeyword
 
 from ispom.errors import InputError
 from ispom.estimators.program.estimator import ProgramConfig, program_method
+from ispom.io.values import RESERVED, is_name
 from ispom.methods import add, names
 from ispom.types import Kind
 
 FLAG = "--external"
-_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
 def add_programs(words: list[str]) -> str:
@@ -45,8 +44,10 @@ def _named(value: str) -> tuple[type[ProgramConfig], list[Kind]]:
         raise InputError(
             f"{FLAG} is {value[:60]!r}: give NAME=COMMAND, or NAME:KINDS=COMMAND with video or stereo in KINDS"
         )
-    if not _NAME.fullmatch(name) or iskeyword(name):
+    if not is_name(name) or iskeyword(name):
         raise InputError(f"{FLAG} names a method {name[:60]!r}: use small letters, digits and _, a letter first")
+    if name in RESERVED:
+        raise InputError(f"{FLAG} names a method {name!r}, which has another meaning: choose another name")
     if name in {other.replace(".", "_").replace("-", "_") for other in names()}:
         raise InputError(f"{FLAG} names a method {name!r}, which there is already: choose another name")
     return type(name, (ProgramConfig,), {"name": name, "command": _split(name, command)}), needs  # type: ignore[return-value]

@@ -97,11 +97,11 @@ def _require(path: Path, names: list[str]) -> None:
 def _times_ns(path: Path, columns: dict[str, NDArray]) -> NDArray[np.int64]:
     name = _time_name(list(columns))
     values = columns[name]
-    if name == "time_ns" and values.dtype.kind in "iu":
-        return values.astype(np.int64)
     seconds = values.astype(float) * (1e-9 if name == "time_ns" else 1.0)
     if len(seconds) and not (np.abs(seconds) <= MAX_TIME_S).all():
         number = int(np.flatnonzero(~(np.abs(seconds) <= MAX_TIME_S))[0]) + 1
         raise InputError(f"{path}: the time of point {number} is no time in seconds: correct it")
+    if name == "time_ns" and values.dtype.kind in "iu":
+        return values.astype(np.int64)
     whole = np.floor(seconds)
     return whole.astype(np.int64) * 1_000_000_000 + np.rint((seconds - whole) * 1e9).astype(np.int64)

@@ -54,6 +54,13 @@ def time_ns(where: str, word: str, unit_ns: int = 10**9) -> int:
     return int((value * unit_ns).to_integral_value())
 
 
+def nanoseconds(word: str) -> int | None:
+    """Returns a time of whole nanoseconds since 1970, written in digits only; None for other words, and for one that is
+    too late."""
+    digits = word.isascii() and word.isdigit() and len(word) <= 19
+    return int(word) if digits and int(word) <= MAX_TIME_S * 10**9 else None
+
+
 def is_name(word: Any) -> bool:
     """Checks for small letters, digits and _, a letter first."""
     return isinstance(word, str) and NAME.fullmatch(word) is not None

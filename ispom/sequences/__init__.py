@@ -33,7 +33,7 @@ from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
 from ispom.sequences.readings import with_doubts
 from ispom.sequences.recording import Recording
-from ispom.sequences.two_rate import check_shape, two_rate
+from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
 from ispom.types import FRAME_KINDS, Measurement, Sequence
 
 MIN_FRAMES = 3
@@ -66,6 +66,12 @@ FILES = VIDEO_SUFFIXES | BAG_SUFFIXES | SETTINGS
 """Suffixes of files that can be opened."""
 
 
+def check_max_exposures(count: int | None) -> None:
+    """Raises InputError where the option is out of its range."""
+    if count is not None and not MIN_FRAMES <= count <= MOST_FRAMES:
+        raise InputError(f"--max-exposures is {str(count)[:40]}, give {MIN_FRAMES} or more, up to {MOST_FRAMES}")
+
+
 def open_sequence(
     source: str,
     *,
@@ -91,8 +97,7 @@ def open_sequence(
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
         raise InputError(f"{source} has its own calibration: leave --camera {camera} out")
-    if max_exposures is not None and max_exposures < MIN_FRAMES:
-        raise InputError(f"--max-exposures is {max_exposures}, give {MIN_FRAMES} or more")
+    check_max_exposures(max_exposures)
     check_shape(stereo_every, video_scale)
     if not 0 <= seed <= MAX_SEED:
         raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")

@@ -13,12 +13,14 @@ from ispom.sequences.recording import Recording
 from ispom.types import Frame, Image, Kind, LaserScanner, Measurement, Rig, Sequence
 
 MIN_SCALE = 0.05
+MOST_FRAMES = 10**9
+"""No recording has more."""
 
 
 def check_shape(stereo_every: int, video_scale: float) -> None:
     """InputError where an option is out of its range."""
-    if stereo_every < 1:
-        raise InputError(f"--stereo-every is {stereo_every}, give 1 or more")
+    if not 1 <= stereo_every <= MOST_FRAMES:
+        raise InputError(f"--stereo-every is {str(stereo_every)[:40]}, give 1 or more, up to {MOST_FRAMES}")
     if not MIN_SCALE <= video_scale <= 1:
         raise InputError(f"--video-scale is {video_scale:g}, give a value from {MIN_SCALE:g} to 1")
 

@@ -14,8 +14,9 @@ from ispom.io.whole import append_to_file, create_file, part_of, require_no_link
 ROOT = Path(__file__).parents[2]
 OWN_WRITERS = {
     "ispom/io/whole.py",
-    "ispom/compiled_code.py",  # these two write to the user's own cache
+    "ispom/compiled_code.py",  # these three write to the user's own cache
     "ispom/simulation/rendering/cache.py",
+    "app/engine/run_folder/own.py",
     "app/__main__.py",  # standard streams
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
     "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made

@@ -15,6 +15,8 @@ from ispom_app.cli.main import main
 
 from ispom.errors import InputError
 from ispom.io.rig import read_rig, rig_text
+from ispom.io.timed_points import read_timed_points
+from ispom.io.trajectories import read_trajectory
 from ispom.io.values import LARGEST, NAME, RESERVED, is_sensor_name, number
 from ispom.plausibility.cameras import camera_doubts
 from ispom.plausibility.gnss import geodetic_doubts, gnss_doubts, mirrored_doubts
@@ -22,12 +24,13 @@ from ispom.plausibility.imu import imu_doubts
 from ispom.plausibility.mounts import far_doubts, order_doubts
 from ispom.plausibility.times import time_doubts
 from ispom.plausibility.wheel import still_doubts, wheel_doubts
+from ispom.sequences import open_sequence
 from ispom.sequences.formats.feature_table import open_feature_table
 from ispom.sequences.sensors import with_sensors
 from ispom.types import Camera, Imu
 from tests import doubles
 from tests.io.test_nmea import sentence
-from tests.sequences.folders import make_euroc
+from tests.sequences.folders import make_euroc, make_vslam_lab
 
 POSE = {"translation_m": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 1]}
 FIXES = "time_s,x,y,z\n0,0,0,0\n0.2,1,0,0\n0.4,2,0,0\n"
@@ -242,3 +245,49 @@ def test_the_times_of_a_sensor_stay_within_64_bits(tmp_path: Path) -> None:
     table = FIXES.replace("0.4", "4500000000")
     with pytest.raises(InputError, match="clock_offset_s"):
         with_sensors(doubles.sequence(), described(tmp_path, "gnss", table, {"sigma_m": 1, "clock_offset_s": 4.5e9}))
+
+
+POSES = "timestamp,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,{},0,0,0,0,0,1\n"
+READERS = {
+    "TUM's time": (read_trajectory, "0 0 0 0 0 0 0 1\n{} 0 0 0 0 0 0 1\n"),
+    "TUM's position": (read_trajectory, "0 0 0 0 0 0 0 1\n1 0 {} 0 0 0 0 1\n"),
+    "TUM's rotation": (read_trajectory, "0 0 0 0 0 0 0 1\n1 0 0 0 {} 0 0 1\n"),
+    "KITTI's position": (read_trajectory, "1 0 0 {} 0 1 0 0 0 0 1 0\n"),
+    "KITTI's rotation": (read_trajectory, "1 0 0 0 0 {} 0 0 0 0 1 0\n"),
+    "EuRoC's time": (read_trajectory, "1,0,0,0,1,0,0,0\n{},0,0,0,1,0,0,0\n"),
+    "a table's position": (read_trajectory, POSES),
+    **{
+        f"a table's {name}": (read_trajectory, POSES.replace("timestamp", name).replace("1,{}", "{},0"))
+        for name in ("timestamp", "time_ns", "time [ms]", "time [us]")
+    },
+    "a table's seconds": (read_trajectory, "sec,nsec,x,y,z,qx,qy,qz,qw\n{},0,0,0,0,0,0,0,1\n"),
+    "a table's nanoseconds": (read_trajectory, "sec,nsec,x,y,z,qx,qy,qz,qw\n0,{},0,0,0,0,0,0,1\n"),
+    "a point's seconds": (read_timed_points, "time_s,x,y,z\n{},0,0,0\n"),
+    "a point's nanoseconds": (read_timed_points, "time_ns,x,y,z\n{},0,0,0\n"),
+    "a point's place": (read_timed_points, "time_ns,x,y,z\n0,0,{},0\n"),
+}
+"""What reads a file, and its content with a place for a number."""
+WORDS = ("1e300", "-1e300", "1e308", "nan", "inf", "-inf", "1e400", "9" * 400, "-" + "9" * 400, "9" * 5000)
+
+
+@pytest.mark.parametrize("word", WORDS, ids=lambda word: word[:6] + str(len(word)))
+@pytest.mark.parametrize("reader", READERS)
+def test_an_impossible_number_of_a_file_is_one_sentence(reader: str, word: str, tmp_path: Path) -> None:
+    read, content = READERS[reader]
+    (tmp_path / "file.txt").write_text(content.format(word))
+    with warnings.catch_warnings(), pytest.raises(InputError, match=r"file\.txt") as caught:
+        warnings.simplefilter("error")
+        read(tmp_path / "file.txt")
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 300 + len(str(tmp_path))
+
+
+@pytest.mark.parametrize("word", [*WORDS, "-1", "1e-320", "9223372036854775807", "1.5"], ids=lambda word: word[:6])
+def test_an_impossible_time_of_an_image_is_one_sentence(word: str, tmp_path: Path) -> None:
+    euroc, lab = make_euroc(tmp_path / "euroc"), make_vslam_lab(tmp_path / "lab")
+    for folder, listing in ((euroc, euroc / "mav0/cam0/data.csv"), (lab, lab / "rgb.csv")):
+        lines = listing.read_text().splitlines()
+        lines[-1] = ",".join([word, *lines[-1].split(",")[1:]])
+        listing.write_text("\n".join(lines))
+        with pytest.raises(InputError, match="nanoseconds") as caught:
+            open_sequence(str(folder))
+        assert str(listing) in str(caught.value) and "\n" not in str(caught.value)

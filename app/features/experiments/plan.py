@@ -6,16 +6,20 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
+from ispom.io.values import LARGEST
 from ispom.methods import Config
 
 from ...presentation.colours import METHOD, OTHERS, css
 from ...presentation.texts import METRE, Unit
 
 Value = bool | int | float | str
+Finite = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+InPicture = Annotated[float, msgspec.Meta(ge=-1000, le=1000)]
+"""A place, length or angle [degrees] in a picture of 100 x 60."""
 FailureKind = Literal["no motion", "lost"]
 """How a run may fail that did what it could: `no motion`, no method found any; `lost`, too few frames are located for
 the quantity."""
@@ -52,13 +56,13 @@ class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     over_line: str | None = None
     """The quantity divided by that of this line, on the same source (or `over_source`) and seed."""
     over_source: str | None = None
-    at_most: float | None = None
-    at_least: float | None = None
+    at_most: Finite | None = None
+    at_least: Finite | None = None
     or_fails: tuple[FailureKind, ...] = ()
     """Kinds of failure that count as holding. With any other failure the run could not test it."""
-    share: float = 1.0
+    share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0
     """Of the runs, 0..1, in which it must hold."""
-    least_located_percent: float = 50.0
+    least_located_percent: Annotated[float, msgspec.Meta(ge=0, le=100)] = 50.0
     """Share of the frames that must be located [%] where the quantity is an error or a scale: one of fewer frames says
     little of the method."""
 
@@ -74,9 +78,9 @@ class Field(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     line: str
     """To which the ellipse is a link."""
-    ellipse: tuple[float, float, float, float, float]
+    ellipse: tuple[InPicture, InPicture, InPicture, InPicture, InPicture]
     """Centre and half axes in a picture of 100 x 60, and how far it is turned clockwise [degrees]."""
-    label: tuple[float, float]
+    label: tuple[InPicture, InPicture]
     """Where the name is written."""
 
 

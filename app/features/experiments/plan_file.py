@@ -6,7 +6,7 @@ from dataclasses import replace
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
@@ -14,7 +14,9 @@ from ispom.errors import InputError
 from ispom.io.files import exists, expanded
 from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.methods import method, with_dependencies
+from ispom.sequences import MIN_FRAMES, check_max_exposures
 from ispom.sequences.address import MAX_SEED
+from ispom.sequences.two_rate import MIN_SCALE, MOST_FRAMES
 from ispom.settings import check, from_plain
 
 from .options import Experiment
@@ -42,9 +44,9 @@ class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     settings: dict[str, list[Value]] = {}
     quantities: tuple[str, ...] = Plan.quantities
     statements: tuple[Statement, ...] = ()
-    stereo_every: int = 1
-    video_scale: float = 1.0
-    max_exposures: int | None = None
+    stereo_every: Annotated[int, msgspec.Meta(ge=1, le=MOST_FRAMES)] = 1
+    video_scale: Annotated[float, msgspec.Meta(ge=MIN_SCALE, le=1)] = 1.0
+    max_exposures: Annotated[int, msgspec.Meta(ge=MIN_FRAMES, le=MOST_FRAMES)] | None = None
     fields: tuple[Field, ...] = ()
 
 
@@ -72,6 +74,7 @@ def read_plan(options: Experiment) -> Plan:
         plan = replace(plan, sources=sources, lines=lines)
     plan = replace(plan, seeds=plan.seeds if options.seeds is None else seeds_of("--seeds", options.seeds))
     if options.max_exposures is not None:
+        check_max_exposures(options.max_exposures)
         plan = replace(plan, max_exposures=options.max_exposures)
     runs = len(plan.sources) * len(plan.seeds) * len(plan.lines)
     if runs > MAX_RUNS:

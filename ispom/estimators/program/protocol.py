@@ -6,6 +6,7 @@ A request is one line of JSON, followed by as many bytes as it states. No field 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -182,7 +183,7 @@ def _pose(entry: dict[str, Any]) -> Pose:
     xyzw = _numbers(entry.get("rotation_xyzw"), "pose.rotation_xyzw", 4)
     if max(map(abs, translation)) > MAX_DISTANCE_M:
         raise validate.wrong("pose.translation", translation, f"within {MAX_DISTANCE_M:g}")
-    if abs(np.linalg.norm(xyzw) - 1) > 0.01:
+    if abs(math.hypot(*xyzw) - 1) > 0.01:
         raise validate.wrong("pose.rotation_xyzw", xyzw, "of length 1")
     return Pose.from_xyzw(np.array(xyzw), np.array(translation))
 
@@ -194,7 +195,8 @@ def _tracks(entry: dict[str, Any], name: str, camera: Camera, before: Tracks | N
     listed = validate.items(entry.get("ids", []), f"{where}.ids", MAX_TRACKS)
     ids = [validate.count(i, f"{where}.ids", validate.LARGEST_ID) for i in listed]
     pairs = validate.items(entry.get("uv", []), f"{where}.uv", MAX_TRACKS, len(ids))
-    uv = np.array([_numbers(pair, f"{where}.uv", 2) for pair in pairs], np.float32).reshape(-1, 2)
+    with np.errstate(over="ignore"):  # infinite is outside of the image
+        uv = np.array([_numbers(pair, f"{where}.uv", 2) for pair in pairs], np.float32).reshape(-1, 2)
     if len(set(ids)) != len(ids):
         raise ProgramFault(f"answers with {where}.ids that are not unique")
     if not ((uv > -1) & (uv < (camera.width, camera.height))).all():

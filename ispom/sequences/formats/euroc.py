@@ -18,7 +18,7 @@ from ispom.io.calibrations.pair import pair_fault
 from ispom.io.files import exists, is_folder
 from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
-from ispom.io.values import MAX_TIME_S
+from ispom.io.values import nanoseconds
 from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
@@ -109,19 +109,16 @@ def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
         stamp, comma, name = (word.strip() for word in text.partition(","))
         if not text.strip() or stamp.startswith("#"):
             continue
-        if not comma or not name or not stamp.isascii() or not stamp.isdigit() or not _fits(stamp):
+        time_ns = nanoseconds(stamp)
+        if not comma or not name or time_ns is None:
             raise InputError(f"{path} line {line} is not 'time in nanoseconds,file name': correct that line")
-        if times_ns and int(stamp) <= times_ns[-1]:
+        if times_ns and time_ns <= times_ns[-1]:
             raise InputError(f"{path} line {line}: time {stamp} is not after the one before: put the lines in order")
-        times_ns.append(int(stamp))
+        times_ns.append(time_ns)
         names.append(name)
     if not names:
         raise InputError(f"{path} lists no image: restore the file")
     return np.array(times_ns, np.int64), names
-
-
-def _fits(digits: str) -> bool:
-    return len(digits) <= 19 and int(digits) <= MAX_TIME_S * 10**9
 
 
 def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:

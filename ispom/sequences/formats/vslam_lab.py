@@ -27,7 +27,7 @@ from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
-from ispom.io.values import MAX_TIME_S
+from ispom.io.values import nanoseconds
 from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
@@ -104,11 +104,12 @@ def _listed(path: Path) -> dict[str, tuple[NDArray[np.int64], list[str]]]:
             if len(row) != len(header):
                 raise InputError(f"{path} line {line} has {len(row)} columns, not {len(header)}: correct that line")
             word, name = (row[i].strip() for i in columns)
-            if not (word.isascii() and word.isdigit() and len(word) <= 19 and int(word) <= MAX_TIME_S * 10**9):
+            time_ns = nanoseconds(word)
+            if time_ns is None:
                 raise InputError(f"{path} line {line}: '{word[:40]}' is not a time in nanoseconds: correct that line")
-            if times and int(word) <= times[-1]:
+            if times and time_ns <= times[-1]:
                 raise InputError(f"{path} line {line}: time {word} is not after the one before: put the lines in order")
-            times.append(int(word))
+            times.append(time_ns)
             names.append(name)
         if not names:
             raise InputError(f"{path} lists no image: restore the file")

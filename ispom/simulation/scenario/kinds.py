@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
+from ispom.caches import cache_folder
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.trajectories import tum_text
+from ispom.io.whole import write_whole
 from ispom.simulation.motions import motion_of
 from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair
 from ispom.simulation.scenario.fault import Clock, Fault
@@ -191,8 +193,6 @@ def _swung(seed: int) -> Path:
     for time_ns in range(0, 2_000_000_000, 10_000_000):
         turn = np.radians(SWING_DEG) * np.sin(2 * np.pi * SWING_HZ * time_ns * 1e-9)
         poses.append((time_ns, path.pose_at(time_ns) @ Pose.from_rotvec(np.array([0.0, turn, 0.0]), np.zeros(3))))
-    route = Path(gettempdir()) / f"ispom-swung-{seed}.tum"  # stays, so that its images are rendered once
-    text = tum_text(Trajectory.of(poses))
-    if not route.exists() or route.read_text() != text:
-        route.write_text(text)
+    route = (cache_folder("routes") or Path(mkdtemp())) / f"swung-{seed}.tum"  # stays: its images are rendered once
+    write_whole(route, tum_text(Trajectory.of(poses)))
     return route

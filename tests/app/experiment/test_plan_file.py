@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from pathlib import Path
 
 import pytest
@@ -90,6 +92,52 @@ def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> Non
 def test_what_is_wrong_is_one_sentence(changes: dict, sentence: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=sentence):
         plan_of(tmp_path, **changes)
+
+
+IMPOSSIBLE = (math.nan, math.inf, -math.inf, 1e300, -1e308, 10**400, -(10**400))
+CLAIM = {"text": "t", "quantity": "ate_m", "line": "stereo"}
+FIELD = {"name": "f", "line": "stereo", "ellipse": [50, 30, 10, 5, 0], "label": [50, 30]}
+NUMBERS = {
+    "seeds": lambda value: {"seeds": value},
+    "seeds[0]": lambda value: {"seeds": [value]},
+    "stereo_every": lambda value: {"stereo_every": value},
+    "video_scale": lambda value: {"video_scale": value},
+    "max_exposures": lambda value: {"max_exposures": value},
+    "settings": lambda value: {"settings": {"stereo.max_tracks": [value]}},
+    "at_most": lambda value: {"statements": [CLAIM | {"at_most": value}]},
+    "at_least": lambda value: {"statements": [CLAIM | {"at_least": value}]},
+    "share": lambda value: {"statements": [CLAIM | {"share": value}]},
+    "least_located_percent": lambda value: {"statements": [CLAIM | {"least_located_percent": value}]},
+    "ellipse": lambda value: {"fields": [FIELD | {"ellipse": [50, 30, value, 5, 0]}]},
+    "label": lambda value: {"fields": [FIELD | {"label": [value, 30]}]},
+}
+"""By its name, what a plan file has of each number."""
+
+
+@pytest.mark.parametrize("value", IMPOSSIBLE, ids=lambda value: f"{str(value)[:9]}")
+@pytest.mark.parametrize("name", NUMBERS)
+def test_an_impossible_number_is_one_sentence(name: str, value: float, tmp_path: Path) -> None:
+    with warnings.catch_warnings(), pytest.raises(InputError, match=r"own\.yaml|--stereo\.max-tracks") as caught:
+        warnings.simplefilter("error")
+        plan_of(tmp_path, **NUMBERS[name](value))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, -1) for name in NUMBERS if name not in ("at_most", "at_least", "ellipse", "label")]
+    + [("video_scale", 1e-320), ("video_scale", 0), ("stereo_every", 0), ("max_exposures", 0), ("share", 1.1)],
+)
+def test_a_number_out_of_its_range_is_one_sentence(name: str, value: float, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        plan_of(tmp_path, **NUMBERS[name](value))
+
+
+@pytest.mark.parametrize("count", [-1, 0, 10**400])
+def test_an_impossible_number_of_exposures_is_refused_before_the_first_run(count: int, tmp_path: Path) -> None:
+    plan_of(tmp_path)
+    with pytest.raises(InputError, match="--max-exposures"):
+        read_plan(Experiment(plan=str(tmp_path / "own.yaml"), out=tmp_path, max_exposures=count))
 
 
 def test_a_plan_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from tests.doubles import pose_at
 
 SECOND_NS = 1_000_000_000
 UNIT_M = 0.5
-NOTHING = np.zeros((2, 2), np.uint8)
+NOTHING = np.zeros((120, 160), np.uint8)
 
 
 def rig() -> Rig:

@@ -71,6 +71,9 @@ def test_tracks_that_are_not_named_any_more_are_lost() -> None:
         (tracked(uv=[[320, 2]]), "outside of its image"),
         (tracked(uv=[[1, -1]]), "outside of its image"),
         (tracked(uv=[[1e300, 1]]), "outside of its image"),
+        (tracked(uv=[[1, -1e308]]), "outside of its image"),
+        ({"pose": {**POSE, "translation": [1, 2, -1e308]}}, "not within"),
+        ({"pose": {**POSE, "rotation_xyzw": [1e308, -1e308, 1e-320, 0]}}, "not of length 1"),
         (tracked(ids=[5]), "the track 5 in tracks.video, which ended before"),
         (tracked(ended={"4": "lost"}), "'4', which is no track that ends here"),
         (tracked(ended={"7": "alive"}), "'alive', not one of"),
@@ -81,5 +84,5 @@ def test_tracks_that_are_not_named_any_more_are_lost() -> None:
     ],
 )
 def test_what_is_wrong_is_named(parts: dict[str, Any], said: str) -> None:
-    with np.errstate(over="ignore"), pytest.raises(ProgramFault, match=said):
+    with np.errstate(all="raise", under="ignore"), pytest.raises(ProgramFault, match=said):
         read(**parts)

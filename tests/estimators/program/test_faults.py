@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ispom.errors import InputError
-from ispom.estimators.program.estimator import program_method
+from ispom.estimators.program.estimator import Program, program_method
 from tests.estimators.program.programs import AT, PYTHON, RIG, assert_all_gone, config, faulty, walk
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and process groups")
@@ -59,7 +59,7 @@ def test_a_program_that_closes_its_output_is_not_waited_for(tmp_path: Path) -> N
 @pytest.mark.parametrize("fault", ["time.sleep(600)", "sys.stdin.close(); time.sleep(600)"])
 def test_silence_ends_after_the_time(fault: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"does not answer within 3 s, at frame \d of those"):
-        walk(faulty(tmp_path, fault, timeout_s=3.0).build(RIG), AT + 1)
+        walk(Program(faulty(tmp_path, fault, timeout_s=3.0), RIG), AT + 1)  # less than the settings allow
     assert_all_gone(tmp_path / "pids")
 
 

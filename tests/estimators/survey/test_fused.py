@@ -21,6 +21,7 @@ from ispom.estimators.survey.fused import SCHEMES, FusedConfig
 from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_links import Link, deskewed, wheel_link
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
+from ispom.estimators.survey.fused_tight import FusedTightConfig
 from ispom.estimators.survey.fused_values import Node, Noise
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
@@ -228,8 +229,10 @@ def test_a_missing_sensor_or_library_is_one_sentence(monkeypatch: pytest.MonkeyP
     with pytest.raises(InputError, match="scheme 3 needs an IMU and a GNSS antenna and a wheel odometer, which this"):
         FusedConfig(scheme="3").build(rig)
     monkeypatch.setattr(fused, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match="fused needs gtsam, which is not installed"):
+    with pytest.raises(InputError, match=r"^fused needs gtsam, of the extra `fusion`"):
         FusedConfig().build(rig)
+    with pytest.raises(InputError, match=r"^fused\.tight needs gtsam, of the extra `fusion`"):
+        FusedTightConfig().build(rig)
     assert importlib.util.find_spec("gtsam") is not None
 
 

@@ -64,7 +64,8 @@ class Run:
         self.rig = self.rig.changed(**{name: each.sensor() for name, each in sensors.items()})
         self.truth = Trajectory.of([(int(t), path(int(t))) for t in times_ns])
         others: list[Measurement] = [m for each in sensors.values() for m in each.measured(around)]
-        frames = [Frame.video(int(t), np.zeros((4, 4), np.uint8)) for t in times_ns]
+        black = np.zeros((480, 640), np.uint8)
+        frames = [Frame.video(int(t), black) for t in times_ns]
         self.measurements = sorted((*others, *frames), key=lambda m: (m.time_ns, isinstance(m, Frame)))
         self.visual, found = dict[int, Step](), list[tuple[int, Pose]]()
         rng, start = np.random.default_rng(seed), path(0) @ RIG_FROM_VIDEO
