@@ -28,9 +28,9 @@ def markdown(rows: Sequence[Row], rules: str) -> str:
         parts.append(_healthy(healthy))
     for title, simulated in (("Faults on simulations", True), ("Faults on recordings", False)):
         if faulty := [row for row in rows if _parts(row)[1] != HEALTHY and row["simulated"] == simulated]:
-            parts.append(f"### {title}\n\n{_sources(faulty)}\n\n{_faults(faulty)}")
+            parts.append(f"## {title}\n\n{_sources(faulty)}\n\n{_faults(faulty)}")
     if played := [row for row in rows if row["methods"]]:
-        parts.append(f"### Methods\n\n{_methods(played)}")
+        parts.append(f"## Methods\n\n{_methods(played)}")
     return "\n\n".join(parts) + "\n"
 
 
@@ -66,7 +66,7 @@ def _healthy(rows: Sequence[Row]) -> str:
         for said in _in_order(map(_said, own)):
             same = [row for row in own if _said(row) == said]
             lines.append((source, ", ".join(map(_place, same)), str(len(same)), said))
-    head = f"### Stretches without a fault\n\nOf {len(tested)} stretches, a cause was named in {len(alarms)}."
+    head = f"## Stretches without a fault\n\nOf {len(tested)} stretches, a cause was named in {len(alarms)}."
     return f"{head}\n\n{_table(('recording', 'frames', 'stretches', 'what came first'), lines)}"
 
 

@@ -133,7 +133,7 @@ def test_the_table_counts_alarms_places_and_figures() -> None:
     ]
     text = markdown(found, "r")
     assert "Of 2 stretches, a cause was named in 1." in text
-    simulated, real = text.partition("### Faults on recordings")[::2]
+    simulated, real = text.partition("## Faults on recordings")[::2]
     assert "| focal | video-focal | 3 | 1 | 2 | 0 | 1 of 2 | video-focal 1, blur 1, a 1 |" in simulated
     assert "| clock | clock | 1 | 0 | 0 | 1 |  | no cause 1 |" in simulated
     assert "| jpeg | none is known | 2 | 1 named nothing |  |  |  | no cause 1, blur 1 |" in simulated
