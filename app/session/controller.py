@@ -186,7 +186,7 @@ class Controller:
         self._leave()
         playback, self.player.run = run.playback, run
         self._pending = None
-        if not run.done:
+        if not run.done or (run.stored is not None and not run.stored.unavailable):  # it may be forked or diagnosed
             self._compiling.begin(playback)
         if playback.sequence.prepare is not None and run.stored is None:
             playback.sequence.prepare(0)

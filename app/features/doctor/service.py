@@ -7,8 +7,9 @@ from threading import Event, Thread
 
 from ispom.errors import InputError
 from ispom.evaluation.doctor.finding import Diagnosis
-from ispom.types import Sequence
 
+from ...engine import warmup
+from ...engine.playback import Playback
 from ...session import moves
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
@@ -22,6 +23,8 @@ from .state import Examined
 from .stretch import Stretch, stretch_of
 
 CANCELLED = "cancelled"
+COMPILER_S = 0.1
+"""For the compiler at a time, before its progress is shown again."""
 
 
 class _Cancelled(Exception):
@@ -38,8 +41,12 @@ class _Work:
     problem: str = ""
     thread: Thread | None = None
 
-    def run(self, sequence: Sequence, stretch: Stretch, origin: Origin) -> None:
+    def run(self, playback: Playback, stretch: Stretch, origin: Origin) -> None:
+        sequence, methods, config = playback.sequence, playback.methods, playback.config
         try:
+            while not warmup.ready(methods, config, COMPILER_S):  # before its time begins to count
+                count = stretch.last - stretch.first + 1
+                self.report(Progress(0, count, warmup.message(methods, config)))
             self.diagnosis = examine(sequence, stretch, SECONDS, self.report, origin=origin)
         except _Cancelled:
             self.problem = CANCELLED
@@ -84,7 +91,7 @@ class DoctorService(Service):
         work, self._examined = _Work(), run
         self._work = work
         origin = Origin.of_run(run, stretch)
-        work.thread = Thread(target=work.run, args=(sequence, stretch, origin), name="doctor", daemon=True)
+        work.thread = Thread(target=work.run, args=(run.playback, stretch, origin), name="doctor", daemon=True)
         work.thread.start()
         self.store.put(Examined(stretch, Progress(0, stretch.last - stretch.first + 1, "reading images")))
 

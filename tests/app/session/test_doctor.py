@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ispom_app.engine import warmup
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.doctor.commands import CancelExamination, Examine, ForkWithRemedy
 from ispom_app.features.doctor.service import CANCELLED
@@ -51,6 +53,23 @@ def test_an_examination_is_cancelled(session: Session) -> None:
     session.post(CancelExamination())
     wait_for(lambda: examined(session).problem == CANCELLED, "the end", 60.0)
     assert examined(session).diagnosis is None and examined(session).progress is None
+
+
+def test_its_time_begins_when_the_estimators_are_compiled(monkeypatch: pytest.MonkeyPatch, session: Session) -> None:
+    asked, over = list[tuple[str, ...]](), threading.Event()
+
+    def ready(methods: tuple[str, ...], config: Config, wait_s: float = 0.0) -> bool:
+        asked.append(tuple(methods))
+        return over.wait(wait_s)
+
+    monkeypatch.setattr(warmup, "ready", ready)
+    session.post(Examine(30))
+    wait_for(lambda: (now := examined(session).progress) and warmup.MESSAGE in now.doing, "the message")
+    assert ("stereo",) in asked
+    over.set()
+    wait_for(lambda: (now := examined(session).progress) and warmup.MESSAGE not in now.doing, "the examination")
+    session.post(CancelExamination())
+    wait_for(lambda: examined(session).problem == CANCELLED, "the end", 60.0)
 
 
 def test_a_frame_beyond_the_end_is_refused(session: Session) -> None:

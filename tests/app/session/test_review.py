@@ -70,6 +70,15 @@ def session(run: Path, tmp_path: Path) -> Iterator[Session]:
     found.close(5)
 
 
+def test_a_run_that_may_be_forked_or_diagnosed_is_compiled_for(run: Path, tmp_path: Path) -> None:
+    begun = list[tuple[str, ...]]()
+    session = opened(tmp_path, run, compiling=lambda methods, config: begun.append(methods))
+    try:
+        assert session.state.total > 0 and begun == [session.state.methods]
+    finally:
+        session.close(5)
+
+
 def test_it_is_shown_at_its_end_and_nothing_is_computed(session: Session) -> None:
     state = session.state
     assert (state.index, state.computed, state.total, state.ended) == (20, 21, 21, True) and not state.playing
