@@ -119,7 +119,7 @@ KINDS: Mapping[str, FaultKind] = {
     "motion-blur": FaultKind("motion-blur:length_px=12", ("blur",), sizes=("length_px",)),
     "darkness": FaultKind("darkness:factor=0.1", ("darkness",)),
     "noise": FaultKind("noise:sigma=20", ()),
-    "fog": FaultKind("fog:contrast=0.15", ("low-texture",)),
+    "fog": FaultKind("fog:contrast=0.15", ("haze", "low-texture")),
     "jpeg": FaultKind("jpeg:quality=10", ()),
     "exposure": FaultKind("exposure-jumps:gain=1.6,every_s=0.4", ("exposure-jumps",)),
     "cover": FaultKind("blocked:share=0.5", ("covered-lens",)),

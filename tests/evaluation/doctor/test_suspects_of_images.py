@@ -8,7 +8,7 @@ import pytest
 
 from ispom.evaluation.doctor.examination import Examination, Shot, examination
 from ispom.evaluation.doctor.suspects.cover import covered
-from ispom.evaluation.doctor.suspects.images import blur, darkness, edge_width_px, exposure_jumps, low_texture
+from ispom.evaluation.doctor.suspects.images import blur, darkness, edge_width_px, exposure_jumps, haze, low_texture
 from ispom.evaluation.doctor.suspects.lens import fixed_edges, on_lens
 from ispom.evaluation.doctor.suspects.smear import gains
 from ispom.evaluation.doctor.suspects.times import dropped, repeated
@@ -43,7 +43,7 @@ LONG = [np.ascontiguousarray(WIDE[:, 8 * i : 8 * i + 320]) for i in range(40)]
 """It turns farther."""
 
 
-@pytest.mark.parametrize("suspect", [darkness, covered, blur, low_texture, exposure_jumps, dropped, repeated])
+@pytest.mark.parametrize("suspect", [darkness, covered, blur, haze, low_texture, exposure_jumps, dropped, repeated])
 def test_good_images_have_no_cause(suspect) -> None:
     finding = suspect(seen(GOOD))
     assert finding is not None and not finding.found
@@ -123,6 +123,46 @@ def test_blur_of_a_few_images_in_a_row_has_their_frame() -> None:
     one = blur(seen([blurred(image) if i == 5 else image for i, image in enumerate(GOOD)]))
     assert spell is not None and spell.found and spell.frames == (5,)
     assert one is not None and not one.found
+
+
+def veiled(images: list[Image], contrast: float) -> list[Image]:
+    """Returns the images with so much of their contrast, and as bright as fog."""
+    rng = np.random.default_rng(0)
+    light = [contrast * image + (1 - contrast) * 200 + rng.normal(0, 1.6, image.shape) for image in images]
+    return [np.clip(each, 0, 255).astype(np.uint8) for each in light]
+
+
+def test_haze_leaves_nothing_dark() -> None:
+    finding = haze(seen(veiled(GOOD, 0.15)))
+    assert finding is not None and finding.found and finding.values["dark_over_bright"] > 0.75
+
+
+def test_haze_of_one_camera_of_a_pair_is_found() -> None:
+    rig = Rig.stereo(CAMERA, 0.1)
+    shots = tuple(
+        Shot(i, i * FRAME_NS, {"left": image, "right": foggy})
+        for i, (image, foggy) in enumerate(zip(GOOD, veiled(GOOD, 0.15), strict=True))
+    )
+    finding = haze(Examination(rig, shots, np.arange(len(GOOD)) * FRAME_NS))
+    assert finding is not None and finding.found
+
+
+@pytest.mark.parametrize("place", ["wall&motion=sideways", "moon&motion=drive", "indoor&motion=walk"])
+def test_an_even_place_is_not_hazy(place: str) -> None:
+    finding = haze(examination(open_sequence(f"sim:tiny?place={place}", seed=730), 0, 10))
+    assert finding is not None and not finding.found
+
+
+def test_of_a_blurred_or_a_bare_image_no_haze_is_known() -> None:
+    rng = np.random.default_rng(0)
+    foggy = [np.asarray(cv2.GaussianBlur(image, (0, 0), 3), np.uint8) for image in veiled(GOOD, 0.15)]
+    assert haze(seen(foggy)) is None
+    assert haze(seen([(150 + rng.normal(0, 1.6, (240, 320))).astype(np.uint8) for _ in range(5)])) is None
+
+
+def test_an_even_place_that_the_camera_passes_is_not_hazy() -> None:
+    finding = haze(seen([*GOOD, *veiled(GOOD, 0.15)]))
+    assert finding is not None and not finding.found
 
 
 def test_a_bare_wall_has_no_texture() -> None:

@@ -1,4 +1,5 @@
-"""Suspects that single images show: darkness, a covered lens, blur, a scene without texture, jumps of the exposure."""
+"""Suspects that single images show: darkness, a covered lens, blur, haze, a scene without texture, jumps of the
+exposure."""
 
 from __future__ import annotations
 
@@ -26,6 +27,15 @@ BLUR_SAMPLES = 20
 """Images of a camera that are measured."""
 REACH_PX = 8
 """Edges are measured so far to both sides."""
+HAZE_RATIO = 0.5 ** (1 / 2.2)
+"""Grey level of the darkest places over that of the brightest ones, from which on an image is hazy: the places differ
+by a factor of two in light, at the usual gamma of 2.2. Light and shadow on a single material differ by more."""
+HAZE_SHARE = 0.01
+"""Of an image's pixels: the darkest and the brightest places."""
+HAZE_LASTS = 0.9
+"""Share of the images that are hazy, so that it is no even place which the camera passes."""
+SENSOR_NOISE_PX = 1.5
+"""Smoothing (1 sigma) before the darkest and brightest places are sought: it takes most of a sensor's noise."""
 BARE_STD = 4.0
 """A block with a lower standard deviation has no texture: it is hardly more than a sensor's noise."""
 BARE_SHARE = 0.75
@@ -116,6 +126,40 @@ def blur(seen: Examination) -> Finding | None:
     )
 
 
+def haze(seen: Examination) -> Finding | None:
+    """Compares the darkest with the brightest places of a camera's images. Haze before a lens or on it adds light
+    everywhere, so nothing is dark, and what is left of the edges stays sharp. None where there are no sharp edges: of a
+    bare wall, or of blurred images, it cannot be known."""
+    found: list[tuple[float, str, int]] = []
+    for name in seen.rig.cameras:
+        own = [shot for shot in seen.shots if name in shot.images]
+        ratios = [
+            (_dark_over_bright(shot.images[name]), shot.index)
+            for shot in own[:: max(1, len(own) // BLUR_SAMPLES)]
+            if edge_width_px(shot.images[name]) < EDGE_PX and _lit_level(shot.images[name]) >= DARK_LEVELS
+        ]
+        if ratios:
+            lasting = float(np.percentile([ratio for ratio, _ in ratios], 100 * (1 - HAZE_LASTS)))
+            found.append((lasting, name, max(ratios)[1]))
+    if not found:
+        return None
+    ratio, name, frame = max(found)
+    return Finding(
+        float(np.log(HAZE_RATIO) / np.log(min(ratio, 0.99))) if ratio > 0 else 0.0,
+        f"The darkest places of the {name} images have {100 * ratio:.0f} % of the grey level of the brightest ones "
+        f"(hazy from {100 * HAZE_RATIO:.0f} % on).",
+        {"dark_over_bright": ratio},
+        (frame,),
+    )
+
+
+def _dark_over_bright(image: Image) -> float:
+    """Returns the grey level of the darkest places of an image over that of the brightest ones."""
+    smooth = cv2.GaussianBlur(image, (0, 0), SENSOR_NOISE_PX)
+    dark, bright = np.percentile(smooth, [100 * HAZE_SHARE, 100 * (1 - HAZE_SHARE)])
+    return float(dark / max(bright, 1.0))
+
+
 def low_texture(seen: Examination) -> Finding | None:
     """Measures the share of the main camera's image without texture."""
     shares, means = [], []
@@ -189,6 +233,14 @@ IMAGES = (
         "Focus the lens and clean it, and shorten the exposure. With images that exist: run them at half size "
         "(--video-scale 0.5).",
         blur,
+    ),
+    Suspect(
+        "haze",
+        "the images are hazy",
+        "images",
+        "Clean the lens, and keep the sun and lamps from shining onto it. In fog, smoke or dust, stay near to what is "
+        "filmed.",
+        haze,
     ),
     Suspect(
         "low-texture",
