@@ -232,6 +232,11 @@ def test_something_on_the_lens_stays_where_it_is() -> None:
     assert len(apart) > 100 and np.percentile(apart, 90) < 10
 
 
+def test_drops_show_the_scene_so_their_edges_change_their_sign() -> None:
+    finding = on_lens(examination(open_sequence("sim:tiny?fault=rain", seed=731), 0, 49))
+    assert finding is not None and finding.found and finding.values["more_often"] > 2
+
+
 def test_a_smear_takes_contrast_where_corners_pass_it() -> None:
     smeared = examination(open_sequence("sim:tiny?fault=smear", seed=1), 0, 49)
     clean = examination(open_sequence("sim:tiny", seed=1), 0, 49)
