@@ -243,8 +243,17 @@ def test_a_smear_takes_contrast_where_corners_pass_it() -> None:
     found, other = on_lens(smeared), on_lens(clean)
     assert found is not None and found.found and found.values["smeared_share"] > 0.025
     assert other is not None and not other.found
-    gain, known = gains(clean)
+    gain, known = gains(clean, clean.tracked.uv)
     assert known.sum() > 50 and abs(gain[known]).max() < 0.3
+
+
+def test_a_smear_where_no_corner_passes_is_an_island() -> None:
+    """At the smear of seed 710, the road has no corners, and those of the street come from its middle."""
+    smeared = examination(open_sequence("sim:tiny?fault=smear", seed=710), 0, 49)
+    clean = examination(open_sequence("sim:tiny", seed=710), 0, 49)
+    found, other = on_lens(smeared), on_lens(clean)
+    assert found is not None and found.found and found.values["directions"] >= 7
+    assert other is not None and not other.found
 
 
 def test_of_a_camera_at_rest_nothing_is_said_of_the_lens() -> None:

@@ -18,7 +18,7 @@ from ispom.geometry import Array
 from ..examination import Examination
 from ..finding import Finding, Suspect
 from ..tracking import evened
-from .smear import smear
+from .smear import island, smear
 
 BORDER = 0.08
 """Of the image's size: corners leave the image there."""
@@ -50,7 +50,7 @@ STRONGEST = 3.0
 
 def on_lens(seen: Examination) -> Finding | None:
     """Returns the stronger finding of edges that stay in place, and of a smear; None where neither can be known."""
-    found = [each for each in (drops(seen), smear(seen)) if each is not None]
+    found = [each for each in (drops(seen), smear(seen), island(seen)) if each is not None]
     return max(found, key=lambda finding: finding.strength, default=None)
 
 
