@@ -79,6 +79,11 @@ def test_a_dark_sky_along_which_the_scene_passes_is_not_called_a_cover() -> None
     assert covered(seen(with_dark(LONG, 80, 320))) is None
 
 
+def test_a_cover_out_of_which_the_scene_moves_is_known_by_its_edge() -> None:
+    finding = covered(seen(with_dark(LONG[::-1])))
+    assert finding is not None and finding.found
+
+
 def test_of_a_camera_at_rest_it_is_not_known_whether_it_is_covered() -> None:
     assert covered(seen(with_dark(GOOD[:1] * 10))) is None
 

@@ -4,7 +4,8 @@ scene is not.
 The sky of the moon, a night and a dark room are dark and uniform, too, and in a drive their border stays where it is.
 So darkness alone says nothing. Another camera of the rig that sees light in the same directions shows that something is
 in the way; one that sees darkness, too, that nothing is. A single camera shows it by corners that move into the dark
-part and end at its border: the border of a sky or a wall moves along with the scene.
+part and end at its border, and by a border that stays an edge while the scene passes across it: the border of a sky or
+a wall moves along with the scene.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from ispom.types import Image
 
 from ..examination import Examination, Shot
 from ..finding import Finding, Suspect
+from .lens import fixed_edges
 
 BLOCK_PX = 20
 COVERED_LEVELS, COVERED_STD = 45.0, 4.0
@@ -36,6 +38,9 @@ STEPS = 3
 ENDS = 5
 """Corners that end in this way; none at the sky of a simulated moon (seeds 0 to 3), 25 and more at a cover where the
 scene passes it."""
+BORDER_PASSED, BORDER_STAYS = 0.5, 0.4
+"""Shares of the border of the dark part that the scene passes, so that it tells anything, and of which the edge stays:
+0.49 and more at covers on simulations and recordings, 0 at the sky of a simulated moon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +121,27 @@ def _in_the_way(seen: Examination, dark: Dark) -> str | None:
         return f"Another camera sees light in {100 * max(lit):.0f} % of these directions."
     if dark.camera == seen.main and (ends := _ends(seen, dark)) >= ENDS:
         return f"{ends} corners that move into it end at its border."
+    if dark.camera == seen.main and (stays := _staying(seen, dark)) >= BORDER_STAYS:
+        return f"Its edge stays in place along {100 * stays:.0f} % of the border that the scene passes."
     return "" if lit else None
+
+
+def _staying(seen: Examination, dark: Dark) -> float:
+    """Returns the share of the border of the dark part, where the scene passes, at which an edge stays in place; 0
+    where the scene passes too little of it."""
+    fixed, passed = fixed_edges(seen)
+    part = np.zeros(fixed.shape, np.uint8)
+    for row, column in np.argwhere(dark.always) * BLOCK_PX:
+        part[row : row + BLOCK_PX, column : column + BLOCK_PX] = 1
+    side = np.ones((2 * BLOCK_PX + 1, 2 * BLOCK_PX + 1), np.uint8)
+    border = (cv2.dilate(part, side) > 0) & (part == 0)
+    inner = np.zeros_like(border)
+    inner[BLOCK_PX:-BLOCK_PX, BLOCK_PX:-BLOCK_PX] = True
+    border &= inner  # that of the image is no border of the scene
+    if not border.any() or passed[border].mean() < BORDER_PASSED:
+        return 0.0
+    near = cv2.dilate(fixed.astype(np.uint8), np.ones((BLOCK_PX + 1, BLOCK_PX + 1), np.uint8)) > 0
+    return float(near[border & passed].mean())
 
 
 def _lit(seen: Examination, dark: Dark, other: str) -> float | None:
