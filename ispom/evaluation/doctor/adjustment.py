@@ -16,6 +16,7 @@ from ispom.types import Rig
 from .hypothesis import STEPS, Change, change_of
 from .scene import Observations, Predicted, Scene, predicted
 
+AS_STATED = Change()
 LOSS_PX = 0.5
 """Width of the Cauchy loss: corners are followed to about a third of it."""
 WIDE_PX = (8.0, 2.0)
@@ -50,14 +51,21 @@ def adjust_gradually(
 
 
 def adjust(
-    scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...] = (), iterations: int = ITERATIONS
+    scene: Scene,
+    rig: Rig,
+    seen: Observations,
+    names: tuple[str, ...] = (),
+    iterations: int = ITERATIONS,
+    first: Change = AS_STATED,
 ) -> tuple[Scene, Change, float]:
-    """Returns the scene and the change of the calibration (in `names` only) that fit best, and their cost.
+    """Returns the scene and the change of the calibration (in `names` only, from `first` on) that fit best, and their
+    cost.
 
     Levenberg and Marquardt with a Cauchy loss; the first pose is fixed, and damping holds the scale where nothing else
     does.
     """
-    scene, values, cost = _adjusted(scene, rig, seen, names, np.zeros(len(names)), iterations, LOSS_PX)
+    values = np.array([first.value(name) for name in names])
+    scene, values, cost = _adjusted(scene, rig, seen, names, values, iterations, LOSS_PX)
     return scene, change_of(names, values), cost
 
 

@@ -80,6 +80,8 @@ class Crossed:
     tracks: int
     costs: Array
     """(2 P,) mean cost of each point with the change, of one half and then the other; NaN where it is not held out."""
+    fitted: tuple[tuple[Scene, Change], ...]
+    """What each half chose."""
 
     def better_than(self, other: Crossed) -> float:
         """Returns how much better the tracks fit than with another change: the mean over its standard error."""
@@ -133,13 +135,22 @@ def crossed(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> Crossed:
     before_px = float(np.mean([base.residual_px for base in halves]))
     after_px = float(np.mean([outcome.residual_px for outcome in outcomes]))
     return Crossed(
-        _figures(halves, names, fitted), gain, z, majority, before_px, after_px, tracks, np.concatenate(costs)
-    )
+        _figures(halves, names, fitted), gain, z, majority, before_px, after_px, tracks, np.concatenate(costs),
+        tuple(fitted),
+    )  # fmt: skip
 
 
-def figures(halves: tuple[Baseline, ...], names: tuple[str, ...]) -> dict[str, Figure]:
-    """Returns these numbers where all of them are free, without a judgement."""
-    return _figures(halves, names, [_freed(base, names) for base in halves])
+def figures_of(halves: tuple[Baseline, ...], names: tuple[str, ...], fewer: Crossed) -> dict[str, Figure]:
+    """Returns these numbers where all of them are free, without a judgement. Each half starts from its fit of `fewer`
+    of them, too, and the better end counts: more numbers explain no less."""
+    fitted = []
+    for base, (scene, change) in zip(halves, fewer.fitted, strict=True):
+        ends = (
+            adjust(scene, base.rig, base.used, names, ROUGH_ITERATIONS, change),
+            adjust_gradually(base.first, base.rig, base.used, names),
+        )
+        fitted.append(min(ends, key=lambda end: end[2])[:2])
+    return _figures(halves, names, fitted)
 
 
 def _figures(

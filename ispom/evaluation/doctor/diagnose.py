@@ -7,11 +7,15 @@ from dataclasses import replace
 
 from ispom.blas import one_thread
 
+from .adjustment import LOSS_PX
 from .examination import Examination
 from .finding import Diagnosis, Ranked, Suspect
 from .reruns import Reruns
 from .suspects import SUSPECTS
 from .suspects.calibration import SURE
+
+MOST = 0.5
+"""Share of the cost of held-out tracks from which on a calibration explains most of their error."""
 
 
 def diagnose(
@@ -56,8 +60,15 @@ def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
 
 
 def _place(each: Ranked) -> tuple[bool, int, float]:
-    """Causes before the others. A setting of the run comes first: that without it the run goes better was seen, and not
-    concluded. What images and times show comes before what tracks and calibrations explain, which are tested fairly on
-    good images only."""
-    order = {"setting": 0, "images": 1, "times": 1}.get(each.suspect.how, 2)
-    return not each.finding.found, order if each.finding.found else 0, -each.finding.strength
+    """Causes before the others, those with the more direct evidence first.
+
+    A setting of the run comes first: that without it the run goes better was seen, and not concluded. Then a
+    calibration with which tracks fit that did not before: the images cannot be the trouble. Then what images and times
+    show, and what moves, before what a calibration explains in part: that is tested fairly only on good images of a
+    rigid scene.
+    """
+    finding, how = each.finding, each.suspect.how
+    order = {"setting": 0, "images": 2, "times": 2, "tracks": 3}.get(how, 4)
+    if finding.values.get("gain", 0.0) > MOST and finding.values["after_px"] < LOSS_PX:
+        order = 1
+    return not finding.found, order if finding.found else 0, -finding.strength

@@ -15,7 +15,8 @@ from ispom.types import Frame, Image, Rig, Sequence
 
 if TYPE_CHECKING:
     from .adjustment import Promise
-    from .counterfactual import Baseline, Crossed, Figure
+    from .counterfactual import Baseline, Crossed
+    from .hypothesis import Change
     from .start import Start
     from .tracking import Tracked
 
@@ -107,21 +108,23 @@ class Examination:
 
         return {} if self.baseline is None else promising(self.baseline, subsets(self.rig))
 
-    def with_others(self, group: tuple[str, ...]) -> dict[str, Figure]:
-        """Returns the numbers of a group where all of them are free; computed once."""
-        from .counterfactual import figures
+    def freed(self, names: tuple[str, ...]) -> Change:
+        """Returns the change that the first half of the tracks chooses for these numbers, unjudged; computed once."""
+        from .counterfactual import tested
 
-        if group not in self._with_others:
-            self._with_others[group] = figures(self.halves, group)
-        return self._with_others[group]
+        if names not in self._freed:
+            if self.baseline is None:
+                raise ValueError("there is no scene")
+            self._freed[names] = tested(self.baseline, names).change
+        return self._freed[names]
+
+    @cached_property
+    def _freed(self) -> dict[tuple[str, ...], Change]:
+        return {}
 
     @cached_property
     def outcomes(self) -> dict[str, Crossed]:
         """By key of a suspect: what its change does, of those that were tested."""
-        return {}
-
-    @cached_property
-    def _with_others(self) -> dict[tuple[str, ...], dict[str, Figure]]:
         return {}
 
 

@@ -182,13 +182,19 @@ def significance(a: Array, b: Array, b_from_a: Pose, focal_px: float) -> float:
     """Returns how many times better two views with parallax explain normalised coordinates (P, 2) than a rotation does:
     the ratio of the median distances from the epipolar lines and from the turned points."""
     both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
-    u, v = (np.column_stack([x[both], np.ones(both.sum())]) for x in (a, b))
     essential = skew(b_from_a.translation) @ b_from_a.rotation
-    lines, back = u @ essential.T, v @ essential
-    lengths = np.sqrt((lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
-    away = np.abs((v * lines).sum(axis=1)) / np.maximum(lengths, 1e-12)
+    away = epipolar_distances(a[both], b[both], essential)
     noise = max(float(np.median(away)), LEAST_NOISE_PX / focal_px)
     return float(np.median(rotation_residuals(a[both], b[both]))) / noise
+
+
+def epipolar_distances(a: Array, b: Array, essential: Array) -> Array:
+    """Returns how far (N,) normalised coordinates (N, 2) of two views are from each other's epipolar lines, with the
+    essential matrix (3, 3) of b from a."""
+    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
+    lines, back = u @ essential.T, v @ essential
+    lengths = np.sqrt((lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
+    return np.asarray(np.abs((v * lines).sum(axis=1)) / np.maximum(lengths, 1e-12))
 
 
 def rotation_residuals(a: Array, b: Array) -> Array:

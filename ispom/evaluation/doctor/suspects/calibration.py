@@ -15,7 +15,7 @@ from functools import partial
 
 from ispom.types import Rig
 
-from ..counterfactual import Crossed, Figure, crossed
+from ..counterfactual import Crossed, Figure, crossed, figures_of
 from ..examination import Examination
 from ..finding import Finding, Suspect
 
@@ -137,13 +137,14 @@ def freed(
     key: str, least: Mapping[str, float], possible: Callable[[Rig], bool], limits: Limits, seen: Examination
 ) -> Finding | None:
     """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters. Where the tracks
-    know none of them within its `least`, and nothing is promised, they say nothing."""
+    know none of them within its `least`, and nothing is explained, they say nothing."""
     names = tuple(least)
     if not possible(seen.rig) or seen.baseline is None:
         return None
     promise = seen.promises[names]
+    unknown = all(SURE * sigma >= limit for sigma, limit in zip(promise.sigmas, least.values(), strict=True))
     if promise.gain < limits.promise:
-        if all(SURE * sigma >= limit for sigma, limit in zip(promise.sigmas, least.values(), strict=True)):
+        if unknown:
             return None
         text = f"Freeing it promises to explain {100 * max(promise.gain, 0):.1f} % of the error, too little for a test."
         return Finding(max(0.0, min(WEAK, promise.gain / limits.gain)), text, {"promise": promise.gain})
@@ -151,6 +152,8 @@ def freed(
     if outcome.tracks < LEAST_TRACKS:
         return None
     explains = (1 - PARSIMONY * (len(names) - 1)) * outcome.gain / limits.gain
+    if explains < 1 and unknown:
+        return None
     figures, against, undecided = outcome.figures, "", ""
     if not any(abs(figures[name].value) >= limit for name, limit in least.items()):
         against = "a change too small to matter"
@@ -158,7 +161,7 @@ def freed(
         against = "a few tracks only say so"
     elif explains >= 1:
         others = group_of(names, seen.rig)
-        group = figures if others == names else seen.with_others(others)
+        group = figures if others == names else figures_of(seen.halves, others, outcome)
         figures = {name: _honest(figure, group[name], least[name]) for name, figure in figures.items()}
         against, undecided = _doubts(figures, group, least)
     strength = max(0.0, min(explains, WEAK) if against else explains)

@@ -1,39 +1,22 @@
-"""Suspects that tracks show: exchanged images, moving objects, no parallax, motion too fast."""
+"""Suspects that tracks show: exchanged images, no parallax, motion too fast, and those of other files."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose
-from ispom.types import Rig
+from ispom.geometry import Array
 
-from ..counterfactual import Baseline, baseline, tested
 from ..examination import Examination
 from ..finding import Finding, Suspect
-from ..start import rotation_residuals, triangulate
+from ..start import rotation_residuals
 from .images import low_texture
 from .lens import ON_LENS
 from .level import UNLEVEL
+from .moving import MOVING_OBJECTS
 
 NEGATIVE_SHARE = 0.5
 """Share of the matches with a negative disparity from which on left and right are exchanged."""
 LEAST_MATCHES = 30
-MOVING_PX = 2.0
-"""Median error of a track that no point at rest explains."""
-RIGID_PX = MOVING_PX / 2
-"""Three quarters of the other tracks have a smaller error, so that those that move are an exception: where the scene
-itself fits badly, as with a rolling shutter in a fast turn, groups of tracks are off, too."""
-MOVING_SHARE = 0.03
-"""Of the tracks, in such groups: 4 to 8 % with traffic in a simulated street, 0 % without (seeds 0 to 3)."""
-OF_THE_LENS = 0.3
-"""Share of these tracks that a changed lens explains as points at rest, from which on it is not known what they are:
-in a simulated street with traffic it explains none (seeds 0 to 2)."""
-LENSES = {
-    "video": (("k1",), ("video_focal_percent",), ("video_centre_x_px", "video_centre_y_px")),
-    "left": (("k1",), ("pair_focal_percent",), ("pair_centre_x_px", "pair_centre_y_px")),
-}
-"""Numbers of the lens that are freed, by the main camera."""
 PARALLAX_PX = 1.5
 """Median error of a pure rotation below which the depths of the scene cannot be seen."""
 FAST_SHARE = 0.05
@@ -62,64 +45,6 @@ def motions_px(seen: Examination) -> Array:
     """Returns the median motion of the tracks from each frame to the next [px]."""
     moved = np.linalg.norm(np.diff(seen.tracked.uv, axis=1), axis=2)
     return np.array([np.nanmedian(column) for column in moved.T if np.isfinite(column).any()])
-
-
-def moving(seen: Examination) -> Finding | None:
-    """Measures the share of the tracks that no point at rest explains, while most are explained. None where a changed
-    lens explains many of them as points at rest: at the border of an image with a wrong lens, all tracks are off."""
-    base = seen.baseline
-    if base is None or (found := track_errors_px(seen, base, seen.rig)) is None:
-        return None
-    errors, last = found
-    away = errors > MOVING_PX
-    group = away & clustered(last, away, 0.06 * seen.rig.camera(seen.main).width)
-    share, typical = float(group.mean()), float(np.percentile(errors[~group], 75)) if not group.all() else np.inf
-    strength = share / MOVING_SHARE
-    if strength >= 1 and typical < RIGID_PX and _of_the_lens(seen, base, group):
-        return None
-    return Finding(
-        strength if typical < RIGID_PX else min(strength, 0.9),
-        f"{100 * share:.0f} % of the tracks form groups that move on their own: no point at rest explains them within "
-        f"{MOVING_PX:.0f} px, while three quarters of the others fit within {typical:.2f} px.",
-        {"moving_share": share, "others_px": typical},
-        (seen.main_shots[len(seen.main_shots) // 2].index,),
-    )
-
-
-def _of_the_lens(seen: Examination, base: Baseline, group: NDArray[np.bool_]) -> bool:
-    """Checks whether a changed lens explains many of these tracks (N,) as points at rest."""
-    for names in LENSES[seen.main]:
-        rig = tested(base, names).change.of_rig(seen.rig)
-        found = None if seen.start is None else track_errors_px(seen, baseline(seen.start, rig), rig)
-        if found is not None and float((found[0][group] < MOVING_PX).mean()) > OF_THE_LENS:
-            return True
-    return False
-
-
-def track_errors_px(seen: Examination, base: Baseline, rig: Rig) -> tuple[Array, Array] | None:
-    """Returns, of each track of some length in the main camera, the median error (N,) [px] of the point at rest that
-    explains it best, and where it was seen last (N, 2), in a scene with its rig; None where there are few tracks."""
-    if (start := seen.start) is None:
-        return None
-    camera, scene = rig.camera(seen.main), base.scene
-    rig_from_camera = rig.rig_from(seen.main)
-    poses = [Pose(r, t) @ rig_from_camera for r, t in zip(scene.rotations, scene.positions, strict=True)]
-    uv = seen.tracked.uv[:, start.knots]
-    uv = uv[np.isfinite(uv[..., 0]).sum(axis=1) >= 4]
-    if len(uv) < LEAST_MATCHES:
-        return None
-    rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
-    _, errors = triangulate(rays, dict(enumerate(poses)))
-    last = np.array([track[np.isfinite(track[:, 0])][-1] for track in uv])
-    return np.minimum(np.nan_to_num(errors, nan=1.0), 1.0) * camera.fx, last
-
-
-def clustered(uv: Array, chosen: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
-    """Checks which positions (N, 2) have at least two of the chosen ones near, and more of these than of the others."""
-    apart = np.linalg.norm(uv[:, None] - uv[None], axis=2)
-    near = (apart < radius_px) & ~np.eye(len(uv), dtype=bool)
-    of_chosen = near[:, chosen].sum(axis=1)
-    return (of_chosen >= 2) & (of_chosen >= near[:, ~chosen].sum(axis=1))
 
 
 def no_parallax(seen: Examination) -> Finding | None:
@@ -187,11 +112,5 @@ TRACKS = (
         "Move sideways while turning: depths and a scale need a change of place. A pair sees depths without it.",
         no_parallax,
     ),
-    Suspect(
-        "moving-objects",
-        "moving objects fill a part of the image",
-        "tracks",
-        "Mask what moves, wait until it has passed, or aim at what is at rest.",
-        moving,
-    ),
+    MOVING_OBJECTS,
 )
