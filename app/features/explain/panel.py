@@ -13,14 +13,13 @@ from ispom.methods import Config
 from ...engine.history.record import ExposureRecord
 from ...engine.run_events.event import RunEvent, event_kinds, with_bookmarks
 from ...presentation import colours
+from ...session.branches.branches import changes
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.panels import Panel, renderer
 from ..bookmarks.service import Bookmarks
-from ..branches.branches import changes
-from ..branches.state import Branches
 from ..events.commands import StepToEvent
-from ..lessons.state import Lessons
 from ..plots.commands import Plots
 from .card import Card, cards
 
@@ -70,7 +69,7 @@ class ExplainPanel:
         if shown == self._shown:
             return
         self._shown = shown
-        open_question = state[Lessons].covers
+        open_question = state.covers
         latest = {} if run is None or open_question else self._latest_records(run, state)
         values = report_values(state, latest, () if open_question else state.methods)
         _put(self._verdicts, "verdicts.html", values | {"ongoing": {} if open_question else ongoing(run, state.index)})
@@ -91,14 +90,14 @@ class EventsPanel:
         self._shown: tuple[object, ...] = ()
 
     def show(self, state: State) -> None:
-        run = None if state[Lessons].covers else self._session.run
+        run = None if state.covers else self._session.run
         count = 0 if run is None else len(run.events)
         shown = (
             state.run,
             state.index,
             state.computed,
             state.ended,
-            state[Lessons].covers,
+            state.covers,
             count,
             state[Bookmarks].marks,
         )
@@ -127,7 +126,7 @@ def report(state: State) -> str:
 def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: tuple[str, ...]) -> dict[str, Any]:
     """What the templates of the frame shown take."""
     record = state.displayed
-    curves = {} if state[Lessons].covers else state[Branches].curves
+    curves = {} if state.covers else state[Branches].curves
     found: list[Card] = [] if record is None else cards(record, methods, latest, curves)
     return {
         "record": record,

@@ -74,9 +74,8 @@ def test_long_curves_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(quantity_plots, "SLICE", 10)
     while not run.playback.done:
         run.step()
-    news, parts = PlotNews(), []
-    while not parts or news.behind:
-        parts.append(news.since(STATE, run))
+    news = PlotNews()
+    parts = list(iter(lambda: news.since(STATE, run), None))
     assert len(parts) == 5
     monkeypatch.undo()
     assert curves_of(parts) == curves_of([PlotNews().since(STATE, run)])

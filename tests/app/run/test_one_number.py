@@ -14,7 +14,6 @@ from ispom_app.cli.main import main
 from ispom_app.engine.frame_record import DEFINITIONS, ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.tool import tools
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.explain.panel import report_values
 from ispom_app.features.plots.commands import Plots
 from ispom_app.features.plots.page_message import PlotNews
@@ -24,6 +23,7 @@ from ispom_app.features.publish.review import reviewed
 from ispom_app.features.report.folder import read_run
 from ispom_app.features.report.results import results
 from ispom_app.presentation.texts import length
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.review.recording import read_recording
 from ispom_app.session.session import Session

@@ -20,7 +20,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
         opened.send(f"{{do: 'seek', index: {index}}}")
         opened.until(f"state.index === {index}", "the frame")
         opened.send("action('bookmark')")
-        opened.until(f"window.ispom.axis.bookmarks.some(({{ at }}) => at === {index})", "the bookmark")
+        opened.until(f"window.ispom.axis.marks.bookmarks?.marks.some(({{ at }}) => at === {index})", "the bookmark")
     yield opened
     assert not opened.faults
     opened.tab.close()
