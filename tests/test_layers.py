@@ -42,7 +42,7 @@ APP_LAYERS = (
 the doors of `session/registry.py`. Packages of one floor may import each other, but not in a circle."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
-TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json", "tsconfig.json"}
 TOP |= {"docs", ".github", ".pre-commit-config.yaml", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "Dockerfile"}
 TOP |= {".dockerignore", "compose.yaml"}
 """What the repository holds at its top, and nothing else."""

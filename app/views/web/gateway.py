@@ -28,6 +28,7 @@ from .messages import Pane
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
 from .tape_reader import TapeReader
+from .view_values import scripts
 from .wakeup import Wakeup
 
 log = logging.getLogger(__name__)
@@ -72,6 +73,7 @@ class Gateway:
                 web.get(f"{base}ws", self._talk),
                 web.get(f"{base}live", self._live),
                 web.get(f"{base}web/{{name}}", self._page_file),
+                web.get(f"{base}panels/{{name}}", self._panel_file),
                 web.get(f"{base}rerun/{{name}}", self._viewer_file),
                 web.get(f"{base}recordings/{{name:.+}}", self._recording),
                 web.get(f"{base}pictures/{{name:.+}}", self._picture),
@@ -147,6 +149,13 @@ class Gateway:
 
     async def _page_file(self, request: web.Request) -> web.StreamResponse:
         return await send_one_of(request, STATIC, PAGE_FILES, SECURITY)
+
+    async def _panel_file(self, request: web.Request) -> web.StreamResponse:
+        """The components of a feature."""
+        path = scripts().get(request.match_info["name"])
+        if path is None:
+            raise web.HTTPNotFound
+        return await send_file(request, path, SECURITY)
 
     async def _viewer_file(self, request: web.Request) -> web.StreamResponse:
         if self._assets.done() and self._assets.exception() is not None:

@@ -20,6 +20,7 @@ from .looking import Looking
 from .messages import PageMessage, Pane, command_of, keys, message_of, own_view
 from .news import Look, features_news
 from .time_axis import AxisNews
+from .view_values import ViewNews
 from .wakeup import Wakeup
 
 HEARTBEAT_S = 20.0
@@ -101,7 +102,7 @@ class Talk:
         self._news.ring()
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, listed, parts = (), keys(), [AxisNews(), *features_news()]
+        shown, listed, parts = (), keys(), [AxisNews(), ViewNews(), *features_news()]
         looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:

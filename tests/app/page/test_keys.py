@@ -68,14 +68,13 @@ def opened_tab(page: Page, name: str) -> None:
 
 
 def clicked_panel(page: Page) -> None:
-    opened_tab(page, "Explain")
-    page.controls.get_by_text("Frame ").first.click()
+    page.explain.get_by_text("Frame ").first.click()
 
 
 FOCUSED = {
     "the page": lambda page: page.tab.locator("#bar").click(position={"x": 600, "y": 15}),
     "Rerun's canvas": lambda page: page.tab.locator("#canvas").click(),
-    "viser's panel": clicked_panel,
+    "what is explained": clicked_panel,
     "a pressed button": pressed,
 }
 
