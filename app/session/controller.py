@@ -89,6 +89,11 @@ class Controller:
         """The run that is on the screen."""
         return self.player.run
 
+    @property
+    def kept_branches(self) -> frozenset[int]:
+        """Numbers of the branches that a service keeps elsewhere, for example in a recording."""
+        return frozenset().union(*(service.kept_branches for service in self._services.values()))
+
     def begin(self) -> None:
         try:
             for service in self._services.values():
@@ -264,11 +269,10 @@ class Controller:
         """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
         counted only if asked for."""
         lost = [each for service in self._services.values() for each in service.loss()]
-        keeps_run = any(service.keeps_run for service in self._services.values())
         if (
             live
             and self.state.computed
-            and not keeps_run
+            and 0 not in self.kept_branches
             and (is_device(self.state.source) or is_address(self.state.source))
         ):
             lost.append(f"the live run of {self.state.source}")

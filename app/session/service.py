@@ -66,9 +66,9 @@ class Service:
         return []
 
     @property
-    def keeps_run(self) -> bool:
-        """Whether the first run of the source is kept, for example in a recording."""
-        return False
+    def kept_branches(self) -> frozenset[int]:
+        """Numbers of the branches of the run that are kept, for example in a recording; 0 is the first run."""
+        return frozenset()
 
     def watch(self) -> None:
         """A little of the work that goes on without commands."""

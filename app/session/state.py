@@ -34,6 +34,28 @@ class FeatureState:
         """What the page's scripts get to know of it, as JSON values by name."""
         return {}
 
+    def address(self) -> Mapping[str, Any]:
+        """What the page's address says of it, by name of the part."""
+        return {}
+
+    @property
+    def in_the_way(self) -> frozenset[str]:
+        """Layers that the views do not show, for they hide what this feature shows."""
+        return frozenset()
+
+    @property
+    def covers(self) -> bool:
+        """Whether numbers, checks and settings are hidden from people, for they would answer an open question."""
+        return False
+
+    def cover(self, state: State) -> State:
+        """The state with its core as people may see it. Called where this feature covers it."""
+        return state
+
+    def covered(self) -> Self:
+        """The value as people may see it while another feature covers numbers, checks and settings."""
+        return self
+
 
 F = TypeVar("F", bound=FeatureState)
 
@@ -142,6 +164,11 @@ class State:
         return replace(self, features={**self.features, **{type(value): value for value in values}})
 
     @property
+    def covers(self) -> bool:
+        """Whether numbers, checks and settings are hidden from people: see `covered`."""
+        return any(value.covers for value in self.features.values())
+
+    @property
     def index(self) -> int:
         """Of the frame that is shown; -1 for none yet."""
         return self.displayed.index if self.displayed else -1
@@ -245,6 +272,14 @@ class Changed:
 
 Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | NoticeAdded | Changed | FeatureChanged
+
+
+def covered(state: State) -> State:
+    """The state as people may see it: while a question is open, nothing in it gives the answer away."""
+    covering = next((value for value in state.features.values() if value.covers), None)
+    if covering is None:
+        return state
+    return replace(covering.cover(state), features={kind: value.covered() for kind, value in state.features.items()})
 
 
 def changed(**values: Unpack[CoreValues]) -> Changed:

@@ -7,7 +7,7 @@ from markdown_text import as_cell, table
 
 def pages() -> dict[str, str]:
     """Returns snippets that pages of the reference include."""
-    from ispom_app.engine.history.quantities import EXPOSURE_QUANTITIES, MOTION, POSE, STEP_QUANTITIES
+    from ispom_app.engine.history.quantities import CHANGES, EXPOSURE_QUANTITIES, POSE, STEP_QUANTITIES
     from ispom_app.engine.run_events.kinds import checks, frames, tracking
     from ispom_app.engine.run_folder.digests import DIGESTS
     from ispom_app.engine.run_folder.step_log import DECISION_COLUMNS, STEP_COLUMNS
@@ -52,9 +52,7 @@ def pages() -> dict[str, str]:
     kinds = [kind for module in (tracking, checks, frames) for kind in module.KINDS]
     events = table(("kind", "label", "meaning"), [(f"`{k.name}`", as_cell(k.label), as_cell(k.help)) for k in kinds])
     rows = [(f"`{q.name}`", as_cell(q.help)) for q in EXPOSURE_QUANTITIES]
-    rows += [
-        (f"`METHOD.{key}`", as_cell(text + (f" [{unit}]" if unit else ""))) for key, (text, unit) in MOTION.items()
-    ]
+    rows += [(f"`METHOD.{q.key}`", as_cell(q.help + (f" [{q.unit}]" if q.unit else ""))) for q in CHANGES]
     quantities = table(("name", "meaning"), rows)
     ends = [(f"`{s.name.lower()}`", as_cell(s.reason)) for s in TrackStatus if s.dropped]
     doubts = [(f"`{key}`", as_cell(text)) for key, text in DOUBTS.items()]

@@ -51,6 +51,11 @@ from ispom_app.engine.history.quantities import STEP_QUANTITIES, quantities
 from ispom_app.engine.run_folder.step_log import STEP_COLUMNS
 assert STEP_QUANTITIES[0].key == "status" and "pose_count" in [quantity.key for quantity in STEP_QUANTITIES]
 assert "stereo.pose_count" in quantities(("stereo",)) and "pose_count" in STEP_COLUMNS
+assert quantities(("stereo",))["stereo.speed"].unit == "1/s" and "speed" not in STEP_COLUMNS
+from ispom_app.engine.history.quantities import row_with
+pose = {{"y": 0, "z": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}}
+row = row_with({{}}, 0, 10**9, {{"stereo": {{"x": 1.0, **pose}}}})
+assert row_with(row, 1, 3 * 10**9, {{"stereo": {{"x": 2.0, **pose}}}})["stereo"]["speed"] == 0.5
 print("done")
 """
 

@@ -18,7 +18,7 @@ from types import FrameType
 from typing import Any
 
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.commands import Restart
 from ispom_app.session.session import Session
 from ispom_app.views.rerun.live import LiveStream

@@ -17,12 +17,12 @@ from ...engine.differences.compare import DIGEST, POSITION, Difference, Divergen
 from ...engine.history.series import Series
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, length
+from ...session.branches.accuracy import over_common_frames
+from ...session.branches.branches import Branch
+from ...session.branches.comparison import Comparison
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ..branches.accuracy import over_common_frames
-from ..branches.branches import Branch
-from ..branches.comparison import Comparison
-from ..branches.state import Branches
 from ..diff.text import distinct
 from .table import Row, table_message
 

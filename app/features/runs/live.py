@@ -11,11 +11,11 @@ import numpy as np
 from ispom.types import Status
 
 from ...engine.history.series import Series
+from ...session.branches.branches import Branch
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.sources.folders import run_name
 from ...session.state import State
-from ..branches.branches import Branch
-from ..branches.state import Branches
 from .table import LIVE, Ate, Row, alarms, differing_settings
 
 

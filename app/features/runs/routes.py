@@ -14,11 +14,11 @@ from ispom.io.files import bounded
 
 from ...engine.differences.compare import divergences
 from ...engine.run_folder.run_file import read_run_file
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.session import Session
 from ...session.state import State
 from ...views.web.files import NOT_KEPT, SECURITY, found, number_of, send_json
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..diff.command import differing, run_rows
 from ..diff.text import shown
 from ..lessons.library import Library
@@ -35,6 +35,11 @@ ROUNDING = 1e-9
 """As of a comparison of branches."""
 
 
+def routes(session: Session, may_drive: Callable[[web.Request], bool], base: str) -> list[web.RouteDef]:
+    """Those of this feature, below the page's base."""
+    return RunsRoutes(session, may_drive).at(base)
+
+
 class RunsRoutes:
     """`may_drive` says whether who asks may change the session: nobody else looks into folders."""
 
@@ -43,7 +48,7 @@ class RunsRoutes:
         self._recorded: RecordedRuns | None = None
         self._reading = asyncio.Lock()
 
-    def routes(self, base: str) -> list[web.RouteDef]:
+    def at(self, base: str) -> list[web.RouteDef]:
         return [
             web.get(f"{base}runs", self._runs),
             web.get(f"{base}folders", self._folders),
@@ -55,7 +60,7 @@ class RunsRoutes:
     async def _runs(self, request: web.Request) -> web.StreamResponse:
         """The runs table, the sources that were opened before, and the lessons with their progress."""
         session, state = self._session, self._session.state
-        live = {} if _covers(state) else live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
+        live = {} if state.covers else live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
         async with self._reading:  # one thread at a time
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
@@ -93,7 +98,7 @@ class RunsRoutes:
 
     async def _frame(self, request: web.Request) -> web.StreamResponse:
         """The image of a frame of a branch; without `at`, of the newest one."""
-        if _covers(self._session.state):
+        if self._session.state.covers:
             raise web.HTTPForbidden(text="A question of the lesson is open.")
         branch, width = number_of(request, "branch", 0), number_of(request, "width", WIDTHS.stop - 1)
         run = self._session.service(BranchService).run_of(branch)
@@ -110,7 +115,7 @@ class RunsRoutes:
         """Of the two branches that the session compares."""
         session, state = self._session, self._session.state
         compared = state[Branches].comparison
-        if compared is None or _covers(state):
+        if compared is None or state.covers:
             raise web.HTTPNotFound
         run_of = session.service(BranchService).run_of
         rows = live_rows(state, run_of, session.recordings_dir)
@@ -137,7 +142,3 @@ class RunsRoutes:
             "first": None if first is None else divergence_message(first),
             "methods": methods,
         }
-
-
-def _covers(state: State) -> bool:
-    return state[Lessons].covers

@@ -10,10 +10,10 @@ import numpy as np
 from ispom.errors import InputError
 
 from ...session import moves
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.service import Service
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..recording.listing import Known
 from ..recording.service import RecordingService
 from ..recording.state import Recordings

@@ -14,7 +14,7 @@ from ...engine.options import SourceOptions
 from ...engine.verdict import Severity
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, length, length_unit
-from ..branches.branches import changes
+from ...session.branches.branches import changes
 
 Kind = Literal["live", "run", "recording", "sweep", "experiment"]
 LIVE = "live:"

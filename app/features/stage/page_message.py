@@ -15,6 +15,7 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.rerun.blueprint import CURVES, EYE, WORLD_SHARE, least_size
 from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_from_side, eye_of, eye_on, is_framed
+from ...views.web.news import Look, News
 from ..integration.commands import IntegrationSteps
 from ..integration.drawing import drawing, positions
 from ..integration.integration import latest_fit
@@ -26,13 +27,17 @@ LOOKED_BACK = 20
 """Frames among which the newest pose is looked for: without one for longer, there is no camera to go with."""
 
 
-class StageNews:
+class StageNews(News):
     """What one page has. The eyes on the whole path change only where the path has left what they frame."""
 
     def __init__(self) -> None:
         self._run: CurrentRun | None = None
         self._framed: Array | None = None
         self._shown: tuple[object, ...] = ()
+
+    def of(self, look: Look) -> dict[str, Any]:
+        found = self.since(look.local, look.run)
+        return {} if found is None else {"stage": found}
 
     def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
         """What is new to the page, which shows this state; None where nothing is."""
@@ -98,3 +103,6 @@ def _positions(poses: PoseHistory, times: Times, index: int) -> Array:
 def _values(eye: Eye) -> list[list[float]]:
     """Position, target and up, as the page gives them to the viewer."""
     return [[round(float(x), 5) for x in part] for part in (eye.position, eye.target, eye.up)]
+
+
+NEWS = (StageNews,)

@@ -17,7 +17,7 @@ from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.command import agent_session
 from ispom_app.features.agents.options import Mcp
 from ispom_app.features.agents.tool import MOST_ROWS, tools
-from ispom_app.features.branches.state import Branches
+from ispom_app.session.branches.state import Branches
 from mcp_types import ImageContent
 from PIL import Image
 

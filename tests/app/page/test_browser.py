@@ -161,9 +161,22 @@ class Page:
         """As the page's own keys and bar do it."""
         self.tab.evaluate(f"{{ const {{ send, action }} = window.ispom; send({message}); }}")
 
+    def open_tab(self, name: str) -> None:
+        """A tab of the left pane, also below a sheet."""
+        tabs = "[...document.querySelectorAll('#panels [role=tab]')]"
+        self.tab.evaluate(f"(name) => {tabs}.find((tab) => tab.textContent === name)?.click()", name)
+
     @property
     def controls(self):
+        """viser's panels, in the tab that is open then."""
+        self.open_tab("Controls")
         return self.tab.frame_locator("#controls")
+
+    @property
+    def explain(self):
+        """What features say of the frame, in the tab that is open then."""
+        self.open_tab("Explain")
+        return self.tab.locator("#tab-Explain")
 
 
 @pytest.fixture(scope="module")
@@ -182,8 +195,8 @@ def test_it_plays_by_itself(page: Page):
 
 
 def test_viser_shows_its_panels(page: Page):
-    page.controls.locator(".explain .card").nth(2).wait_for()
-    for name in ("Methods", "View", "Files", "Explain"):
+    page.explain.locator(".card").nth(2).wait_for()
+    for name in ("Methods", "View", "Files"):
         page.controls.get_by_role("tab", name=name).wait_for()
 
 

@@ -10,9 +10,9 @@ import rerun as rr
 from ispom_app.cli.main import main
 from ispom_app.engine.history.series import Series
 from ispom_app.features.breakpoints.commands import FindMatch
-from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.features.stage.drawings import drawings
 from ispom_app.session import commands as do
+from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recording import read_recording
 from ispom_app.views.rerun.live import LiveStream

@@ -8,16 +8,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.service import BranchService
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.lessons.commands import Learn
 from ispom_app.features.lessons.library import Library
 from ispom_app.features.lessons.state import Lessons
 from ispom_app.features.recording.commands import OpenNamed, Record
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
+from ispom_app.session.branches.branches import Branch
+from ispom_app.session.branches.service import BranchService
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.session.store import Store

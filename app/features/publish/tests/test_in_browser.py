@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,7 +57,7 @@ def page(browser, url: str) -> Iterator[Page]:  # noqa: F811
 
 def at(page: Page, index: int) -> None:
     page.until(f"state.index === {index}", f"frame {index}")
-    page.tab.locator(f".panels[data-index='{index}']").wait_for()
+    page.tab.locator(".panels h3", has_text=re.compile(rf"Frame {index}\D")).wait_for()
 
 
 def test_it_shows_a_verdict_of_each_method(page: Page) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.runs.commands import CompareRuns, OpenSource
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.methods import Config

@@ -8,9 +8,10 @@ import { listen, setKeys } from "./keyboard.js";
 import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makeModes } from "./modes.js";
+import { openPanes } from "./panes.js";
 import { makePeople } from "./people.js";
 import { offerNumbers } from "./published_numbers.js";
-import { openPublishedPanels } from "./published_panels.js";
+import { openPublishedView } from "./published_view.js";
 import { openPublished } from "./published_session.js";
 import { published } from "./published.js";
 import { makeQuestion } from "./question.js";
@@ -30,6 +31,7 @@ const leaving = new AbortController();
 dark.addEventListener("change", () => location.reload(), leaving);
 addEventListener("beforeunload", () => leaving.abort()); // a reload would undo where the page is on its way to
 
+const at = (id) => document.getElementById(id);
 let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
@@ -63,8 +65,10 @@ function show(state) {
   showTransport(shown);
   viewer.follow(shown);
   address.follow(shown);
-  controls.follow(!people.drives());
-  controls.show?.(shown);
+  controls?.follow(!people.drives());
+  panes.follow(!people.drives());
+  panes.show(shown);
+  publishedView?.show(shown);
   ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
   start.follow(shown);
@@ -97,7 +101,16 @@ function press(message) {
   else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
 }
 listen(window, press);
-const controls = published ? openPublishedPanels(command) : openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
+const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
+const publishedView = published ? openPublishedView(command) : null;
+const tabs = { own: "", viser: "" };
+const panes = openPanes(command, publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement }, (own) => openTab({ own }));
+
+// Which of viser's tabs can be seen, for what nobody sees is not drawn.
+function openTab(change) {
+  Object.assign(tabs, change);
+  paneBecame({ tab: tabs.own === "Controls" ? tabs.viser : "" });
+}
 
 const again = () => state && show(state);
 const modes = makeModes(command, () => {

@@ -20,9 +20,9 @@ from ispom.methods import method as registered
 
 from ...engine.error_curve import ErrorCurve, Part, family_curves
 from ...engine.external_trajectories.placed import ExternalTrajectory
-from ...session.current_run import CurrentRun
-from ...session.store import Store
-from ..external_paths.state import ExternalPaths
+from ..current_run import CurrentRun
+from ..external_paths import ExternalPaths
+from ..store import Store
 from .branches import Branch, Measured
 from .state import Branches
 

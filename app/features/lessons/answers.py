@@ -6,35 +6,33 @@ Used in the loop of the server alone.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from typing import Any
 
-from ...features.lessons.reveal import Answer, accepted, is_right
-from ...features.lessons.state import Learning
+from .reveal import Answer, accepted, is_right
+from .state import Learning
 
 
 class Answers:
     """Of the latest question only."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        """`changed` is called when there is another answer."""
-        self._changed = changed
+    def __init__(self) -> None:
         self._question: tuple[str, int] | None = None
         self._answers: dict[str, Answer] = {}
         self.version = 0
         """Counts the answers so far."""
 
-    def put(self, person: str, learning: Learning | None, content: Any) -> None:
-        """By the key of a person; nothing where the question is not open, or that is no answer to it."""
+    def put(self, person: str, learning: Learning | None, content: Any) -> bool:
+        """By the key of a person. Returns whether there is another answer now: not where the question is not open, or
+        that is no answer to it."""
         if learning is None or learning.phase != "asking":
-            return
+            return False
         tracks = learning.pictured[1].ids.tolist() if learning.pictured is not None else ()
         answer = accepted(learning.step.ask, content, tracks)
         if answer is not None:
             self._answers = {**self._of(learning), person: answer}
             self._question = _question(learning)
             self.version += 1
-            self._changed()
+        return answer is not None
 
     def seen_by(self, person: str, learning: Learning) -> dict[str, Any]:
         """Their own answer, and how many there are; once the answer is revealed, how many are right, and of a choice

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...engine.error_curve import ErrorCurve
 from ...engine.events import Opened
-from ...session.state import Computed, Event, FeatureState, Opening, Resumed, State
+from ..state import Computed, Event, FeatureState, Opening, Resumed, State
 from .branches import FIRST, Branch
 from .comparison import Comparison
 
@@ -44,6 +44,12 @@ class Branches(FeatureState):
     def with_branch(self, number: int, **values: Any) -> Branches:
         """With new values of one of them."""
         return replace(self, all=tuple(replace(b, **values) if b.number == number else b for b in self.all))
+
+    def covered(self) -> Branches:
+        return replace(self, all=self.all[:1], comparison=None)
+
+    def address(self) -> dict[str, int]:
+        return {"branch": self.shown}
 
     def page(self, state: State) -> dict[str, Any]:
         now = self.comparison

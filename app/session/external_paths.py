@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from ispom.evaluation.trajectory_error import TrajectoryError
 
-from ...engine.events import Opened
-from ...engine.external_trajectories.placed import ExternalTrajectory
-from ...session.state import Event, FeatureState, Resumed
+from ..engine.events import Opened
+from ..engine.external_trajectories.placed import ExternalTrajectory
+from .state import Event, FeatureState, Resumed
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,16 +15,17 @@ from ispom.types import Sequence
 from ...engine import warmup
 from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
 from ...engine.playback import Builder, truth_from_start
-from ...features.agents.required import require_port, require_sdk
-from ...features.lessons.commands import Learn as Begin
-from ...features.lessons.lesson import Lesson
-from ...features.lessons.library import Library, own_lesson
 from ...session.session import Session
 from ...session.sources.folders import Folders, RecentSources
 from ...session.sources.opening import stored_at
-from ..rerun.live import LiveStream
+from ...views.rerun.live import LiveStream
+from ...views.web.access import Access
+from ...views.web.server import Beside, Serving, serve
+from ..agents.required import require_port, require_sdk
+from ..lessons.commands import Learn as Begin
+from ..lessons.lesson import Lesson
+from ..lessons.library import Library, own_lesson
 from .options import App, Learn, Serve
-from .server import Serving, serve
 
 LEAST_HISTORY_MB = 20
 """Some hundred frames."""
@@ -81,10 +82,17 @@ def open_page(command: Serve, builder: Builder) -> int:
             base=command.base,
             open_browser=command.browser,
             onlookers=command.read_only,
-            agents=command.agents,
+            beside=None if command.agents is None else _agents(command.agents),
             mode="learn" if isinstance(command, Learn) else "debug",
         ),
     )
+
+
+def _agents(port: int) -> Callable[[Session, Access], Beside]:
+    """What serves the tools for agents at this port, 0 for any."""
+    from ..agents.http import serve_beside_page  # brings the SDK of an extra
+
+    return lambda session, access: serve_beside_page(session, port, access)
 
 
 def _lessons(command: Serve) -> tuple[Library, Lesson | None]:

@@ -7,11 +7,10 @@ from dataclasses import replace
 from ispom.errors import InputError
 from ispom.methods import Config, in_order
 
-from ...session.controller import Controller
-from ...session.current_run import CurrentRun
-from ...session.service import Service
-from ...session.state import Resumed
-from ..recording.service import RecordingService
+from ..controller import Controller
+from ..current_run import CurrentRun
+from ..service import Service
+from ..state import Resumed
 from .accuracy import Accuracy
 from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparison import advanced, begin
@@ -142,10 +141,8 @@ class BranchService(Service):
 
     def loss(self) -> list[str]:
         """Forks that can be had again neither from a file nor by the same steps."""
-        recorded = self.session.service(RecordingService).recorded
-        own = [
-            b for b in self._branches.all if b.parent is not None and not b.reproducible and b.number not in recorded
-        ]
+        kept = self.session.kept_branches
+        own = [b for b in self._branches.all if b.parent is not None and not b.reproducible and b.number not in kept]
         names = ", ".join(f"“{branch.name}”" for branch in own)
         return [f"the branch {names}" if len(own) == 1 else f"the {len(own)} branches {names}"] if own else []
 

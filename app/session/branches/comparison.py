@@ -10,7 +10,7 @@ from ispom.errors import InputError
 
 from ...engine.differences.compare import FROM_POINTS, Divergence, MethodRow, divergences, record_rows
 from ...engine.history.record import ExposureRecord
-from ...session.current_run import CurrentRun
+from ..current_run import CurrentRun
 from .branches import Branch
 
 SLICE_S = 0.015

@@ -12,9 +12,12 @@ from aiohttp import web
 
 from ispom.calibration.result import Calibration, Rejected
 from ispom.errors import InputError
+from ispom.io.files import bounded
+from ispom.sequences.policy import SourcePolicy
 from ispom.types import Image
 
 from ...engine.run_folder.thumbnail import jpeg
+from ...session.session import Session
 from ...views.web.files import NOT_KEPT, SECURITY, STATIC, found, number_of, send_file, send_json, send_one_of
 from .job import CalibrationRequest, Job, Progress
 from .kept import files_of, kept_in
@@ -111,13 +114,30 @@ JPEG_QUALITY = 90
 PAGE = STATIC / "calibration.html"
 
 
+CALIBRATIONS = "calibrations"
+"""Folder of the results of the calibration page, among the recordings."""
+
+
+def routes(session: Session, may_drive: Callable[[web.Request], bool], base: str) -> list[web.RouteDef]:
+    """Those of this feature, below the page's base. Nobody at the page looks outside of the session's folders."""
+
+    def policy() -> SourcePolicy:
+        return SourcePolicy(session.folders.root)
+
+    job = Job(
+        lambda path: policy().check(path), session.recordings_dir / CALIBRATIONS, lambda: bounded(policy().places)
+    )
+    return CalibrationPage(job, may_drive).at(base)
+
+
 class CalibrationPage:
     """Its addresses. `may_drive` says whether who asks may start something."""
 
     def __init__(self, job: Job, may_drive: Callable[[web.Request], bool]) -> None:
         self._job, self._may_drive = job, may_drive
 
-    def routes(self, base: str) -> list[web.RouteDef]:
+    def at(self, base: str) -> list[web.RouteDef]:
+        """Below the page's base."""
         return [
             web.get(f"{base}calibration", self._page),
             web.get(f"{base}calibration/state", self._state),
