@@ -21,7 +21,6 @@ RAN = ["sim:tiny", "--max-exposures", "40", "--methods", "monocular", "stereo.pa
 """`blame` takes a method that says what it solves."""
 RUN, OUT = "{run}", "{out}"
 WORKS = {
-    "bench": ["--sources", "kitti-06", "--data", OUT, "--no-blocks"],
     "blame": [RUN, "--at", "35", "--method", "monocular"],
     "calibrate": ["stereo", "sim:calibration?views=8", "--target", "aprilgrid:6x6:0.03:0.3"],
     "diff": [RUN, RUN],

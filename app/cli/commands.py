@@ -74,7 +74,6 @@ COMMANDS = Registry(
         Command("perturb", ".features.sensitivity.options:Perturb", ".features.sensitivity.perturb:perturb", B),
         Command("doctor", ".features.doctor.options:Doctor", ".features.doctor.command:doctor", B),
         Command("repair", ".features.recording.options:Repair", ".features.recording.repair_command:repair"),
-        Command("bench", ".features.benchmark.options:Bench", ".features.benchmark.command:bench"),
         Command("new-method", ".features.grading.options:NewMethod", ".features.grading.scaffold:new_method"),
         Command("grade", ".features.grading.options:Grade", ".features.grading.command:grade"),
     ),

@@ -19,7 +19,6 @@ OWN_WRITERS = {
     "app/engine/run_folder/own.py",
     "app/__main__.py",  # standard streams
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
-    "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made
 }
 
 

@@ -1,5 +1,5 @@
-"""The results as files for other programs. Times that were measured stand in a file of their own: all others are the
-same to the byte wherever and however often an experiment is run."""
+"""The results as files for other programs. What was measured stands in a file of its own: where the plan does not ask
+for it, all others are the same to the byte wherever and however often an experiment is run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pyarrow.parquet
 from ispom.io.whole import write_whole
 
 from ...engine.outputs import csv_of
-from .plan import Plan, Run
+from .plan import MEASURED, Plan, Run
 from .row import Row, milliseconds
 from .statistics import Outcome, Paired, Spread
 
@@ -25,8 +25,10 @@ _OF_RUN = ("line", "method", "source", "seed", "run", "failure", "images_sha256"
 
 
 def table(plan: Plan, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """A flat mapping for each run: every number of metrics.json that any of them has, and the settings of its line."""
-    numbers = sorted({key for row in rows for key in row.values or {}})
+    """A flat mapping for each run: every number of metrics.json that any of them has, and the settings of its line.
+    What was measured is in it only where the plan asks for it."""
+    hidden = set(MEASURED) - set(plan.quantities)
+    numbers = sorted({key for row in rows for key in row.values or {}} - hidden)
     settings = sorted({key for line in plan.lines for key, _ in line.settings})
     return [
         {
@@ -48,6 +50,7 @@ def write_rows(out: Path, plan: Plan, rows: Sequence[Row]) -> None:
     write_whole(out / ROWS_PARQUET, content.getvalue())
     measured = [
         {"run": str(row.run.folder), "median_ms": median, "p95_ms": p95}
+        | {key: (row.values or {}).get(key) for key in MEASURED}
         for row in rows
         for median, p95 in [milliseconds(row.run, out / row.run.folder)]
     ]
