@@ -18,6 +18,7 @@ OWN_WRITERS = {
     "ispom/simulation/rendering/cache.py",
     "app/engine/run_folder/own.py",
     "app/__main__.py",  # standard streams
+    "app/engine/memory.py",  # a switch of /proc
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
 }
 
