@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 from ..engine.events import Finished, Stepped
-from ..engine.memory import release_library_pages
 from . import moves
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -92,7 +91,6 @@ class Player:
             self._store.emit(NoticeAdded(f"frame {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self.computed(event)
-        release_library_pages(run.playback.position)
         if run.playback.done:
             self._finish(run.finish())
         self._store.set(activity=None)
@@ -100,4 +98,3 @@ class Player:
     def _finish(self, finished: Finished) -> None:
         self._viewers.write(finished)
         self._store.emit(finished)
-        release_library_pages(1)

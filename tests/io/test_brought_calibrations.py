@@ -13,11 +13,10 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.calibration.saved import left_out
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.files import camera_text, rig_files
+from ispom.io.calibrations.files import camera_text, left_out, rig_files
 from ispom.io.calibrations.opencv import opencv_text
 from ispom.io.calibrations.placed import Placed
 from ispom.io.calibrations.recognised import one_camera, one_rig

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from aiohttp import web
 
+from ispom.calibration.filmed.simulated import truth_words
 from ispom.calibration.result import Calibration, Rejected
 from ispom.errors import InputError
 from ispom.io.files import bounded
@@ -22,7 +23,6 @@ from ...views.web.files import NOT_KEPT, SECURITY, STATIC, found, number_of, sen
 from .job import CalibrationRequest, Job, Progress
 from .kept import files_of, kept_in
 from .report import camera_values
-from .simulated import truth_words
 from .words import facts
 
 DRAWINGS = {

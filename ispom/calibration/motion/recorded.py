@@ -1,4 +1,4 @@
-"""`ispom calibrate rig SOURCE --from-motion`: the video camera's place and clock from how the cameras moved, no target.
+"""The video camera's place and clock from how the cameras of a recording moved, without a target.
 
 The stereo and the monocular estimator run over the recording, their motions give place and clock (hand-eye), and the
 integrated estimator refines both by the images' own points, in parts of the recording that must agree.
@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.filmed.detecting import Bar, no_bar
 from ispom.calibration.motion.combine import Combined, Part, combined
 from ispom.calibration.motion.course import STILL_RAD, Course, Start, start_of
 from ispom.calibration.motion.hand_eye import HandEye, hand_eye
@@ -26,11 +28,9 @@ from ispom.sequences import open_sequence
 from ispom.sequences.formats.described import filmed_rig, looks_described
 from ispom.types import Rig, Sequence, Step, Trajectory
 
-from ..headless.console import compile_first
-from .detecting import bar
-from .options import Calibrate
-
 METHODS = ("monocular", "stereo")
+USED = (*METHODS, "integrated")
+"""What runs, and has to be compiled before."""
 PART_PAIRS = 15
 """Stereo pairs of a part, at least: the integration has its window of five full and the video its map."""
 MOST_PARTS = 4
@@ -53,23 +53,30 @@ class FromMotion:
     """Of the stereo pair, from pose to pose."""
 
 
-def moved_rig(options: Calibrate) -> FromMotion:
-    """Runs everything; InputError for a source without both cameras, Redo where the motion does not suffice."""
-    if len(options.images) != 1:
-        raise InputError(f"--from-motion takes one recording of all three cameras, not {len(options.images)}: give one")
-    sequence = open_sequence(str(options.images[0]), placed=False)
+def recording_of(paths: tuple[Path, ...]) -> Sequence:
+    """Returns the recording, its video camera without a place. Raises InputError for a source without both cameras."""
+    if len(paths) != 1:
+        raise InputError(f"--from-motion takes one recording of all three cameras, not {len(paths)}: give one")
+    sequence = open_sequence(str(paths[0]), placed=False)
     if sequence.rig.video is None or not sequence.rig.has_stereo:
-        raise InputError(f"{options.images[0]} has not both a video camera and a stereo pair: give a recording of all")
-    compile_first((*METHODS, "integrated"), Config())
-    left, video, joined = _courses(sequence)
-    start = _started(left, video, options.clock_within)
+        raise InputError(f"{paths[0]} has not both a video camera and a stereo pair: give a recording of all")
+    return sequence
+
+
+def moved_rig(sequence: Sequence, path: Path, clock_within_s: float, bar: Bar = no_bar) -> FromMotion:
+    """Runs everything over the recording that was opened from a path.
+
+    The video's clock is looked for within so many seconds. Raises Redo where the motion does not suffice.
+    """
+    left, video, joined = _courses(sequence, bar)
+    start = _started(left, video, clock_within_s)
     rough = hand_eye(left, video, joined, start)
     if rough is None:
         raise Redo("the two trajectories have too little in common: film for longer, where both cameras see enough")
-    parts = _refined(sequence, rough)
+    parts = _refined(sequence, rough, bar)
     found = combined(rough, parts)
     rig_from_video = sequence.rig.rig_from_left @ found.video_from_left.inverse()
-    path = expanded(options.images[0])
+    path = expanded(path)
     filmed = filmed_rig(path, placed=False) if exists(path) and looks_described(path) else sequence.rig
     return FromMotion(sequence, filmed.changed(rig_from_video=rig_from_video), rough, found, len(left) - 1)
 
@@ -93,9 +100,9 @@ def _started(left: Course, video: Course, most_s: float) -> Start:
     return start
 
 
-def _courses(sequence: Sequence) -> tuple[Course, Course, NDArray[np.bool_]]:
+def _courses(sequence: Sequence, bar: Bar) -> tuple[Course, Course, NDArray[np.bool_]]:
     """world_from_left and world_from_video by their own estimators; and which stereo poses are joined to the next."""
-    found, breaks = _run(build(Config(), METHODS, sequence.rig), sequence, 0, len(sequence), "following the cameras")
+    found, breaks = _run(build(Config(), METHODS, sequence.rig), sequence, bar)
     stereo = found["stereo"].moved(right=sequence.rig.rig_from_left, frame="left")
     left, video = Course.of(_from(stereo, sequence)), Course.of(_from(found["monocular"], sequence))
     if len(left) < 3 or len(video) < 4:
@@ -114,7 +121,7 @@ def _from(trajectory: Trajectory, sequence: Sequence) -> Trajectory:
     return replace(trajectory, times_ns=trajectory.times_ns - sequence.times_ns[0])
 
 
-def _refined(sequence: Sequence, rough: HandEye) -> list[Part]:
+def _refined(sequence: Sequence, rough: HandEye, bar: Bar = no_bar) -> list[Part]:
     """What the integration says about the rig in each part of the recording."""
     place = sequence.rig.rig_from_left @ rough.video_from_left.inverse()
     moved = sequence.with_video_later(rough.offset_s)
@@ -136,23 +143,21 @@ def _refined(sequence: Sequence, rough: HandEye) -> list[Part]:
     out = []
     for k in range(count):
         ensemble = build(config, ("integrated",), rig)
-        state = _state(ensemble, moved, edges[k], edges[k + 1], f"refining, part {k + 1} of {count}")
+        state = _state(ensemble, moved, edges[k], edges[k + 1], bar, f"refining, part {k + 1} of {count}")
         window = state["integrated"].window
         if window.rig_estimates:
             out.append(Part.of(window.rig, window.rig_estimates[-1].information, window.calibrated))
     return out
 
 
-def _run(
-    ensemble: Ensemble, sequence: Sequence, first: int, end: int, what: str
-) -> tuple[dict[str, Trajectory], list[int]]:
+def _run(ensemble: Ensemble, sequence: Sequence, bar: Bar) -> tuple[dict[str, Trajectory], list[int]]:
     """Trajectories, and the times at which a method started again."""
     breaks: list[int] = []
 
     def look(steps: tuple[Step, ...]) -> None:
         breaks.extend(step.time_ns for step in steps if step.restarted)
 
-    state = _state(ensemble, sequence, first, end, what, look)
+    state = _state(ensemble, sequence, 0, len(sequence), bar, "following the cameras", look)
     return ensemble.finish(state), breaks
 
 
@@ -161,6 +166,7 @@ def _state(
     sequence: Sequence,
     first: int,
     end: int,
+    bar: Bar,
     what: str,
     look: Callable[[tuple[Step, ...]], None] = lambda _: None,
 ) -> dict[str, Any]:

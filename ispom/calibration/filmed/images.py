@@ -58,7 +58,7 @@ class Source:
 
 
 def open_sources(what: str, image_paths: tuple[Path, ...]) -> tuple[Source, ...]:
-    """One for each camera; InputError says what is missing."""
+    """Returns one for each camera of `what`, a key of CAMERAS. Raises InputError for what is missing."""
     cameras = CAMERAS[what]
     paths = [expanded(path) for path in image_paths]
     if not paths:
@@ -77,8 +77,8 @@ def open_sources(what: str, image_paths: tuple[Path, ...]) -> tuple[Source, ...]
 
 
 def own_clock(sources: tuple[Source, ...]) -> bool:
-    """Whether the video camera of a rig takes its images at times of its own: films do, and images whose times are not
-    those of the pairs, where they follow each other closely enough."""
+    """Returns whether the video camera of a rig takes its images at times of its own: films do, and images whose times
+    are not those of the pairs, where they follow each other closely enough."""
     by_name = {source.camera: source for source in sources}
     if set(by_name) != set(CAMERAS["rig"]):
         return False
@@ -92,14 +92,14 @@ def own_clock(sources: tuple[Source, ...]) -> bool:
 
 
 def nearest(times_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(M,) index of the time (of N, increasing) that is nearest to each of those wanted."""
+    """Returns the indices (M,) of the times (of N, increasing) that are nearest to those wanted (M,)."""
     after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, len(times_ns) - 1)
     return after - (wanted_ns - times_ns[after - 1] < times_ns[after] - wanted_ns)
 
 
 def paired(sources: tuple[Source, ...]) -> tuple[Source, ...]:
-    """The same, with images of one number taken at the same time: by their names where these have something in common,
-    else in their order. InputError where that cannot be."""
+    """Returns them with images of one number taken at the same time: by their names where these have something in
+    common, else in their order. Raises InputError where that cannot be."""
     if len(sources) == 1:
         return sources
     keys = [[_key(name, source.camera) for name in source.names] for source in sources]

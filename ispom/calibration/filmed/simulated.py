@@ -9,6 +9,7 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from ispom.calibration.adjust.lens import model_of, parameter_names, vector_of
+from ispom.calibration.filmed.images import CAMERAS, Source
 from ispom.calibration.result import Calibration
 from ispom.calibration.targets.drawing import MARGIN_M, raster
 from ispom.calibration.targets.target import Target
@@ -17,8 +18,6 @@ from ispom.geometry import Pose
 from ispom.settings import check
 from ispom.simulation.filmed_board import FilmedBoard, How, Picture
 from ispom.types import FrameName, Rig
-
-from .images import CAMERAS, Source
 
 NAME = "sim:calibration"
 LONGER_SIDE_PX = 1800
@@ -32,11 +31,13 @@ class Simulated:
 
 
 def is_simulated(paths: tuple[Path, ...]) -> bool:
+    """Returns whether a simulation is asked for, not images."""
     return len(paths) == 1 and str(paths[0]).startswith("sim:")
 
 
 def simulated(what: str, source: Path, target: Target) -> Simulated:
-    """The images of `sim:calibration?views=30&alike&blur_ms=20`; InputError for another name or setting."""
+    """Returns the images of `sim:calibration?views=30&alike&blur_ms=20`. Raises InputError for another name or
+    setting."""
     name, _, settings = str(source).partition("?")
     if name != NAME:
         raise InputError(f"{name} is no simulated calibration: give {NAME}, or {NAME}?views=30&seed=1&alike&blur_ms=20")
@@ -67,7 +68,8 @@ def _how(settings: str) -> How:
 
 
 def truth_words(found: Calibration, truth: Rig) -> list[str]:
-    """How far each parameter is from the truth, also in its own standard errors; and the poses of the cameras."""
+    """Returns how far each parameter is from the truth, also in its own standard errors, and the poses of the
+    cameras."""
     lines = []
     for each in found.cameras:
         camera = truth.camera(each.views.name)  # type: ignore[arg-type]

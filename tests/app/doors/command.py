@@ -1,22 +1,23 @@
-"""`ispom hello`."""
+"""`ispom hello`, as a package adds it."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
 
-from ispom_app.cli.call import Call
-
-PLACE = 999
+from ispom_app.cli.commands import Command
 
 
 @dataclass(frozen=True)
-class Options:
+class Hello:
     """Says hello."""
 
     name: str = "world"
 
 
-def execute(options: Options, call: Call) -> int:
+def hello(options: Hello) -> int:
     sys.stdout.write(f"hello {options.name}\n")
     return 3
+
+
+HELLO = Command("hello", Hello, hello)

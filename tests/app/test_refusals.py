@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from ispom_app.cli import memory_limit
+from ispom_app.cli import refusals
 
 resource = pytest.importorskip("resource")
 SMALL = 512_000_000
@@ -39,5 +39,5 @@ def test_it_is_one_sentence(words: list[str]) -> None:
 def test_what_runs_estimators_takes_more(
     monkeypatch: pytest.MonkeyPatch, limit: int | None, words: list[str], refused: bool
 ) -> None:
-    monkeypatch.setattr(memory_limit, "_limit", lambda: limit)
-    assert (memory_limit.too_little(words) is not None) == refused
+    monkeypatch.setattr(refusals, "_limit", lambda: limit)
+    assert (refusals.too_little(words) is not None) == refused

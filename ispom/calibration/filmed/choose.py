@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.filmed.images import Source, nearest
 from ispom.calibration.motion.course import LONGEST_S
 from ispom.errors import UnreadableImage
 from ispom.types import Image
-
-from .images import Source, nearest
 
 LOOKED_AT = 600
 """Frames of a film that are looked at, evenly over its length."""
@@ -29,7 +28,8 @@ MOST_MOVING = 40
 
 
 def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: None) -> list[int]:
-    """Indices, increasing, of at most so many images; of a folder that has no more, all of them."""
+    """Returns indices, increasing, of at most so many images; of a folder that has no more, all of them. `step` is
+    called after each image that is looked at."""
     if not source.is_film and len(source) <= most:
         return list(range(len(source)))
     looked = np.unique(np.linspace(0, len(source) - 1, min(len(source), LOOKED_AT)).astype(int))
@@ -65,8 +65,8 @@ def near(video: Source, left: Source, within_s: float) -> Source:
 
 
 def around(source: Source, chosen: Source) -> Source | None:
-    """The images right before and after some of those that were chosen of a source, and these: they show how the camera
-    moved. None where times are not known, or differ too much for that."""
+    """Returns the images right before and after some of those that were chosen of a source, and these: they show how
+    the camera moved. None where times are not known, or differ too much for that."""
     if source.times_ns is None or chosen.times_ns is None or len(source) < 2 or not len(chosen):
         return None
     if float(np.median(np.diff(source.times_ns))) * 1e-9 > LONGEST_S:

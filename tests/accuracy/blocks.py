@@ -1,6 +1,6 @@
-"""The building blocks: a window's bundle adjustment, rendering, logging with history, opening a large folder.
+"""`python -m tests.accuracy blocks`: a window's bundle adjustment, rendering, logging with history, opening a folder.
 
-`python -m ispom_app.features.benchmark.blocks '{...}'` prints what was found as one line of JSON.
+`python -m tests.accuracy.blocks '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 from ispom.child import end_with_parent
 from ispom.geometry import so3_exp
@@ -24,13 +27,16 @@ from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.solvers.right_camera import COLUMNS, PAIR
 from ispom.solvers.window import adjustment as window
+from ispom.stopwatch import cpu_clock
 
-from .plan import CASES, PEERS_UNIT_MS, WINDOW_PEERS
-from .unit import Unit, cpu_clock
+from .unit import Unit
 
 KEY_FRAMES, POINTS, SEEN_FROM = 10, 1000, 4
 """A window's size, and how many keyframes see a point."""
 FOLDER_IMAGES = 5000
+PEERS_UNIT_MS = 11.2
+"""U where other programs were measured (docs/howto/speed.md)."""
+WINDOW_PEERS = "peers per solve: Ceres 11.5-24 ms, fixed-lag smoothers 24-104 ms, gtsam 67-106 ms"
 LOGGED = 60
 """Frames of sim:city whose logging is timed."""
 
@@ -111,14 +117,14 @@ def rendering() -> Block:
 
 def logging(unit: Unit, folder: Path) -> Block:
     """Time of the worker per frame without the estimation: recording, tables, the map, the app's history."""
-    from ...engine.history.record import ExposureRecord
-    from ...engine.model.map_memory import MapCollectors
-    from ...engine.playback import Playback
-    from ...engine.run_folder.run_folder import RunFolder
-    from ...engine.run_folder.step_log import StepLog
-    from ...views.rerun.file_recording import FileRecording  # brings Rerun
+    from ispom_app.engine.history.record import ExposureRecord
+    from ispom_app.engine.model.map_memory import MapCollectors
+    from ispom_app.engine.playback import Playback
+    from ispom_app.engine.run_folder.run_folder import RunFolder
+    from ispom_app.engine.run_folder.step_log import StepLog
+    from ispom_app.views.rerun.file_recording import FileRecording  # brings Rerun
 
-    playback = Playback(next(c for c in CASES if c.key == "sim-city").open(), ("monocular", "stereo", "integrated"))
+    playback = Playback(open_sequence("sim:city"), ("monocular", "stereo", "integrated"))
     memories, history, ms = MapCollectors(), [], []
     with ExitStack() as stack:
         record = stack.enter_context(FileRecording(folder / "bench.rrd", playback.opened))
@@ -173,17 +179,32 @@ def _median_ms(work: Callable[[], object], unit: Unit, times: int = 15) -> tuple
     return median, median / unit.ms
 
 
+def print_blocks(console: Console, rows: list[dict[str, Any]]) -> None:
+    table = Table("building block", "", "in U", "goal", "", pad_edge=False, box=None)
+    for row in rows:
+        ratio = "-" if row["unit_ratio"] is None else f"{row['unit_ratio']:.2f}"
+        value, reached = f"{row['value']:.2f} {row['unit']}", "reached" if row["reached"] else "missed"
+        table.add_row(row["name"], value, ratio, row["wanted"], reached)
+    console.print(table)
+    for row in rows:
+        if row["note"]:
+            console.print(f"{row['name']}: {row['note']}")
+
+
 def main(argument: str) -> int:
     cv2.setNumThreads(1)
-    pair = tuple(Path(p) for p in json.loads(argument)["pair"])
+    images = sorted((Path(json.loads(argument)["drive"]) / "image_0").glob("*.png"))[:2]
+    unit = Unit(tuple(images))
     with tempfile.TemporaryDirectory() as folder:
         found = [
-            bundle(Unit(pair)),
+            bundle(unit),
             rendering(),
-            logging(Unit(pair), Path(folder)),
+            logging(unit, Path(folder)),
             opening(Path(folder)),
             simulation_opening(),
         ]
+    note = f"forward-backward KLT of 500 points, 21x21, 4 levels, 30 iterations, one thread, on {unit.pair_name}"
+    found.append(Block("U", unit.ms, "ms", f"the peers' was {PEERS_UNIT_MS} ms", True, 1.0, note))
     sys.stdout.write(json.dumps([asdict(block) for block in found]) + "\n")
     return 0
 

@@ -1,54 +1,42 @@
-"""Detection in all images of all cameras, on all cores, with a bar of how far it is."""
+"""Detection in all images of all cameras, on all cores."""
 
 from __future__ import annotations
 
 import os
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.calibration.calibrate import require_found
 from ispom.calibration.detection.detect import common_hint, detect, layout_fault
 from ispom.calibration.detection.detection import Detection
+from ispom.calibration.filmed.choose import around
+from ispom.calibration.filmed.images import Source
 from ispom.calibration.result import Views
 from ispom.calibration.targets.target import Target
 from ispom.errors import InputError, UnreadableImage
 from ispom.stop import check_stop
 from ispom.types import Image
 
-from .choose import around
-from .images import Source
-
 LOOKED_AT = 9
 """Images that say which target was filmed, where it is not the one given."""
 
 
+Bar = Callable[[str, int | None], AbstractContextManager[Callable[[], None]]]
+"""Begins to show how far something is, of how many (None: unknown), and gives what moves it on by one."""
+
+
 @contextmanager
-def bar(what: str, total: int | None) -> Iterator[Callable[[], None]]:
-    """A line on the terminal, and what moves it on by one; where standard error is no terminal there is none.
-
-    What moves it raises what ends the command, as `check_stop`.
-    """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(file=sys.stderr)
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as shown:
-        task = shown.add_task(what, total=total)
-
-        def advance() -> None:
-            shown.advance(task)
-            check_stop()
-
-        yield advance
+def no_bar(what: str, total: int | None) -> Iterator[Callable[[], None]]:
+    """Shows nothing. What moves it on raises what ends the command, as `check_stop`."""
+    yield check_stop
 
 
-def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
-    """What each camera saw; InputError where its images have several sizes."""
+def detected(target: Target, sources: tuple[Source, ...], bar: Bar = no_bar) -> tuple[Views, ...]:
+    """Returns what each camera saw. Raises InputError where its images have several sizes."""
     jobs = [(source, i) for source in sources for i in range(len(source))]
     with bar("detecting the target", len(jobs)) as step, ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 
@@ -78,8 +66,8 @@ def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
 
 
 def require_target(target: Target, sources: tuple[Source, ...], views: tuple[Views, ...]) -> None:
-    """InputError where another target was filmed than the one given, with what is there instead: where a camera's
-    images show nothing of it, or its tags sit otherwise."""
+    """Raises InputError where another target was filmed than the one given, with what is there instead: where a
+    camera's images show nothing of it, or its tags sit otherwise."""
     for source, each in zip(sources, views, strict=True):
         seen = [i for i, found in enumerate(each.detections) if not found.reason]
         if not seen:
@@ -95,10 +83,13 @@ def _images(source: Source, index: Sequence[int]) -> Iterator[Image]:
             yield source.read(index[n])
 
 
-def moving_views(target: Target, all_sources: tuple[Source, ...], chosen: tuple[Source, ...]) -> Views | None:
-    """What a single camera saw around the images that were chosen of those given; None where that is not known."""
+def moving_views(
+    target: Target, all_sources: tuple[Source, ...], chosen: tuple[Source, ...], bar: Bar = no_bar
+) -> Views | None:
+    """Returns what a single camera saw around the images that were chosen of those given; None where that is not
+    known."""
     neighbours = around(all_sources[0], chosen[0]) if len(all_sources) == 1 else None
-    return None if neighbours is None else detected(target, (neighbours,))[0]
+    return None if neighbours is None else detected(target, (neighbours,), bar)[0]
 
 
 def _one_size(source: Source, sizes: list[tuple[int, int] | None]) -> tuple[int, int]:

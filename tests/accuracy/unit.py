@@ -6,23 +6,19 @@ pair with OpenCV on one thread. Times that are compared with it are measured in 
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.stopwatch import cpu_clock
 from ispom.types import Image
 
 SIZE = (1226, 370)
 """Width and height [px]."""
 POINTS = 500
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.01)
-_FINE = time.get_clock_info("process_time").resolution < 1e-4
-cpu_clock = time.process_time if _FINE else time.perf_counter
-"""Seconds of all threads of this process: what other programs do meanwhile hardly counts. (Where the system's count is
-too coarse: wall time.)"""
 
 
 class Unit:

@@ -1,16 +1,31 @@
-"""A limit of the address space that is too small for the program: its libraries end in a segmentation fault then."""
+"""What `ispom` refuses to start with: files that its libraries would obey, and too small a limit of the address space,
+with which they end in a segmentation fault."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 
+OBEYED = {".numba_config.yaml": "numba", "matplotlibrc": "Matplotlib"}
+"""Numba and Matplotlib look for these first, in whatever folder they are started. A file of aliases hangs numba, and
+`text.usetex` has Matplotlib start TeX."""
 NEEDED = {"help": 1.0e9, "run": 4.7e9}
 """Address space [bytes] of the libraries alone, and of a run with its recording (or a page), on Linux with two cores:
 measured with `ulimit -v` on `ispom --help`, `ispom run sim:tiny` and `ispom app sim:tiny`. Most of it is reserved
 only: the memory that a run really takes is a tenth."""
 RUNS = {"app", "blame", "demo", "doctor", "experiment", "fork", "gate", "grade", "learn", "mcp", "run"}
 """Commands that run estimators, or serve a page. Without a word, `app` is meant."""
+
+
+def obeyed_file() -> str | None:
+    """One sentence where the working directory holds such a file: a stranger's folder would change what is computed.
+    None where it holds none."""
+    for name, library in OBEYED.items():
+        if os.path.exists(name) and not os.path.isdir(name):
+            return (
+                f"the working directory holds {name}, which {library} would obey: start in another folder, or remove it"
+            )
+    return None
 
 
 def too_little(words: Sequence[str]) -> str | None:

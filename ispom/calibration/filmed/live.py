@@ -15,12 +15,11 @@ from ispom.calibration.adjust.solve import start_of
 from ispom.calibration.detection.detect import detect
 from ispom.calibration.detection.detection import Detection
 from ispom.calibration.diagnostics import MANY_VIEWS, Coverage, coverage
+from ispom.calibration.filmed.images import Source
 from ispom.calibration.targets.target import Target
 from ispom.errors import InputError
 from ispom.sequences.decoder_output import silenced
 from ispom.types import Image
-
-from .images import Source
 
 NEW_SHARE = 0.06
 """Of the image's width: a view is new when its points are, at the median, so far from where every kept one has them."""
@@ -31,12 +30,14 @@ _DEVICE = re.compile(r"camera:(\d{1,3})")
 
 
 def is_camera(paths: tuple[Path, ...]) -> bool:
+    """Returns whether these name a camera of this machine, such as camera:0."""
     return len(paths) == 1 and _DEVICE.fullmatch(str(paths[0])) is not None
 
 
 @contextmanager
 def camera_frames(name: str) -> Iterator[Callable[[], Image | None]]:
-    """What reads the next frame (H, W) of `camera:N`; None where it gives no more. InputError where it is not there."""
+    """Yields what reads the next frame (H, W) of `camera:N`, and gives None where there is none. Raises InputError
+    where the camera is not there."""
     found = _DEVICE.fullmatch(name)
     if found is None:
         raise InputError(f"{name} is no camera: give camera:NUMBER, as camera:0")
@@ -58,7 +59,8 @@ def camera_frames(name: str) -> Iterator[Callable[[], Image | None]]:
 def filmed(
     target: Target, name: str, read: Callable[[], Image | None], report: Callable[[str], None], most: int
 ) -> Source:
-    """Films until nothing is missing any more, `most` views are kept, the camera ends, or Ctrl-C is pressed.
+    """Returns the views that are filmed until nothing is missing any more, `most` views are kept, the camera ends, or
+    Ctrl-C is pressed.
 
     `report` gets, after each frame, what was seen, how much is covered, and what to film next.
     """
@@ -93,7 +95,7 @@ def filmed(
 
 
 def is_new(found: Detection, seen: list[Detection], width: int) -> bool:
-    """Whether no earlier view has its points nearly there."""
+    """Returns whether no earlier view has its points nearly there, in images of so many pixels width."""
     for other in seen:
         _, mine, theirs = np.intersect1d(found.ids, other.ids, return_indices=True)
         away = np.linalg.norm(found.uv[mine] - other.uv[theirs], axis=1)
@@ -103,7 +105,7 @@ def is_new(found: Detection, seen: list[Detection], width: int) -> bool:
 
 
 def covered(target: Target, seen: list[Detection], size: tuple[int, int]) -> Coverage | None:
-    """What the views cover; None while they are too few."""
+    """Returns what the views cover, in images of `size` (width, height) [px]; None while they are too few."""
     if len(seen) < LEAST_VIEWS:
         return None
     views = Observations.of(target, [seen])
@@ -113,7 +115,7 @@ def covered(target: Target, seen: list[Detection], size: tuple[int, int]) -> Cov
 
 
 def words(count: int, now: Coverage | None) -> str:
-    """For the person with the board."""
+    """Returns a sentence for the person with the board."""
     if now is None:
         return f"{count} views kept; next: show the target tilted, and in other places"
     share = f"{count} views kept, {100 * now.covered:.0f} % of the image covered"
