@@ -20,7 +20,7 @@ export function explain(view, html) {
       ${cards.map((card) => verdict(card, view.plotted, html))}
       ${
         view.settings.length > 0 &&
-        html`<div class="small" title="Default → value in this run; change them in the tab Methods.">
+        html`<div class="small" title="Default → value in this run; change them under Controls, in the tab Methods.">
           Settings other than the defaults: <b>${view.settings.join(", ")}</b>
         </div>`
       }

@@ -104,7 +104,7 @@ def explain(state: State, run: CurrentRun | None, frame: int) -> ExplainView:
         skipped="" if record is None else record.skipped,
         thinned=record is not None and record.thinned,
         cards=tuple(_card(card, since.get(card.verdict.method, ())) for card in found),
-        settings=changes((state.methods, Config()), (state.methods, state.config)),
+        settings=() if run is None else changes((methods, Config()), (methods, state.config)),
         plotted=state[Plots].names,
         notes=(state.failure,) if state.phase == "failed" else state.notes,
     )
