@@ -57,17 +57,17 @@ class StageNews(News):
             news |= {"eye": EYE, "share": WORLD_SHARE, "curves": CURVES}
         if not run.opened.methods:  # of a recording alone no pose is known, and its layout has an eye of its own
             return news or None
-        path, least = self._path(state, run, state.displayed.placements), least_size(run.opened)
+        estimates, least = self._estimates(state, run, state.displayed.placements), least_size(run.opened)
+        path = np.concatenate([estimates, self._truth(state, run, state.displayed.placements)])
         if self._framed is None or not is_framed(path, self._framed, least):
             self._framed = path
             eyes = {"frame": eye_on(path, least), "top": eye_above(path, least), "side": eye_from_side(path, least)}
             news |= {name: _values(eye) for name, eye in eyes.items()}
-        distance = FOLLOWING * max(extent(path), least)
+        distance = FOLLOWING * max(extent(estimates), least)
         return news | self._of_camera(state, run, state.displayed.placements, distance) or None
 
-    def _path(self, state: State, run: CurrentRun, placements: Mapping[str, Similarity]) -> Array:
-        """(N, 3) in the shared world: of all methods up to the frame shown, and the true path, or of the integration
-        that is looked at."""
+    def _estimates(self, state: State, run: CurrentRun, placements: Mapping[str, Similarity]) -> Array:
+        """(N, 3) in the shared world: of all methods up to the frame shown, or of the integration that is looked at."""
         steps = state[IntegrationSteps].shown
         fit = latest_fit(run, steps.method, state.index) if steps is not None else None
         if steps is not None and fit is not None and (shapes := drawing(fit[1], steps.stage)):
@@ -76,17 +76,19 @@ class StageNews(News):
         for method, known in model.methods.items():
             placement = placements.get(method, Similarity())
             found.append(placement.apply(_positions(known.poses, model.times, state.index)))
-        return np.concatenate([*found, self._truth(state, run, placements)])
+        return np.concatenate(found)
 
     def _truth(self, state: State, run: CurrentRun, placements: Mapping[str, Similarity]) -> Array:
         """(N, 3) the true path, where it is drawn; where it is aligned to the estimates, as far as these go: beyond,
         an alignment to a few poses leads anywhere."""
-        truth, shown = run.opened.truth, state.displayed
-        if truth is None or shown is None or self._true_path is None or "truth" in state[Layers].undrawn:
-            return np.zeros((0, 3))
+        truth, shown, nothing = run.opened.truth, state.displayed, np.zeros((0, 3))
+        if truth is None or shown is None or self._true_path is None or state[IntegrationSteps].shown is not None:
+            return nothing
+        if "truth" in state[Layers].undrawn:
+            return nothing
         placed = self._true_path.at(run.model, placements)
         if placed is None:
-            return np.zeros((0, 3))
+            return nothing
         known = slice(None) if self._true_path.fixed else truth.times_ns <= shown.time_ns
         return placed.apply(truth.translations[known])
 
