@@ -155,6 +155,7 @@ class StoredTape:
         if recording is None:
             return set()
         self.recording_id = self.recording_id or recording.recording_id
+        # No public call says where in the file a chunk is; LazyStore.stream() reads all chunks of an entity.
         _, index = RrdReader(path).store()._internal._chunk_index()
         names = set(index.schema.names)
         if f"{TIMELINE}:start" not in names:

@@ -212,6 +212,17 @@ VIEWER = """async () => {
 }"""
 
 
+def test_animation_frames_stay_the_browsers(page: Page):
+    """A frame that was asked for can be cancelled, and the next one comes."""
+    called = """new Promise((done) => {
+      const called = [];
+      cancelAnimationFrame(requestAnimationFrame(() => called.push("cancelled")));
+      requestAnimationFrame(() => requestAnimationFrame(() => done(called)));
+    })"""
+    assert page.tab.evaluate(called) == []
+    assert "[native code]" in page.tab.evaluate("String(window.requestAnimationFrame)")
+
+
 def test_the_saved_picture_is_what_is_on_the_screen(page: Page):
     assert apart(page) < 0.02, "both viewers and the panels are in it"
 
