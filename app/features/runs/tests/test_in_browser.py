@@ -116,7 +116,7 @@ def test_two_runs_that_are_selected_are_compared_on_one_stage(page: Page) -> Non
     page.tab.locator("#compare .verdict").wait_for()
     assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["second", "first"]
     page.tab.locator("#compare table tr").nth(2).wait_for()
-    assert page.tab.locator("#compare tr.of").count() == 1, "the methods that both have"
+    assert page.tab.locator("#compare tr.of").count() == 2, "the method that both have, and the whole run"
     page.tab.locator("#compare .which span").filter(has_text="Frame").wait_for()
     drawn = "[...document.querySelectorAll('#compare .images img')].every((image) => image.naturalWidth > 0)"
     page.until(drawn, "both images")
