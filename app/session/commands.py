@@ -35,6 +35,8 @@ class Command(Message, frozen=True):
 
     in_lessons: ClassVar[bool] = False
     """Whether it is possible while a question of a lesson is open, whatever it would change."""
+    keeps: ClassVar[bool] = False
+    """Whether a run that it closes stays in the table of runs, with its forks."""
     newest_only: ClassVar[bool] = False
     """Whether one that another of its kind follows is dropped: a slider sends many."""
 
@@ -151,6 +153,7 @@ class Open(Command, frozen=True):
     source: str
     options: SourceOptions | None = None
     """None: as in the command line."""
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         if session.open(self.source, self.options):

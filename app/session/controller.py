@@ -115,7 +115,7 @@ class Controller:
         for service in self._services.values():
             service.check(command)
         what = command.closing(self)
-        lost = self._loss(live=not isinstance(command, Restart)) if what else []
+        lost = self._loss(live=not isinstance(command, Restart), kept=command.keeps) if what else []
         if lost:
             self._questions += 1
             self._pending = command
@@ -151,9 +151,19 @@ class Controller:
             return False
         if run is not None:
             run.stop()
+        self._keep(before)
         self.put_on_screen(found)
         self.store.set(source_options=options or self._usual_options, recent=self._recent.add(source))
         return True
+
+    def show_again(self, run: CurrentRun, source: str, options: SourceOptions) -> None:
+        """Puts a run of a source that was closed on the screen, as it was opened then."""
+        if self.run is not None:
+            self.run.stop()
+        self._keep(self.state)
+        self.store.emit(Opening(source))
+        self.put_on_screen(run)
+        self.store.set(source_options=options)
 
     def open_run(self, run: CurrentRun, source: str) -> None:
         """Puts a run of another source on the screen."""
@@ -265,10 +275,10 @@ class Controller:
         if answer.yes:
             command.execute(self)
 
-    def _loss(self, *, live: bool) -> list[str]:
+    def _loss(self, *, live: bool, kept: bool) -> list[str]:
         """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
-        counted only if asked for."""
-        lost = [each for service in self._services.values() for each in service.loss()]
+        counted only if asked for, and forks only where they are not `kept` in the table of runs."""
+        lost = [] if kept else [each for service in self._services.values() for each in service.loss()]
         if (
             live
             and self.state.computed
@@ -281,6 +291,10 @@ class Controller:
     def _computed(self, event: Stepped) -> None:
         for service in self._services.values():
             service.computed(event)
+
+    def _keep(self, before: State) -> None:
+        for service in self._services.values():
+            service.keep(before)
 
     def _leave(self) -> None:
         for service in self._services.values():

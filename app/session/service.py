@@ -55,6 +55,9 @@ class Service:
     def leave(self, run: CurrentRun | None) -> None:
         """This run is about to leave the screen."""
 
+    def keep(self, before: State) -> None:
+        """Another source takes the place of the run on the screen, which was in this state: keeps what should stay."""
+
     def computed(self, event: Stepped) -> None:
         """The run on the screen has computed another frame."""
 

@@ -26,7 +26,7 @@ from ..lessons.state import Lessons
 from .compare import comparison_message, divergence_message
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
-from .live import live_rows, merged
+from .live import kept_rows, live_rows, merged
 from .table import table_message
 
 WIDTHS = range(40, 641)
@@ -64,7 +64,10 @@ class RunsRoutes:
         async with self._reading:  # one thread at a time
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
-        message = table_message(merged(live.values(), recorded))
+        branches = session.service(BranchService)
+        open_runs = [run for each in state[Branches].all if (run := branches.run_of(each.number)) is not None]
+        kept = [] if state.covers else kept_rows(branches.kept, open_runs, session.recordings_dir)
+        message = table_message(merged([*live.values(), *kept], recorded))
         return send_json(message | {"recent": state.recent, "lessons": self._lessons(state)})
 
     def _lessons(self, state: State) -> list[dict[str, Any]]:
@@ -101,7 +104,9 @@ class RunsRoutes:
         if self._session.state.covers:
             raise web.HTTPForbidden(text="A question of the lesson is open.")
         branch, width = number_of(request, "branch", 0), number_of(request, "width", WIDTHS.stop - 1)
-        run = self._session.service(BranchService).run_of(branch)
+        branches, group = self._session.service(BranchService), number_of(request, "kept", 0)
+        runs = next((each.runs for each in branches.kept if each.number == group), {})
+        run = runs.get(branch) if group else branches.run_of(branch)
         if run is None or width not in WIDTHS:
             raise web.HTTPNotFound
         at = number_of(request, "at", len(run.history) - 1)
@@ -130,7 +135,7 @@ class RunsRoutes:
         folder = self._session.recordings_dir
         known = self._recorded.known if self._recorded is not None else frozenset[str]()
         if not {a, b} <= known:
-            raise InputError("one of these runs is not in the recordings folder any more: choose another one")
+            raise InputError("only runs of the recordings folder can be on different sources: choose two on one source")
         with bounded((folder,)):
             runs = read_run_file(folder / a), read_run_file(folder / b)
             methods = tuple(method for method in runs[0].config if method in runs[1].config)

@@ -10,10 +10,12 @@ from ispom.methods import Config, in_order
 from ..controller import Controller
 from ..current_run import CurrentRun
 from ..service import Service
-from ..state import Resumed
+from ..sources.folders import run_name
+from ..state import Resumed, State
 from .accuracy import Accuracy
 from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparison import advanced, begin
+from .kept import Kept, limited
 from .state import Branches
 
 
@@ -27,9 +29,39 @@ class BranchService(Service):
         self._accuracy = Accuracy(self.store, self.run_of)
         self._runs: dict[int, CurrentRun] = {}
         self._next = 0
+        self.kept: tuple[Kept, ...] = ()
+        """What was closed, oldest first. For any thread."""
+        self._keeps = 0
+        self._again: tuple[Kept, int] | None = None
+        """What is about to be shown again, and which of its branches."""
+
+    def keep(self, before: State) -> None:
+        """The branches stay, each with little memory."""
+        known = before[Branches].all
+        if not known or not self._runs:
+            return
+        for run in self._runs.values():
+            run.rest()
+        self._keeps += 1
+        name = before.name or run_name(before.source)
+        kept = Kept(self._keeps, before.source, name, before.source_options, known, self._runs)
+        self.kept = limited((*self.kept, kept))
+
+    def show_again(self, kept: Kept, number: int) -> None:
+        """A branch of a source that was closed, with all others of it."""
+        self.kept = tuple(each for each in self.kept if each is not kept)
+        self._again = kept, number
+        self.session.show_again(kept.runs[number], kept.source, kept.options)
 
     def opened(self, run: CurrentRun) -> None:
-        """The branches of the run before are gone; one that is over is shown at its end."""
+        """The branches of the run before are gone from the screen; one that is over is shown at its end."""
+        if self._again is not None:
+            (kept, number), self._again = self._again, None
+            self._runs, self._next = dict(kept.runs), max(kept.runs) + 1
+            run.wake()
+            self.store.put(replace(self._branches, all=kept.branches, shown=number))
+            self.session.player.move(Resumed(run.opened, number, len(run.history), run.history.last, run.done))
+            return
         self._runs, self._next = {0: run}, 1
         if run.stored is not None:
             known = {"name": STORED, "computed": len(run.history), "tally": run.tally}

@@ -198,8 +198,8 @@ def test_two_runs_are_compared(browser, pair: Path) -> None:  # noqa: F811
         place = page.tab.locator("#compare")
         place.locator("table td").first.wait_for()
         assert place.locator("select").nth(1).input_value() == "live:1"
-        place.locator(".first .link, .first .headline").first.wait_for()
-        assert not place.locator(".swipe").is_visible() and not page.faults
+        place.locator(".verdict").wait_for()
+        assert not place.locator(".images").is_visible() and not page.faults
         page.tab.close()
 
 
