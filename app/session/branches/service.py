@@ -12,7 +12,7 @@ from ..current_run import CurrentRun
 from ..service import Service
 from ..state import Resumed
 from .accuracy import Accuracy
-from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
+from .branches import FIRST, MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparison import advanced, begin
 from .state import Branches
 
@@ -31,10 +31,11 @@ class BranchService(Service):
     def opened(self, run: CurrentRun) -> None:
         """The branches of the run before are gone; one that is over is shown at its end."""
         self._runs, self._next = {0: run}, 1
-        if run.stored is not None:
-            known = {"name": STORED, "computed": len(run.history), "tally": run.tally}
+        if run.history:
+            known = {"name": FIRST if run.stored is None else STORED, "computed": len(run.history), "tally": run.tally}
             self.store.put(self._branches.with_branch(0, **known))
-            self.session.player.move(Resumed(run.opened, 0, len(run.history), run.history.last, run.done))
+            shown = run.history[0 if run.stored is None else -1]
+            self.session.player.move(Resumed(run.opened, 0, len(run.history), shown, run.done))
 
     def run_of(self, number: int) -> CurrentRun | None:
         """For any thread."""
