@@ -17,8 +17,9 @@ LIVE_WAIT_S = 0.05
 """For an image of a live source at a time."""
 BEHIND_S = 0.02
 """How often a frame that is computed in another thread is looked for."""
-GRACE_S = 6.0
-"""After a run that begins with recorded frames was opened: a page that opens has the processor for itself first."""
+ALONE_S = 30.0
+"""Recorded frames are not computed before a viewer shows them move, for a page that opens needs the processor; where
+nobody looks, after so long."""
 
 
 class Player:
@@ -84,8 +85,10 @@ class Player:
         self._store.set(recorded=run.recorded_frames)
         if run is not self._opened[0]:
             self._opened = run, time.monotonic()
-        waits = run is self._failed_run or time.monotonic() < self._opened[1] + GRACE_S
-        if not run.recorded_frames or waits or not self._compiling.over(run.playback):
+        if not run.recorded_frames or run is self._failed_run:
+            return
+        waits = not self._viewers.watched and time.monotonic() < self._opened[1] + ALONE_S
+        if waits or not self._compiling.over(run.playback):
             return
         if run.begin_step():
             self._failed_run = run  # unless the next line comes to its end: a fault is shown once

@@ -36,6 +36,11 @@ class EventSink(Protocol):
         """A frame is shown: where it was drawn without its images, they are wanted now."""
         ...
 
+    @property
+    def watched(self) -> bool:
+        """Whether somebody has seen more than one frame of a run that began with a recording."""
+        ...
+
     def check(self) -> None:
         """Raises what went wrong since, if anything did."""
         ...
@@ -65,6 +70,11 @@ class Viewers:
 
     def write(self, event: Event) -> None:
         self._guarded(lambda sink: sink.write(event))
+
+    @property
+    def watched(self) -> bool:
+        """See `EventSink.watched`; also where nothing is drawn."""
+        return self._sink is None or self._sink.watched
 
     def look_at(self, index: int) -> None:
         """Passes on the frame that is shown now, once."""

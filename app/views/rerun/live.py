@@ -56,6 +56,11 @@ class LiveStream:
         """Frames of this run whose images the viewers miss, because this thread lagged."""
         return self._feed.dropped if self._feed is not None else 0
 
+    @property
+    def watched(self) -> bool:
+        """Whether somebody has seen more than one frame of a run that began with a recording."""
+        return isinstance(self.tape, BegunTape) and self.tape.frames_seen > 1
+
     def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
         """Begins another run, in place of the one before. What was computed in its `history` comes without images; its
         other frames are those of a recording, its `beginning`.

@@ -233,6 +233,8 @@ class BegunTape:
     def __init__(self, tape: Tape, recorded: StoredTape) -> None:
         self._tape, self._recorded = tape, recorded
         self.run, self.recording_id, self.overlay = tape.run, tape.recording_id, tape.overlay
+        self.frames_seen, self._index = 0, -1
+        """How often a viewer was given another frame."""
 
     @property
     def end(self) -> int:
@@ -248,6 +250,8 @@ class BegunTape:
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame: as it was recorded until its own images are there."""
+        if index != self._index:
+            self.frames_seen, self._index = self.frames_seen + 1, index
         scene = self._tape.scene(index) if index < self._tape.end else None
         if scene is None or (scene.missing and index < self._recorded.end):
             return self._recorded.scene(index)

@@ -55,7 +55,7 @@ def recorded(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def computing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Event]:
     """Nothing is computed until it is set."""
-    monkeypatch.setattr(player, "GRACE_S", 0.0)
+    monkeypatch.setattr(player, "ALONE_S", 0.0)
     free, step = Event(), Playback.step
 
     def held(playback: Playback) -> object:
@@ -153,7 +153,7 @@ def test_a_fault_of_the_computation_is_shown_once(
     def fails(playback: Playback) -> object:
         raise RuntimeError("no estimator")
 
-    monkeypatch.setattr(player, "GRACE_S", 0.0)
+    monkeypatch.setattr(player, "ALONE_S", 0.0)
     monkeypatch.setattr(Playback, "step", fails)
     session = opened(tmp_path, drive, recorded)
     wait_for(lambda: session.state.notices, "the fault")
@@ -200,6 +200,21 @@ def test_the_views_keep_the_run_and_change_only_what_differs(
         assert found is not None and recorded_columns is not None
         if part[1] != "EncodedImage":
             assert found.to_pydict() == recorded_columns.to_pydict(), part
+    session.close(5)
+
+
+def test_nothing_is_computed_before_the_frames_move_in_a_viewer(
+    drive: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(player, "ALONE_S", 1000.0)
+    live = LiveStream()
+    session = opened(tmp_path, drive, recorded, live=live)
+    wait_for(lambda: session.state.index == KNOWN - 1, "the last recorded frame")
+    wait_for(lambda: session.state.index == 0, "the first one again")
+    assert live.tape is not None and session.run is not None and session.run.history.computed == 0
+    live.tape.scene(0)
+    live.tape.scene(1)
+    wait_for(lambda: session.run is not None and session.run.history.computed > 1, "frames that are computed")
     session.close(5)
 
 
