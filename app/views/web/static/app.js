@@ -100,6 +100,7 @@ function press(message) {
   if (state?.phase !== "opening") command(message);
   else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
 }
+const showCaptions = makeCaptions(); // before the keys, which let nobody hear of those that they take
 listen(window, press);
 const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
 const publishedView = published ? openPublishedView(command) : null;
@@ -121,7 +122,6 @@ const start = makeStart(command, modes, again);
 const compare = makeCompare(command, link.answer, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(press);
-const showCaptions = makeCaptions();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
