@@ -137,7 +137,10 @@ class Controller:
         self.store.busy(f"opening {shown}")
         try:
             found = self.opener.stored(source, self.history_bytes)
-            found = found or self.computed_run(source, options, self._methods, self._config, strict=run is None)
+            if found is None:
+                computed = self.computed_run(source, options, self._methods, self._config, strict=run is None)
+                used = options or self._usual_options
+                found = self.opener.begun(computed.playback, source, used, self.history_bytes) or computed
         except Exception as fault:
             if before.phase in ("ready", "empty"):
                 self.store.emit(Restored(before))
@@ -203,7 +206,7 @@ class Controller:
         self._pending = None
         if not run.done or (run.stored is not None and not run.stored.unavailable):  # it may be forked or diagnosed
             self._compiling.begin(playback)
-        if playback.sequence.prepare is not None and run.stored is None:
+        if playback.sequence.prepare is not None and run.stored is None and not run.recorded_frames:
             playback.sequence.prepare(0)
         self._view(run)
         self.player.move(run.opened)
@@ -302,7 +305,8 @@ class Controller:
 
     def _view(self, run: CurrentRun) -> None:
         """In the viewers from now on; one that was read, as it was recorded."""
-        self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
+        stored, beginning = run.stored, run.recorded.path if run.recorded is not None and run.recorded_frames else None
+        self._viewers.open(run.opened, run.history, stored.recording if stored is not None else None, beginning)
 
 
 def _internal(fault: Exception) -> str:

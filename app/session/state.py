@@ -139,6 +139,8 @@ class State:
     """The frame that a seek is computing towards."""
     ended: bool = False
     """Whether every frame was computed."""
+    recorded: range | None = None
+    """Frames that are known from a recording only, of a run that began with one; None for other runs."""
     activity: Activity | None = None
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """How the source was opened."""
@@ -259,6 +261,7 @@ class CoreValues(TypedDict, total=False):
     question: Question | None
     source_options: SourceOptions
     recent: tuple[str, ...]
+    recorded: range | None
     total: int
     notes: tuple[str, ...]
 
@@ -311,6 +314,7 @@ def _core(state: State, event: Event) -> State:
                 ended=False,
                 displayed=None,
                 computed=0,
+                recorded=None,
                 question=None,
                 loop=None,
             )

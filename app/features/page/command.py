@@ -27,6 +27,9 @@ from ..lessons.lesson import Lesson
 from ..lessons.library import Library, own_lesson
 from .options import App, Learn, Serve
 
+DEMO = "sim:city"
+RECORDED = Path(__file__).parent / "demo"
+"""A run of the default methods over the first frames of it, which python -m tests.app.demo_run makes."""
 LEAST_HISTORY_MB = 20
 """Some hundred frames."""
 
@@ -34,7 +37,7 @@ LEAST_HISTORY_MB = 20
 def open_page(command: Serve, builder: Builder) -> int:
     """Serves the page until it is ended, and returns the exit code. Raises InputError for a mistake in the options."""
     library, begun = _lessons(command)
-    source = command.source if isinstance(command, App) else "" if isinstance(command, Learn) else "sim:city"
+    source = command.source if isinstance(command, App) else "" if isinstance(command, Learn) else DEMO
     if not is_text(source):
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
@@ -47,7 +50,8 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError("--beside needs a source to be compared with: give one")
     if trajectories:
         _check_external(trajectories, source, opener, builder)
-    warmup.start(in_order(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT), command.config)
+    needed = in_order(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT)
+    warmup.start(needed, command.config, gentle=source == DEMO)
 
     def session(live: LiveStream) -> Session:
         found = Session(
@@ -68,6 +72,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             compare_images=command.agents is not None,
             extras=(library,),
             autoplay=not isinstance(command, Learn),
+            beginnings={DEMO: RECORDED},
         )
         if begun is not None:
             found.post(Begin(begun.name))

@@ -85,7 +85,7 @@ class Accuracy:
 
 
 def _version(run: CurrentRun) -> tuple[CurrentRun, int, int]:
-    return run, len(run.history), run.playback.position
+    return run, len(run.history), 0 if run.recorded_frames else run.playback.position
 
 
 def measured(run: CurrentRun) -> Measured:

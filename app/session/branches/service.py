@@ -13,7 +13,7 @@ from ..service import Service
 from ..sources.folders import run_name
 from ..state import Resumed, State
 from .accuracy import Accuracy
-from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
+from .branches import FIRST, MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparison import advanced, begin
 from .kept import Kept, limited
 from .state import Branches
@@ -63,10 +63,11 @@ class BranchService(Service):
             self.session.player.move(Resumed(run.opened, number, len(run.history), run.history.last, run.done))
             return
         self._runs, self._next = {0: run}, 1
-        if run.stored is not None:
-            known = {"name": STORED, "computed": len(run.history), "tally": run.tally}
+        if run.history:
+            known = {"name": FIRST if run.stored is None else STORED, "computed": len(run.history), "tally": run.tally}
             self.store.put(self._branches.with_branch(0, **known))
-            self.session.player.move(Resumed(run.opened, 0, len(run.history), run.history.last, run.done))
+            shown = run.history[0 if run.stored is None else -1]
+            self.session.player.move(Resumed(run.opened, 0, len(run.history), shown, run.done))
 
     def run_of(self, number: int) -> CurrentRun | None:
         """For any thread."""

@@ -124,6 +124,7 @@ def message_of(state: State) -> dict[str, Any]:
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
+        "origin": None if state.recorded is None else "recorded" if state.index in state.recorded else "live",
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],

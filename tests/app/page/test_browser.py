@@ -47,7 +47,7 @@ FLAGS = [
     "--disable-dev-shm-usage",
 ]
 PATIENCE_MS = 60_000
-NOT_NEW = "localStorage.setItem('ispom.tour', 'seen')"
+NOT_NEW = "localStorage.setItem('ispom.captions', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44
 
@@ -123,7 +123,7 @@ class Page:
         first: str = "state.total > 0",
     ) -> None:
         """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time, and
-        `after_viewer` one behind it; `before` runs before the page's own: without it the tour begins. It is there
+        `after_viewer` one behind it; `before` runs before the page's own: without it the captions show. It is there
         when `first` holds."""
         self.faults: list[str] = []
         self.requests: list[str] = []

@@ -124,7 +124,7 @@ def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_p
     assert tape is not None and tape.end == 21
     opening = tape.opening()
     assert len(opening) > 1000 and messages(recording.read_bytes()).startswith(opening[:1000])
-    assert {"/video/image", "/left/image", "/decisions"} <= {path for path, _ in tape.scene(20).versions}
+    assert {"video/image", "left/image", "decisions"} <= {path for path, _ in tape.scene(20).versions}
     screen = Screen(session)
     screen.paint()
     session.post(FindMatch("stereo.inliers > 0", forwards=False))

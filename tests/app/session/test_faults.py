@@ -222,7 +222,7 @@ class Viewer:
     def __init__(self, *bad: int) -> None:
         self.bad, self.runs, self.failed = list(bad), list[tuple[Opened, History]](), False
 
-    def open(self, opened: Opened, history: History) -> None:
+    def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
         self.runs.append((opened, history))
         self.failed = False
 

@@ -165,7 +165,7 @@ def test_what_needs_an_estimator_is_refused_in_a_sentence(page: Page) -> None:
     page.send("{do: 'open_source', source: 'sim:city'}")
     page.tab.locator("#notices .notice", has_text="published").wait_for()
     assert page.state["index"] == before
-    for gone in ("#calibration", "#modes", "#tour-again", "[data-do=bookmark]"):
+    for gone in ("#calibration", "#modes", "[data-do=bookmark]"):
         assert not page.tab.locator(gone).first.is_visible()
 
 

@@ -1,6 +1,7 @@
 // The page: talks to the session, shows its state, and keeps the two viewers on the same frame.
 import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
+import { makeCaptions } from "./captions.js";
 import { makeAxis } from "./time_axis.js";
 import { makeCompare } from "./compare.js";
 import { openControls } from "./controls.js";
@@ -21,7 +22,6 @@ import { makeSplitter } from "./splitter.js";
 import { makeStart } from "./start.js";
 import { openSocket } from "./session_link.js";
 import { showImages, showOffline, showState, showViewer } from "./status_bar.js";
-import { makeTour } from "./tour.js";
 import { makeTransport } from "./transport.js";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
@@ -75,7 +75,7 @@ function show(state) {
   modes.follow(shown, taught);
   compare.follow(shown);
   cover();
-  if (!published) tour(shown);
+  if (!published) showCaptions(shown);
 }
 
 // What lies over the run, which has its keys back when that is closed.
@@ -100,6 +100,7 @@ function press(message) {
   if (state?.phase !== "opening") command(message);
   else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
 }
+const showCaptions = makeCaptions(); // before the keys, which let nobody hear of those that they take
 listen(window, press);
 const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
 const publishedView = published ? openPublishedView(command) : null;
@@ -121,7 +122,6 @@ const start = makeStart(command, modes, again);
 const compare = makeCompare(command, link.answer, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(press);
-const tour = makeTour();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
