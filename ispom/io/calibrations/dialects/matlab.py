@@ -1,10 +1,11 @@
 """MATLAB: what it prints of cameraParameters or cameraIntrinsics, and the Caltech toolbox's Calib_Results.m.
 
-MATLAB counts pixels from 1: the centre of the top-left pixel is (1, 1), and 1 is subtracted; ImageSize is rows and
-columns, and IntrinsicMatrix is transposed. RadialDistortion k1 k2 [k3] and TangentialDistortion p1 p2 are OpenCV's. The
-Caltech toolbox (fc, cc, kc, nx, ny) counts from 0, and kc is k1 k2 p1 p2 k3; of a pair (fc_left ...), om and T are
-x_right = R x_left + T in millimetres. Nothing is run. Binary .mat files are not read. Source: MATLAB's documentation of
-cameraIntrinsics; J.-Y. Bouguet, Camera Calibration Toolbox, "Description of the calibration parameters".
+MATLAB counts pixels from 1: the centre of the top-left pixel, our (0, 0), is (1, 1), and 1 is subtracted; ImageSize is
+rows and columns, and IntrinsicMatrix is transposed. RadialDistortion k1 k2 [k3] and TangentialDistortion p1 p2 are
+OpenCV's. The Caltech toolbox (fc, cc, kc, nx, ny) counts from 0, and kc is k1 k2 p1 p2 k3; of a pair (fc_left ...), om
+and T are x_right = R x_left + T in millimetres. Nothing is run. Binary .mat files are not read. Source: MATLAB's
+documentation of cameraIntrinsics; J.-Y. Bouguet, Camera Calibration Toolbox, "Description of the calibration
+parameters".
 """
 
 from __future__ import annotations
