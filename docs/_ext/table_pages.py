@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from markdown_text import as_cell, table
+from types import ModuleType
+
+from markdown_text import as_cell, as_prose, table
 
 
 def pages() -> dict[str, str]:
@@ -14,6 +16,7 @@ def pages() -> dict[str, str]:
     from ispom_app.session.actions import actions
     from ispom_app.session.registry import load_features
 
+    from ispom.io.calibrations.dialects import modules
     from ispom.plausibility import DOUBTS
     from ispom.types import TrackStatus
 
@@ -59,6 +62,7 @@ def pages() -> dict[str, str]:
     load_features()
     keys = [(f"`{a.key.replace('Arrow', '')}`", as_cell(a.label), as_cell(a.hint)) for a in actions()]
     return {
+        "_generated/calibrations.md": _calibrations(list(modules().values())),
         "_generated/doubts.md": table(("key", "what a note points at"), doubts),
         "_generated/keys.md": table(("key", "action", "what it does"), keys),
         "_generated/steps_columns.md": steps,
@@ -67,3 +71,15 @@ def pages() -> dict[str, str]:
         "_generated/quantities.md": quantities,
         "_generated/track_ends.md": table(("reason", "meaning"), ends),
     }
+
+
+def _calibrations(modules: list[ModuleType]) -> str:
+    """A row for each dialect of calibrations, and its conventions, which are the docstring of its module."""
+    rows = [
+        (as_cell(each.title), as_cell(each.files), as_cell(each.looked_for))
+        for each in (module.DIALECT for module in modules)
+    ]
+    parts = [table(("program", "usual file", "recognised by"), rows)]
+    for module in modules:
+        parts.append(f"## {module.DIALECT.title}\n\n{as_prose(module.__doc__ or '')}")
+    return "\n\n".join(parts)

@@ -37,6 +37,8 @@ class Calibrate:
     format: AnyFormat = "rig"
     """Of --out: ISPOM's rig.yaml or camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml (a folder for several cameras),
     OpenCV's YAML, ROS's camera_info (a folder likewise), or COLMAP's cameras.txt."""
+    image_size: str | None = None
+    """Of `convert`: the size of the images, as 640x480, for a file that has none, or that is for several sizes."""
     model: Choice = "auto"
     """Camera model: the simplest that does well on views that it was not fitted to, or the one given."""
     joint: bool = True

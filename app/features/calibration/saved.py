@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -69,9 +70,19 @@ def convert(options: Calibrate) -> int:
     if options.out is None:
         raise InputError("--out is missing: name the file to write, and its --format")
     require_writable(options.out, options.format)
-    rig, notes = one_rig(tuple(expanded(path) for path in options.images))
+    sides = None if options.image_size is None else _sides(options.image_size)
+    paths = tuple(expanded(path) for path in options.images)
+    rig, notes = one_rig(paths, size=None if sides is None else lambda: sides)
     sys.stderr.write("".join(f"note: {printable(note)}\n" for note in notes))
     save(with_usual_frame(rig), None, f"converted from {options.images[0]}", options.out, options.format)
     present = [name for name in ("left", "right", "video") if getattr(rig, name) is not None]
     sys.stdout.write(printable(f"written: {options.out}, with {', '.join(present)}") + "\n")
     return 0
+
+
+def _sides(words: str) -> tuple[int, int]:
+    """Width and height of `640x480`. InputError for other words."""
+    found = re.fullmatch(r"([1-9]\d{0,4})[x×]([1-9]\d{0,4})", words.strip().lower())
+    if found is None:
+        raise InputError(f"--image-size is {words[:40]}, give width and height in pixels, such as 640x480")
+    return int(found[1]), int(found[2])

@@ -68,7 +68,8 @@ class Serve(Options):
 
         def opened(source: str, options: SourceOptions | None = None) -> Sequence:
             if named and source in (named, without_secrets(named)):  # the page shows and sends it without its password
-                return replace(options or self, camera=self.camera, sensors=self.sensors).opened(named)
+                own = {"camera": self.camera, "sensors": self.sensors, "scale_calibration": self.scale_calibration}
+                return replace(options or self, **own).opened(named)
             return (options or self).opened(source, policy)
 
         return opened
