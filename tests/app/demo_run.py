@@ -16,9 +16,9 @@ import numpy as np
 import pyarrow as pa
 from ispom_app.engine.run_folder.run_folder import DECISIONS, RECORDING, RIG, RUN, STEPS, TRUTH
 from ispom_app.engine.run_folder.run_folder import trajectory_file as trajectory
+from ispom_app.features.page.command import DEMO, RECORDED
 from ispom_app.views.rerun.parts import is_part
 from ispom_app.views.rerun.streams import APPLICATION
-from ispom_app.features.page.command import DEMO, RECORDED
 from rerun.chunk import Chunk, OptimizationProfile, RrdReader
 
 FRAMES = 211
