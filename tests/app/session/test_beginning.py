@@ -13,11 +13,11 @@ from ispom_app.engine.differences.compare import divergences, record_rows
 from ispom_app.engine.options import SourceOptions
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.page.command import DEMO, RECORDED
 from ispom_app.features.tracks.commands import Pick
 from ispom_app.session import commands as do
 from ispom_app.session import player
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.web.messages import message_of
