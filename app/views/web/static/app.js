@@ -105,7 +105,9 @@ listen(window, press);
 const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
 const publishedView = published ? openPublishedView(command) : null;
 const tabs = { own: "", viser: "" };
-const panes = openPanes(command, publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement }, (own) => openTab({ own }));
+const panes = openPanes(command, publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement }, (own) =>
+  openTab({ own }),
+);
 
 // Which of viser's tabs can be seen, for what nobody sees is not drawn.
 function openTab(change) {
