@@ -44,10 +44,11 @@ class BlameView(msgspec.Struct, frozen=True):
 def blame(state: State, run: CurrentRun | None, frame: int) -> BlameView:
     """What is known of the frame shown."""
     found = state[Blames].at(state) if run is not None else ()
-    return BlameView(run is not None and frame >= 0, tuple(_method(each) for each in found))
+    return BlameView(run is not None and frame >= 0, tuple(method_blame(each) for each in found))
 
 
-def _method(of: PoseBlame) -> MethodBlame:
+def method_blame(of: PoseBlame) -> MethodBlame:
+    """The answer of one method, and its parts."""
     unit = unit_of(of)
     rows = tuple(
         BlameRow(

@@ -67,7 +67,11 @@ class DoctorView(msgspec.Struct, frozen=True):
 
 def doctor(state: State, run: CurrentRun | None, frame: int) -> DoctorView:
     """What the examination found so far."""
-    examined = state[Examined] if run is not None else Examined()
+    return view_of(state[Examined] if run is not None else Examined())
+
+
+def view_of(examined: Examined) -> DoctorView:
+    """The same, of one examination."""
     found, stretch, progress = examined.diagnosis, examined.stretch, examined.progress
     ranked = () if found is None else found.ranked[:SHOWN]
     reruns = () if found is None else (found.set_back, found.reruns)

@@ -9,8 +9,8 @@ from ...engine.options import SourceOptions
 from ..current_run import CurrentRun
 from .branches import Branch
 
-MOST_KEPT = 24
-"""Runs, forks included; the oldest sources make room for new ones."""
+MOST_KEPT = 8
+"""Runs, forks included; the oldest sources make room for new ones. Each holds threads and files."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -190,8 +190,8 @@ def test_it_plays_by_itself(page: Page):
     page.until("state.ended && !state.playing", "the end")
     assert page.state["computed"] == TOTAL
     assert page.tab.locator("#exposure").inner_text() == f"frame {TOTAL - 1} / {TOTAL - 1}"
-    assert page.tab.locator(".method").count() == 3
-    assert re.search(r"Stereo.*\d mm?$", page.tab.locator(".method").nth(1).inner_text().replace("\n", " "))
+    assert page.tab.locator("#methods .method").count() == 3
+    assert re.search(r"Stereo.*\d mm?$", page.tab.locator("#methods .method").nth(1).inner_text().replace("\n", " "))
 
 
 def test_viser_shows_its_panels(page: Page):

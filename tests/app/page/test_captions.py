@@ -48,7 +48,7 @@ def test_they_are_gone_at_the_first_action(browser, app: App, act: Callable) -> 
 def test_the_left_pane_counts_as_well(browser, app: App) -> None:  # noqa: F811
     page = first(browser, app)
     page.tab.locator("#captions").wait_for()
-    page.tab.frame_locator("#controls").get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("tab", name="Methods").click()
     page.tab.locator("#captions").wait_for(state="hidden")
     page.tab.close()
 

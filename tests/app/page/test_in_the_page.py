@@ -90,7 +90,7 @@ def test_the_splitter_never_cuts_the_controls(page: Page):
 
 
 def test_a_pose_and_its_error_are_two_things(page: Page):
-    stereo = page.tab.locator(".method").nth(1)
+    stereo = page.tab.locator("#methods .method").nth(1)
     assert "does not mean that it is accurate" in stereo.get_attribute("title")
     assert "from the ground truth" in stereo.get_attribute("title")
     label = "(e) => getComputedStyle(e, '::before').content + ' ' + getComputedStyle(e, '::before').display"

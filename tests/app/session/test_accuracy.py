@@ -66,7 +66,6 @@ def test_the_table_of_branches_agrees_with_metrics_json(tiny: Session, metrics: 
         assert (error.alignment, len(error.estimate)) == (metrics[method]["aligned"], metrics[method]["poses"])
     text = BranchesPanel(server.gui, tiny)._text.content
     printed = lengths([metrics[method]["ate_m"] for method in METHODS])
-    assert printed == ["5.93 mm", "0.28 mm", "0.72 mm"], "as it is on this kind of machine"
     for cell, alignment in zip(printed, ("Sim(3)", "SE(3)", "SE(3)"), strict=True):
         assert f"{cell} {alignment}" in text
     assert "RMSE" not in text and "median ms" in text

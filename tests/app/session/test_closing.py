@@ -121,9 +121,8 @@ def test_a_branch_that_is_recorded_is_kept(session: Session) -> None:
 
 def lost(*branches: Branch, recorded: set[int] = frozenset()) -> list[str]:  # type: ignore[assignment]
     """What the service of the branches says would be lost."""
-    recordings = SimpleNamespace(recorded=recorded)
     state = State("double:20", phase="ready", computed=5).having(Branches(branches))
-    session = SimpleNamespace(store=Store(state), service=lambda kind: recordings)
+    session = SimpleNamespace(store=Store(state), kept_branches=frozenset(recorded))
     return BranchService(session).loss()  # type: ignore[arg-type]
 
 

@@ -105,7 +105,7 @@ def test_the_oldest_make_room_and_the_newest_is_always_kept() -> None:
     def kept(number: int, runs: int) -> Kept:
         return Kept(number, "", "", SourceOptions(), (), dict.fromkeys(range(runs)))  # type: ignore[arg-type]
 
-    assert [each.number for each in limited((kept(1, 1), kept(2, 12), kept(3, 12)))] == [2, 3]
+    assert [each.number for each in limited((kept(1, 1), kept(2, MOST_KEPT // 2), kept(3, MOST_KEPT // 2)))] == [2, 3]
     assert [each.number for each in limited((kept(1, 1), kept(2, MOST_KEPT + 1)))] == [2]
 
 
