@@ -1,1 +1,1 @@
-"""The command `ispom`: `commands` lists its commands."""
+"""The command `ispom`: one file per command in `commands`."""

@@ -1,8 +1,7 @@
 """What the features bring to a session, found by listing the folder `features`.
 
 A feature is a folder. Of its modules these are imported here, if it has them: `state` with a `FeatureState`,
-`commands` with commands, `service` with a `Service`, and `page_message` with what goes between it and a page. Nothing
-else is edited for a new one.
+`commands` with commands, and `service` with a `Service`. Nothing else is edited for a new one.
 """
 
 from __future__ import annotations
@@ -12,11 +11,10 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
-from .branches.service import BranchService
 from .service import Service
 
 FEATURES = __name__.split(".")[0] + ".features"
-PARTS = ("state", "commands", "service", "page_message")
+PARTS = ("state", "commands", "service")
 
 
 def load_features() -> None:
@@ -26,10 +24,9 @@ def load_features() -> None:
 
 
 def services() -> list[type[Service]]:
-    """That of the branches, and those of the features."""
+    """The services of the features."""
     found = (value for module in modules("service") for value in vars(module).values())
-    own = (kind for kind in found if isinstance(kind, type) and kind in Service.__subclasses__())
-    return list(dict.fromkeys((BranchService, *own)))
+    return list(dict.fromkeys(kind for kind in found if isinstance(kind, type) and kind in Service.__subclasses__()))
 
 
 def modules(part: str) -> Iterator[ModuleType]:

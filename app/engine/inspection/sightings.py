@@ -85,13 +85,11 @@ def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen 
     return None
 
 
-def missing_tracks(record: ExposureRecord, unavailable: str = "", recorded: bool = False) -> str:
+def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
     """Why a frame's tracks are not known one by one, and what to do about it; empty where it simply has none.
 
-    `unavailable` says why a stored run cannot be computed again; `recorded`: the frame is computed soon.
+    `unavailable` says why a stored run cannot be computed again.
     """
-    if record.stored is not None and recorded:
-        return "This frame is recorded; its single tracks are known as soon as it is computed here, which is under way."
     if record.stored is not None and unavailable:
         return f"A stored run keeps no single tracks, and they cannot be computed again: {unavailable}"
     if record.stored is not None:

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from ispom.estimator import Method
@@ -47,7 +46,8 @@ CROWD = 6
 """From so many measurements behind one question on, those that are not significant share a line."""
 
 
-class Stage(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Stage:
     """One of the steps that a method took, in order."""
 
     name: str
@@ -55,7 +55,8 @@ class Stage(msgspec.Struct, frozen=True):
     text: str
 
 
-class CheckRow(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class CheckRow:
     quantity: str
     """METHOD.KEY: what plots, break points, tables and comparisons call it."""
     mark: str
@@ -67,7 +68,8 @@ class CheckRow(msgspec.Struct, frozen=True):
     name: str
 
 
-class Group(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Group:
     """The checks behind one question."""
 
     question: str
@@ -77,14 +79,16 @@ class Group(msgspec.Struct, frozen=True):
     """Measurements that are not significant, of many."""
 
 
-class Fact(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Fact:
     label: str
     text: str
     quantity: str = ""
     """METHOD.KEY where it can be plotted."""
 
 
-class Details(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Details:
     """What a method did at a frame, in order."""
 
     uses: str

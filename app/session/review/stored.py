@@ -52,7 +52,6 @@ _KINDS = {
     "seed": int,
     "stereo_every": int,
     "video_scale": (float, int),
-    "scale_calibration": bool,
     "max_exposures": int,
     "camera": str,
     "sensors": str,

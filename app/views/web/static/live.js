@@ -2,8 +2,9 @@
 // that is shown: images, tracks and maps of another replace them.
 // Each message ends with a serial number that the viewer's state tells when it has taken the message in: so the page
 // always knows which frame the views show, and leaves out frames where the viewer is slow. Another run is another channel.
+import { expectData } from "./render_throttle.js";
+
 const RETRY_MS = 1000;
-const LONGEST_PAUSE_MS = 700;
 const HEAD_BYTES = 12;
 
 // `news` is called when the views may show something else; `parting` before the viewer gets anything of another run, and
@@ -17,14 +18,10 @@ export function feedLive(handle, news, parting) {
     unread: [], // messages that the viewer has not taken in yet
     serial: 0,
     socket: null,
-    hurried: true, // whether somebody waits for the frame
-    givenAt: 0, // when the viewer was given the last message
-    dueAt: 0, // when it may get another one
-    pause: null, // timer until then
   };
-  stage.want = (index, hurried) => {
-    if (stage.wanted === index && stage.hurried === hurried) return;
-    Object.assign(stage, { wanted: index, hurried });
+  stage.want = (index) => {
+    if (stage.wanted === index) return;
+    stage.wanted = index;
     ask(stage);
   };
   stage.heard = (recordings) => heard(stage, recordings);
@@ -61,8 +58,8 @@ function take(stage, handle, data) {
   stage.serial = head.getUint32(0);
   const [index, complete] = [head.getUint32(4), head.getUint8(8) !== 0];
   stage.unread.push({ serial: stage.serial, recording: stage.recording, index, complete });
-  stage.givenAt = performance.now();
   handle.send_rrd_to_channel(stage.run, new Uint8Array(data, HEAD_BYTES));
+  expectData(stage.unread.length);
 }
 
 // What the viewer says of its recordings: messages that it has taken in are drawn.
@@ -72,23 +69,14 @@ function heard(stage, recordings) {
   while (stage.unread.length && isRead(stage.unread[0])) {
     const { recording, index, complete } = stage.unread.shift();
     stage.shown = { recording, index, complete };
-    const now = performance.now();
-    stage.dueAt = now + Math.min(now - stage.givenAt, LONGEST_PAUSE_MS);
     ask(stage);
   }
+  expectData(stage.unread.length);
 }
 
-// The frame that is wanted now; the server sends no other one until the viewer has taken in the one before. Where graphics
-// are software, a frame of the viewer takes as long as a frame's computation. So while nobody waits (the run plays), the
-// viewer gets nothing for as long as it took for the last frame: half of the processor is left for the run.
+// The frame that is wanted now; the server sends no other one until the viewer has taken in the one before.
 function ask(stage) {
-  clearTimeout(stage.pause);
-  const left = stage.hurried ? 0 : stage.dueAt - performance.now();
-  if (left > 0) stage.pause = setTimeout(() => ask(stage), left);
-  else request(stage);
-}
-
-function request({ wanted, unread, serial, socket }) {
+  const { wanted, unread, serial, socket } = stage;
   if (wanted !== null && !unread.length && socket?.readyState === WebSocket.OPEN) socket.send(`show ${wanted} ${serial}`);
 }
 

@@ -1,0 +1,14 @@
+"""`ispom demo`."""
+
+from __future__ import annotations
+
+from ...views.web.options import Demo as Options
+from ..call import Call
+
+PLACE = 10
+
+
+def execute(options: Options, call: Call) -> int:
+    from ...views.web.command import open_page
+
+    return open_page(options, call.builder)

@@ -1,1 +1,0 @@
-"""The branches of a run: what each is, how they compare, and their runs."""
