@@ -62,7 +62,7 @@ class ExplainPanel:
             state[Plots].names,
             state.methods,
             state.config,
-            _coming(state),
+            _waiting(state),
             count,
             state.notes,
             tuple(state[Branches].curves.values()),
@@ -135,7 +135,7 @@ def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: t
         "cards": found,
         "settings": changes((state.methods, Config()), (state.methods, state.config)),
         "plotted": state[Plots].names,
-        "coming": _coming(state),
+        "waiting": _waiting(state),
         "notes": (state.failure,) if state.phase == "failed" else state.notes,
     }
 
@@ -187,8 +187,11 @@ def _put(handle: viser.GuiHtmlHandle, template: str, values: Mapping[str, Any]) 
         handle.content = text
 
 
-def _coming(state: State) -> bool:
-    return state.displayed is None and (state.playing or state.activity is not None)
+def _waiting(state: State) -> str:
+    """What the first frame waits for; empty where none is coming."""
+    if state.displayed is not None or not (state.playing or state.activity is not None):
+        return ""
+    return f"Waiting for the first frame. {state.activity.text} …" if state.activity else "Waiting for the first frame."
 
 
 PANELS = (Panel(TAB, 100, ExplainPanel), Panel(TAB, 120, EventsPanel))

@@ -108,6 +108,7 @@ def message_of(state: State) -> dict[str, Any]:
         "target": state.target,
         "ended": state.ended,
         "activity": state.activity.text if state.activity else None,
+        "activity_since": state.activity.since_s if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
         "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by, state.cameras),

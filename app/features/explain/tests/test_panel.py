@@ -18,7 +18,7 @@ from ispom_app.features.events.commands import StepToEvent
 from ispom_app.features.explain.panel import EventsPanel, ExplainPanel, ongoing
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.state import State, reduce
+from ispom_app.session.state import Activity, State, reduce
 
 from ispom.estimators.modern.monocular import checks
 from ispom.types import Status, Step
@@ -74,6 +74,14 @@ def test_the_first_thing_is_a_verdict_for_each_method(panel: ExplainPanel, run: 
     assert text.count('class="headline"') == len(METHODS)
     assert re.search(r"Stereo.*?at frame \d+", text, re.DOTALL), "that of the pair before, as this frame is none"
     assert text.index("Frame") < text.index('class="headline"') < text.index("data-plot")
+
+
+def test_before_the_first_frame_it_says_what_that_waits_for(panel: ExplainPanel) -> None:
+    compiling = Activity("Compiling: 40 %, about 20 s", 0.0)
+    panel.show(replace(State("double:40"), playing=True, activity=compiling))
+    assert compiling.text in panel._verdicts.content
+    panel.show(replace(State("double:40"), playing=True, activity=replace(compiling, text="Compiling: 41 %")))
+    assert "41 %" in panel._verdicts.content and "40 %" not in panel._verdicts.content
 
 
 def test_every_event_is_a_button_that_goes_there_and_that_of_the_frame_is_marked(

@@ -1,9 +1,9 @@
 // The status bar: source, methods, what is going on, and where the run is.
+import { following, wordsOf } from "./activity.js";
 import { imagesUpTo, lateness } from "./frame_words.js";
 
 const at = (id) => document.getElementById(id);
-const SLOW_MS = 700;
-let activity = { text: null, since: 0 };
+let activity = following(null, null, null, 0);
 
 export function showState(state) {
   at("name").textContent = state.name;
@@ -21,7 +21,7 @@ export function showState(state) {
   const waiting = state.activity?.startsWith("Compiling"); // the run waits for it, and says so itself
   at("compiling").textContent = waiting ? "" : (state.compiling ?? "");
   showRecording(state.recording);
-  activity = { text: doing(state), since: state.activity === activity.raw ? activity.since : performance.now(), raw: state.activity };
+  activity = following(activity, doing(state), state.activity_since, performance.now());
   showActivity();
 }
 
@@ -43,7 +43,7 @@ export function showImages(kinds, index) {
 }
 
 export function showOffline(text = "connection to ISPOM lost: is it still running?") {
-  activity = { text, since: -SLOW_MS };
+  activity = following(null, text, null, -Infinity);
   showActivity();
 }
 
@@ -54,10 +54,7 @@ const doing = (state) => {
 };
 
 function showActivity() {
-  const waited = performance.now() - activity.since;
-  const shown = activity.text && (waited >= SLOW_MS || activity.text.startsWith("computing"));
-  const seconds = waited > 2000 && activity.raw ? ` ${Math.round(waited / 1000)} s` : "";
-  const text = shown ? activity.text + seconds : "";
+  const text = wordsOf(activity, performance.now());
   if (at("activity").textContent !== text) at("activity").textContent = text; // a new text node is a new picture of the page
 }
 setInterval(showActivity, 250);
