@@ -11,10 +11,9 @@ def main() -> int:
     """As `cli.main` of the words on the command line."""
     _end_silently()
     _complete_streams()
-    from .cli.memory_limit import too_little
-    from .cli.obeyed_files import refusal
+    from .cli.refusals import obeyed_file, too_little
 
-    if sentence := refusal() or too_little(sys.argv[1:]):
+    if sentence := obeyed_file() or too_little(sys.argv[1:]):
         sys.stderr.write(f"ispom: {sentence}\n")
         return 2
     words = sys.argv[1:]

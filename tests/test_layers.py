@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -18,28 +19,31 @@ LAYERS = (
     {"estimator", "stopwatch", "persistent_list", "registry"},
     {"numerics", "plausibility"},
     {"solvers", "io"},
-    {"features", "sequences", "simulation", "calibration", "evaluation", "reconstruction"},
+    {"features", "sequences", "simulation", "evaluation", "reconstruction"},
     {"estimators"},
     {"methods"},
     {"ensemble"},
     {"warm_up"},
+    {"calibration"},
     {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
-SIDEWAYS = {("sequences", "simulation"), ("calibration", "features")}
+SIDEWAYS = {("sequences", "simulation")}
 APP_LAYERS = (
     {"presentation"},
     {"engine"},
     {"views.rerun"},
     {"session"},
-    {"features", "views"},
+    {"views.web", "views.viser"},
+    {"features"},
     {"cli"},
     {"__main__"},
 )
-"""The same for the app's folders. Features draw with what the views offer, and the views show features."""
+"""The same for the app's folders. Features use what the views offer, and the views name no feature: they find them by
+the doors of `session/registry.py`. Packages of one floor may import each other, but not in a circle."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
-TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json", "tsconfig.json"}
 TOP |= {"docs", ".github", ".pre-commit-config.yaml", "CITATION.cff", "SECURITY.md", "CODE_OF_CONDUCT.md", "Dockerfile"}
 TOP |= {".dockerignore", "compose.yaml"}
 """What the repository holds at its top, and nothing else."""
@@ -54,8 +58,8 @@ def modules(folder: str) -> list[Path]:
 
 
 def room(parts: tuple[str, ...]) -> str:
-    """The part of the app that a module below `app` belongs to."""
-    return "views.rerun" if parts[:2] == ("views", "rerun") else parts[0]
+    """The package of the app that a module below `app` belongs to: each view and each feature is one."""
+    return ".".join(parts[:2]) if parts[0] in ("views", "features") else parts[0]
 
 
 def imported(path: Path) -> Iterator[str]:
@@ -98,8 +102,10 @@ def test_the_library_has_no_window(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", modules("ispom"), ids=lambda p: str(p.relative_to(ROOT)))
-def test_only_simulated_sequences_use_the_simulation(path: Path) -> None:
-    users = {ROOT / "ispom" / "sequences" / "formats" / "simulated.py", *(ROOT / "ispom" / "simulation").rglob("*.py")}
+def test_only_simulated_images_use_the_simulation(path: Path) -> None:
+    users = {*(ROOT / "ispom" / "simulation").rglob("*.py")}
+    users |= {ROOT / "ispom" / "sequences" / "formats" / "simulated.py"}
+    users |= {ROOT / "ispom" / "calibration" / "filmed" / "simulated.py"}
     assert path in users or not any(name.startswith("ispom.simulation") for name in imported(path))
 
 
@@ -113,19 +119,29 @@ def app_parts(path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).parent.parts
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.level:
-            base = (*package[: len(package) - node.level + 1], *(node.module or "").split("."))
-            names = [base] if node.module else [(*base[:-1], alias.name) for alias in node.names]
-            yield from (room(parts[1:]) for parts in names if len(parts) > 1)
+            base = (*package[: len(package) - node.level + 1], *filter(None, (node.module or "").split(".")))
+            is_package = len(base) < (3 if base[1:2] in (("views",), ("features",)) else 2)
+            names = [(*base, alias.name) for alias in node.names] if is_package else [base]
+            yield from (room(parts[1:]) for parts in names)
 
 
 @pytest.mark.parametrize("path", modules("app"), ids=lambda p: str(p.relative_to(ROOT)))
 def test_the_apps_imports_go_down_only(path: Path) -> None:
     def floor(part: str) -> int:
-        return next(i for i, layer in enumerate(APP_LAYERS) if part in layer)
+        kind = "features" if part.startswith("features.") else part
+        return next(i for i, layer in enumerate(APP_LAYERS) if kind in layer)
 
     own = room(path.relative_to(ROOT / "app").with_suffix("").parts)
-    for part in app_parts(path) if own != "__init__" else ():
+    for part in app_parts(path) if path.name != "__init__.py" else ():
         assert part == own or floor(part) <= floor(own), f"{path} imports {part}"
+
+
+def test_no_import_goes_in_a_circle_between_the_apps_packages() -> None:
+    graph: dict[str, set[str]] = {}
+    for path in modules("app"):
+        own = room(path.relative_to(ROOT / "app").with_suffix("").parts)
+        graph.setdefault(own, set()).update(set(app_parts(path)) - {own})
+    tuple(TopologicalSorter(graph).static_order())  # CycleError names a circle
 
 
 def test_the_top_level_is_as_agreed() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import tyro
 import yaml
-from ispom_app.views.web.options import App
+from ispom_app.features.page.options import App
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())

@@ -1,1 +1,1 @@
-"""The command `ispom`: one file per command in `commands`."""
+"""The command `ispom`: `commands` lists its commands."""

@@ -1,4 +1,4 @@
-"""The command `ispom` and its subcommands, from demo to bench."""
+"""The command `ispom` and its subcommands."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from importlib.metadata import version
-from pkgutil import iter_modules
-from types import ModuleType
 from typing import Annotated, Union
 
 import tyro
@@ -20,8 +17,7 @@ from ispom.registry import faults
 
 from ..engine.playback import Builder
 from ..engine.signals import INTERRUPTED
-from . import commands
-from .call import Call
+from .commands import COMMANDS
 
 MISUSE, BROKEN_PIPE = 2, 141
 """Exit codes; those after signals as shells give them."""
@@ -39,15 +35,15 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             sys.stdout.flush()
             return 0
         try:
-            known = _commands()
-            choices = tuple(Annotated[each.Options, tyro.conf.subcommand(name)] for name, each in known.items())
+            known = COMMANDS.items()
+            choices = tuple(Annotated[each.options_class(), tyro.conf.subcommand(name)] for name, each in known.items())
             options = tyro.cli(Union[choices], prog="ispom", description=description, args=arguments)  # type: ignore # noqa: UP007
         finally:
             sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
         for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
-        command = next(each for each in known.values() if each.Options is type(options))
-        code = command.execute(options, Call(builder, arguments[1:]))
+        command = next(each for each in known.values() if each.options_class() is type(options))
+        code = command.execute(options, arguments[1:], builder)
         sys.stdout.flush()
         return code
     except InputError as error:
@@ -75,14 +71,6 @@ def _discard_output() -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
-
-
-def _commands() -> dict[str, ModuleType]:
-    """The modules of the folder `commands` by name (`new-method` of new_method.py), in the order of their PLACE. They
-    import their work late: the help text should not wait for viewers and ray casters."""
-    names = [module.name for module in iter_modules(commands.__path__)]
-    found = {name.replace("_", "-"): import_module(f"{commands.__name__}.{name}") for name in names}
-    return dict(sorted(found.items(), key=lambda item: item[1].PLACE))
 
 
 if __name__ == "__main__":

@@ -1,30 +1,36 @@
-"""Returns pages of libraries' code that only their loading touched to the system.
-
-Measured on KITTI 06, 100 frames: `ispom run` has a peak of 290 MB resident memory, without this 357; the app ends at
-314 MB, without this at 393. These pages are clean: times and the memory of the process alone (188 MB) are the same.
-What is used again is mapped again within microseconds.
-"""
+"""The peak of this process's resident memory."""
 
 from __future__ import annotations
 
-import ctypes
-import mmap
-import re
 import sys
 from contextlib import suppress
 from pathlib import Path
 
-_CODE = re.compile(r"^([0-9a-f]+)-([0-9a-f]+) r-xp .*/site-packages/.*\.so\b", re.MULTILINE)
-"""Address range of the code of a library in a Python package: nothing writes there."""
+_PROCESS = Path("/proc/self")
+_RESET = "5"
+"""Written to `clear_refs`: the peak is what is resident now (proc_pid_clear_refs(5))."""
 
 
-def release_library_pages(frames: int) -> None:
-    """Releases them after 1, 2, 4, 8, ... frames of a run: most is loaded for the first ones. Does nothing elsewhere
-    than on Linux."""
-    if sys.platform != "linux" or frames & (frames - 1):
-        return
-    advise = ctypes.CDLL(None).madvise
-    with suppress(OSError):  # some containers hide /proc
-        for start, end in _CODE.findall(Path("/proc/self/maps").read_text(errors="replace")):
-            size = int(end, 16) - int(start, 16)
-            advise(ctypes.c_void_p(int(start, 16)), ctypes.c_size_t(size), mmap.MADV_DONTNEED)
+def reset_peak() -> None:
+    """Begins to measure the peak again, where the system can: on Linux. Elsewhere it stays that of the process."""
+    with suppress(OSError):  # some containers hide /proc, or do not let it be written to
+        (_PROCESS / "clear_refs").write_text(_RESET)
+
+
+def peak_mb() -> float | None:
+    """Returns the peak resident memory of this process [MB = 2**20 bytes]; None where the system has no figure.
+
+    Linux counts in ru_maxrss what the parent held when it started this process, therefore VmHWM there.
+    """
+    if sys.platform.startswith("linux"):
+        with suppress(OSError):
+            lines = (_PROCESS / "status").read_text(encoding="utf-8").splitlines()
+            return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:")), None)
+        return None
+    if sys.platform == "win32":
+        import psutil
+
+        return psutil.Process().memory_info().peak_wset / 2**20  # type: ignore[attr-defined]
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # bytes on macOS

@@ -72,6 +72,8 @@ class SourceOptions:
     """Use only the first N frames."""
     camera: Path | None = None
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
+    scale_calibration: bool = False
+    """A calibration that is for images of another size of the same shape is scaled to the images."""
     sensors: Path | None = None
     """Other sensors (IMU, GNSS, wheels) of the same drive: a YAML file that names their files, as described in
     docs/reference/source_files.md."""
@@ -90,6 +92,7 @@ class SourceOptions:
             seed=self.seed,
             max_exposures=self.max_exposures,
             camera=self.camera,
+            scale_calibration=self.scale_calibration,
             policy=policy,
             sensors=self.sensors,
         )

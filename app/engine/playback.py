@@ -20,6 +20,7 @@ from ispom.methods import STEREO, Config
 from ispom.methods import method as registered
 from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.solvers.influence.problem import Problem
+from ispom.stopwatch import cpu_clock
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
@@ -76,6 +77,8 @@ class Playback:
         self.ensemble: Ensemble = self._build(self._stages[0])
         self.truth = truth_from_start(self.sequence)
         self.position = 0
+        self.cpu_s = 0.0
+        """CPU time of the estimators in the last step [s], of all threads of this process."""
         self.skipped: list[str] = []
         """What was wrong with each skipped frame."""
         self._state = self.ensemble.start()
@@ -177,7 +180,9 @@ class Playback:
             exposure = self.sequence[index]
         except UnreadableImage as fault:
             return self._skip(index, str(fault))
+        begun_s = cpu_clock()
         self._state, steps = self.ensemble.step(self._state, exposure)
+        self.cpu_s = cpu_clock() - begun_s
         self.position = index + 1
         self._place(steps)
         steps = tuple(step for step in steps if step.method in self.methods)

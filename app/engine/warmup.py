@@ -65,6 +65,8 @@ class Compilation:
     kept: frozenset[str] = frozenset()
     """Those that an earlier start has left: they take no time."""
     processes: int = 0
+    gentle: bool = False
+    """Whether processes that are started give way to all others."""
     begun_s: float = 0.0
     """When it was begun, of time.monotonic()."""
     taken_s: float = 0.0
@@ -124,7 +126,7 @@ class Compilation:
         """A process, and the thread that tells it what to do until nothing is left."""
         child: Child | None = None
         try:
-            child = Child(COMMAND)
+            child = Child([*COMMAND, "--gentle"] if self.gentle else COMMAND)
             while name := self._next(child):
                 child.requests.write(f"{name}\n".encode())
                 child.requests.flush()
@@ -186,8 +188,12 @@ def kernels_needed(methods: Iterable[str], config: Config) -> frozenset[str]:
     return kernels_of(chosen)
 
 
-def start(methods: Iterable[str], config: Config) -> None:
-    """Begins to compile what these methods need and is not there, before all else that is still to be compiled."""
+def start(methods: Iterable[str], config: Config, *, gentle: bool = False) -> None:
+    """Begins to compile what these methods need and is not there, before all else that is still to be compiled.
+
+    `gentle`: in processes that give way to all others, for there is something to look at meanwhile.
+    """
+    _compilation.gentle = _compilation.gentle or gentle
     _compilation.ask(kernels_needed(methods, config))
 
 

@@ -12,10 +12,11 @@ from ispom.sequences.address import without_secrets
 
 from ..engine.options import SourceOptions
 from . import moves
-from .state import NoticeAdded, changed
+from .state import Event, NoticeAdded, State, changed
 
 if TYPE_CHECKING:
     from .controller import Controller
+    from .current_run import CurrentRun
 
 
 def _snake_case(name: str) -> str:
@@ -34,8 +35,17 @@ class Command(Message, frozen=True):
 
     in_lessons: ClassVar[bool] = False
     """Whether it is possible while a question of a lesson is open, whatever it would change."""
+    keeps: ClassVar[bool] = False
+    """Whether a run that it closes stays in the table of runs, with its forks."""
     newest_only: ClassVar[bool] = False
     """Whether one that another of its kind follows is dropped: a slider sends many."""
+
+    only_looks: ClassVar[bool] = False
+    """Whether a page that does not control the session may have it for itself: nothing of the run changes."""
+
+    def look(self, state: State, run: CurrentRun) -> tuple[Event, ...]:
+        """What it changes for such a page, which looks at `state`. InputError if it is not possible."""
+        raise NotImplementedError(type(self).__name__)
 
     def execute(self, session: Controller) -> None:
         """Carries it out, in the worker's thread. InputError if it is not possible."""
@@ -143,6 +153,7 @@ class Open(Command, frozen=True):
     source: str
     options: SourceOptions | None = None
     """None: as in the command line."""
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         if session.open(self.source, self.options):

@@ -27,6 +27,10 @@ class Compiling:
         """A run of these methods is about to start."""
         self._start(playback.methods, playback.config)
 
+    def over(self, playback: Playback) -> bool:
+        """Whether the next frame may be computed; neither waits nor shows anything."""
+        return warmup.ready(playback.methods, playback.config)
+
     def ready(self, playback: Playback) -> bool:
         """Whether the next frame may be computed; otherwise shows what it waits for, a little while."""
         if warmup.ready(playback.methods, playback.config, WAIT_S):

@@ -89,6 +89,11 @@ class Controller:
         """The run that is on the screen."""
         return self.player.run
 
+    @property
+    def kept_branches(self) -> frozenset[int]:
+        """Numbers of the branches that a service keeps elsewhere, for example in a recording."""
+        return frozenset().union(*(service.kept_branches for service in self._services.values()))
+
     def begin(self) -> None:
         try:
             for service in self._services.values():
@@ -110,7 +115,7 @@ class Controller:
         for service in self._services.values():
             service.check(command)
         what = command.closing(self)
-        lost = self._loss(live=not isinstance(command, Restart)) if what else []
+        lost = self._loss(live=not isinstance(command, Restart), kept=command.keeps) if what else []
         if lost:
             self._questions += 1
             self._pending = command
@@ -132,7 +137,10 @@ class Controller:
         self.store.busy(f"opening {shown}")
         try:
             found = self.opener.stored(source, self.history_bytes)
-            found = found or self.computed_run(source, options, self._methods, self._config, strict=run is None)
+            if found is None:
+                computed = self.computed_run(source, options, self._methods, self._config, strict=run is None)
+                used = options or self._usual_options
+                found = self.opener.begun(computed.playback, source, used, self.history_bytes) or computed
         except Exception as fault:
             if before.phase in ("ready", "empty"):
                 self.store.emit(Restored(before))
@@ -146,9 +154,19 @@ class Controller:
             return False
         if run is not None:
             run.stop()
+        self._keep(before)
         self.put_on_screen(found)
         self.store.set(source_options=options or self._usual_options, recent=self._recent.add(source))
         return True
+
+    def show_again(self, run: CurrentRun, source: str, options: SourceOptions) -> None:
+        """Puts a run of a source that was closed on the screen, as it was opened then."""
+        if self.run is not None:
+            self.run.stop()
+        self._keep(self.state)
+        self.store.emit(Opening(source))
+        self.put_on_screen(run)
+        self.store.set(source_options=options)
 
     def open_run(self, run: CurrentRun, source: str) -> None:
         """Puts a run of another source on the screen."""
@@ -188,7 +206,7 @@ class Controller:
         self._pending = None
         if not run.done or (run.stored is not None and not run.stored.unavailable):  # it may be forked or diagnosed
             self._compiling.begin(playback)
-        if playback.sequence.prepare is not None and run.stored is None:
+        if playback.sequence.prepare is not None and run.stored is None and not run.recorded_frames:
             playback.sequence.prepare(0)
         self._view(run)
         self.player.move(run.opened)
@@ -260,15 +278,14 @@ class Controller:
         if answer.yes:
             command.execute(self)
 
-    def _loss(self, *, live: bool) -> list[str]:
+    def _loss(self, *, live: bool, kept: bool) -> list[str]:
         """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
-        counted only if asked for."""
-        lost = [each for service in self._services.values() for each in service.loss()]
-        keeps_run = any(service.keeps_run for service in self._services.values())
+        counted only if asked for, and forks only where they are not `kept` in the table of runs."""
+        lost = [] if kept else [each for service in self._services.values() for each in service.loss()]
         if (
             live
             and self.state.computed
-            and not keeps_run
+            and 0 not in self.kept_branches
             and (is_device(self.state.source) or is_address(self.state.source))
         ):
             lost.append(f"the live run of {self.state.source}")
@@ -278,13 +295,18 @@ class Controller:
         for service in self._services.values():
             service.computed(event)
 
+    def _keep(self, before: State) -> None:
+        for service in self._services.values():
+            service.keep(before)
+
     def _leave(self) -> None:
         for service in self._services.values():
             service.leave(self.run)
 
     def _view(self, run: CurrentRun) -> None:
         """In the viewers from now on; one that was read, as it was recorded."""
-        self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
+        stored, beginning = run.stored, run.recorded.path if run.recorded is not None and run.recorded_frames else None
+        self._viewers.open(run.opened, run.history, stored.recording if stored is not None else None, beginning)
 
 
 def _internal(fault: Exception) -> str:

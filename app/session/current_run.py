@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from threading import Thread
 
@@ -42,20 +43,24 @@ class CurrentRun:
         checkpoints: Checkpoints | None = None,
         series: Series | None = None,
         events: EventLog | None = None,
+        ahead: CurrentRun | None = None,
     ) -> None:
         """A fork has a `past`, the frames that it did not compute itself, with their `series` and `events`, and
-        `checkpoints` among them, at the last of which its playback stands.
+        `checkpoints` among them, at the last of which its playback stands. `ahead` is its beginning as it was
+        recorded, which holds until its own frames are computed; its `series` and `events` are those of this run, too.
         """
         self.playback = playback
         self.opened: Opened = playback.opened
-        self._memory_bytes = memory_bytes
-        self.history, self.checkpoints = History(memory_bytes, past=past), checkpoints or Checkpoints(memory_bytes)
+        self._memory_bytes, self._ahead = memory_bytes, ahead
+        records = () if ahead is None else ahead.history
+        self.history = History(memory_bytes, past=past, ahead=records)
+        self.checkpoints = checkpoints or Checkpoints(memory_bytes)
         self.wake()
         self.series = series or Series(self.opened.methods)
         self.events = EventLog() if events is None else events
         origin = self.checkpoints.nearest(playback.position)
         self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
-        self.tally = Tally() if origin is None else origin.tally
+        self._tally = Tally() if origin is None else origin.tally
         if past is not None:
             for index in range(playback.position, len(past)):
                 self._learn(past[index])
@@ -63,6 +68,10 @@ class CurrentRun:
         """What it was read from; None for one that is computed here."""
         self.recorded: RecordedViews | None = None
         """Images and tracks of the stored run that it is, or that it was forked from."""
+        self._own_events = EventLog()
+        """Of the frames that were recorded, and are computed by now."""
+        self._coming: Future[Stepped] | None = None
+        """The next frame, while it is computed in another thread."""
 
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
@@ -70,17 +79,23 @@ class CurrentRun:
         history, series, events = History(0), Series(stored.methods), EventLog()
         for record in stored.records():
             history.append(record)
-            before = series.newest
-            series.append(record)
-            events.append(record, before, series.newest)
-        methods = stored.playback.methods
-        past = Past(history, len(history), methods)
+            events.append(record, *series.append(record))
+        past = Past(history, len(history), stored.playback.methods)
         run = CurrentRun(stored.playback, memory_bytes, past, None, series, events)
         run.stored = stored
         run.recorded = RecordedViews(stored.recording) if stored.recording is not None else None
         recording_id = stored.recording_id or run.opened.recording_id
         run.opened = replace(run.opened, recording_id=recording_id, map=made_map(stored.path))
-        run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in methods})
+        run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in past.methods})
+        return run
+
+    @staticmethod
+    def begun_by(stored: Stored, memory_bytes: int) -> CurrentRun:
+        """The run that a stored one is the beginning of, computed from its first frame on: each frame is as it was
+        recorded until it is computed. InputError where the recorded ones cannot be read."""
+        before = CurrentRun.of_stored(stored, memory_bytes)
+        run = CurrentRun(stored.playback, memory_bytes, None, None, before.series, before.events, before)
+        run.recorded = before.recorded
         return run
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config) -> CurrentRun:
@@ -104,7 +119,7 @@ class CurrentRun:
     @property
     def done(self) -> bool:
         """Whether nothing comes any more. A run that was read goes on as a fork, and never itself."""
-        ended = self.playback.sequence.grow is None and len(self.history) >= len(self.playback.sequence)
+        ended = self.playback.sequence.grow is None and self.history.computed >= len(self.playback.sequence)
         return ended or self.stored is not None
 
     @property
@@ -115,7 +130,22 @@ class CurrentRun:
     @property
     def catching_up(self) -> bool:
         """Whether frames that are known have to be run through again, to reach the state that a fork begins with."""
-        return not self.done and self.playback.position < len(self.history)
+        return not self.done and self.playback.position < self.history.computed
+
+    @property
+    def recorded_frames(self) -> range | None:
+        """Those that are known from a recording only: fewer with each that is computed. None for a run that did not
+        begin with any."""
+        return None if self._ahead is None else range(self.history.computed, len(self._ahead.history))
+
+    def is_recorded(self, index: int) -> bool:
+        """Whether a frame is known from a recording only, and is computed soon."""
+        return index in (self.recorded_frames or ())
+
+    @property
+    def _recording(self) -> CurrentRun | None:
+        """Its recorded beginning, as long as more is known of that."""
+        return self._ahead if self.recorded_frames else None
 
     def catch_up(self) -> str:
         """Runs through one of them. InputError as `Playback.step`.
@@ -136,15 +166,34 @@ class CurrentRun:
             "another version or another machine; what is computed from here on follows the replay"
         )
 
+    def begin_step(self) -> bool:
+        """Begins to compute the next frame in a thread of its own, if that is not under way; whether it is done by now,
+        so that `step` does not wait."""
+        if self._coming is None:
+            sequence, position = self.playback.sequence, self.playback.position
+            if position == 0 and sequence.prepare is not None:
+                sequence.prepare(0)
+            self.checkpoints.offer(position, self._checkpoint)
+            self._coming = Future()
+            Thread(target=_fulfil, args=(self._coming, self.playback.step), name="behind", daemon=True).start()
+        return self._coming.done()
+
     def step(self) -> tuple[Stepped, ExposureRecord]:
         """Computes the next frame and stores its results. Raises InputError as `Playback.step`."""
-        self.checkpoints.offer(self.playback.position, self._checkpoint)
-        event = self.playback.step()
+        if self._coming is not None:
+            coming, self._coming = self._coming, None
+            event = coming.result()
+        else:
+            self.checkpoints.offer(self.playback.position, self._checkpoint)
+            event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
         self.history.append(record)
-        before = self.series.newest
-        self.series.append(record)
-        self.events.append(record, before, self.series.newest)
+        if self._ahead is not None and record.index < len(self._ahead.history):
+            self._own_events.append(record, *self.series.replace(record))
+            if not self.recorded_frames:
+                self.events = self._own_events
+        else:
+            self.events.append(record, *self.series.append(record))
         # After the history: who finds a frame in the model finds its record, too.
         self._learn(record)
         return event, record
@@ -164,26 +213,36 @@ class CurrentRun:
 
     def _learn(self, record: ExposureRecord) -> None:
         self._model = self._model.after(record.index, record.time_ns, record.steps)
-        self.tally = self.tally.after(record.steps)
+        self._tally = self._tally.after(record.steps)
 
     def _checkpoint(self) -> Checkpoint:
-        return Checkpoint(self.playback.snapshot, self._model, self.tally)
+        return Checkpoint(self.playback.snapshot, self._model, self._tally)
 
     @property
     def model(self) -> RunModel:
         """What is known now."""
-        return self._model
+        return self._recording.model if self._recording is not None else self._model
+
+    @property
+    def tally(self) -> Tally:
+        """Counts of all frames that are known."""
+        return self._recording.tally if self._recording is not None else self._tally
 
     def known_at(self, index: int) -> RunModel:
         """What was known after frame `index`."""
+        if self._ahead is not None and self.is_recorded(index):
+            return self._ahead.known_at(index)
         model, history = self._model, self.history
-        return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
+        return model if index + 1 >= history.computed else model.as_known_at(index, lambda i: history[i].steps)
 
     def trajectories(self) -> Mapping[str, Trajectory]:
         """Each method's trajectory as known now, in its own world: what `ispom run` would write if the run ended here.
 
-        Of a fork that has to run through known frames first, as far as that came.
+        Of a fork that has to run through known frames first, as far as that came; of recorded frames, those that the
+        recorded run ended with.
         """
+        if self._recording is not None:
+            return self._recording.trajectories()
         return self.stored.final if self.stored is not None else self.playback.finish().trajectories
 
     def rest(self) -> None:
@@ -232,3 +291,10 @@ class CurrentRun:
         """Of a live source: it records no more, and its camera is free; what came so far stays."""
         if self.playback.sequence.stop is not None:
             self.playback.sequence.stop()
+
+
+def _fulfil(coming: Future[Stepped], step: Callable[[], Stepped]) -> None:
+    try:
+        coming.set_result(step())
+    except BaseException as fault:  # raised where the result is taken
+        coming.set_exception(fault)

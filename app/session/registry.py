@@ -1,7 +1,8 @@
 """What the features bring to a session, found by listing the folder `features`.
 
 A feature is a folder. Of its modules these are imported here, if it has them: `state` with a `FeatureState`,
-`commands` with commands, and `service` with a `Service`. Nothing else is edited for a new one.
+`commands` with commands, `service` with a `Service`, and `page_message` with what goes between it and a page. Nothing
+else is edited for a new one.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
+from .branches.service import BranchService
 from .service import Service
 
 FEATURES = __name__.split(".")[0] + ".features"
-PARTS = ("state", "commands", "service")
+PARTS = ("state", "commands", "service", "page_message")
 
 
 def load_features() -> None:
@@ -24,9 +26,10 @@ def load_features() -> None:
 
 
 def services() -> list[type[Service]]:
-    """The services of the features."""
+    """That of the branches, and those of the features."""
     found = (value for module in modules("service") for value in vars(module).values())
-    return list(dict.fromkeys(kind for kind in found if isinstance(kind, type) and kind in Service.__subclasses__()))
+    own = (kind for kind in found if isinstance(kind, type) and kind in Service.__subclasses__())
+    return list(dict.fromkeys((BranchService, *own)))
 
 
 def modules(part: str) -> Iterator[ModuleType]:

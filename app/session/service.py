@@ -55,6 +55,9 @@ class Service:
     def leave(self, run: CurrentRun | None) -> None:
         """This run is about to leave the screen."""
 
+    def keep(self, before: State) -> None:
+        """Another source takes the place of the run on the screen, which was in this state: keeps what should stay."""
+
     def computed(self, event: Stepped) -> None:
         """The run on the screen has computed another frame."""
 
@@ -66,9 +69,9 @@ class Service:
         return []
 
     @property
-    def keeps_run(self) -> bool:
-        """Whether the first run of the source is kept, for example in a recording."""
-        return False
+    def kept_branches(self) -> frozenset[int]:
+        """Numbers of the branches of the run that are kept, for example in a recording; 0 is the first run."""
+        return frozenset()
 
     def watch(self) -> None:
         """A little of the work that goes on without commands."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ispom.ensemble import build
@@ -54,6 +54,7 @@ class Session:
         trajectory_options: tuple[TrajectoryOption, ...] = (),
         compare_images: bool = False,
         extras: tuple[object, ...] = (),
+        beginnings: Mapping[str, Path] | None = None,
     ) -> None:
         """`opener(source)` opens with the options of the command line, `opener(source, options)` with the page's.
 
@@ -62,7 +63,8 @@ class Session:
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the frames of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
         `trajectory_options` are trajectories of other programs; `compare_images` gives none of a stored run before
-        all were compared with those that it saw; `extras` are values that features look up by type.
+        all were compared with those that it saw; `extras` are values that features look up by type;
+        `beginnings` are folders of runs over the first frames of a source, by its name, which are shown at once.
         """
         recent = recent or RecentSources(None)
         self.folders = folders or Folders()
@@ -79,6 +81,9 @@ class Session:
         )
         self.changes = self._store.changes
         """Called, in the worker's thread, at each new state."""
+        sources = SourceOpener(
+            opener, builder, variant, trajectory_options, self.folders, source, beginnings or {}, compare_images
+        )
         viewers = Viewers(live, lambda text: self._store.emit(NoticeAdded(text)))
         compiler = Compiling(self._store, compiling)
         self._player = Player(self._store, viewers, compiler)
@@ -87,7 +92,7 @@ class Session:
             self._player,
             viewers,
             compiler,
-            opener=SourceOpener(opener, builder, variant, trajectory_options, self.folders, source, compare_images),
+            opener=sources,
             first=Open(source),
             autoplay=autoplay,
             methods=methods,

@@ -34,6 +34,28 @@ class FeatureState:
         """What the page's scripts get to know of it, as JSON values by name."""
         return {}
 
+    def address(self) -> Mapping[str, Any]:
+        """What the page's address says of it, by name of the part."""
+        return {}
+
+    @property
+    def in_the_way(self) -> frozenset[str]:
+        """Layers that the views do not show, for they hide what this feature shows."""
+        return frozenset()
+
+    @property
+    def covers(self) -> bool:
+        """Whether numbers, checks and settings are hidden from people, for they would answer an open question."""
+        return False
+
+    def cover(self, state: State) -> State:
+        """The state with its core as people may see it. Called where this feature covers it."""
+        return state
+
+    def covered(self) -> Self:
+        """The value as people may see it while another feature covers numbers, checks and settings."""
+        return self
+
 
 F = TypeVar("F", bound=FeatureState)
 
@@ -117,6 +139,8 @@ class State:
     """The frame that a seek is computing towards."""
     ended: bool = False
     """Whether every frame was computed."""
+    recorded: range | None = None
+    """Frames that are known from a recording only, of a run that began with one; None for other runs."""
     activity: Activity | None = None
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """How the source was opened."""
@@ -140,6 +164,11 @@ class State:
     def having(self, *values: FeatureState) -> State:
         """The state with these values of features."""
         return replace(self, features={**self.features, **{type(value): value for value in values}})
+
+    @property
+    def covers(self) -> bool:
+        """Whether numbers, checks and settings are hidden from people: see `covered`."""
+        return any(value.covers for value in self.features.values())
 
     @property
     def index(self) -> int:
@@ -232,6 +261,7 @@ class CoreValues(TypedDict, total=False):
     question: Question | None
     source_options: SourceOptions
     recent: tuple[str, ...]
+    recorded: range | None
     total: int
     notes: tuple[str, ...]
 
@@ -245,6 +275,14 @@ class Changed:
 
 Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | NoticeAdded | Changed | FeatureChanged
+
+
+def covered(state: State) -> State:
+    """The state as people may see it: while a question is open, nothing in it gives the answer away."""
+    covering = next((value for value in state.features.values() if value.covers), None)
+    if covering is None:
+        return state
+    return replace(covering.cover(state), features={kind: value.covered() for kind, value in state.features.items()})
 
 
 def changed(**values: Unpack[CoreValues]) -> Changed:
@@ -276,6 +314,7 @@ def _core(state: State, event: Event) -> State:
                 ended=False,
                 displayed=None,
                 computed=0,
+                recorded=None,
                 question=None,
                 loop=None,
             )

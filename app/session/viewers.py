@@ -20,8 +20,9 @@ RESTARTS = 1
 class EventSink(Protocol):
     """Takes the events of one run after the other. Never blocks; what it raises is reported, and the run goes on."""
 
-    def open(self, opened: Opened, history: History) -> None:
-        """Begins another run. What `history` of it holds is drawn first, without images."""
+    def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
+        """Begins another run. What was computed of it, in `history`, is drawn first, without images; `beginning` is the
+        recording of its first frames, which are shown from there until they are computed. InputError as `replay`."""
         ...
 
     def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
@@ -33,6 +34,11 @@ class EventSink(Protocol):
 
     def look_at(self, index: int) -> None:
         """A frame is shown: where it was drawn without its images, they are wanted now."""
+        ...
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody has seen more than one frame of a run that began with a recording."""
         ...
 
     def check(self) -> None:
@@ -51,16 +57,24 @@ class Viewers:
         self._begin: Callable[[EventSink], None] = lambda _: None
         """Shows the run that is on the screen."""
 
-    def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
-        """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
+    def open(
+        self, opened: Opened, history: History, recording: Path | None = None, beginning: Path | None = None
+    ) -> None:
+        """Begins another run, whatever became of the one before; of one that is over, its recording is shown. The
+        `beginning` is that of `EventSink.open`."""
         self._sink, self._restarts, self._looked_at = self._configured_sink, RESTARTS, -1
         kinds: tuple[Kind, ...] = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
-        self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history)
+        self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history, beginning)
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:
         self._guarded(lambda sink: sink.write(event))
+
+    @property
+    def watched(self) -> bool:
+        """See `EventSink.watched`; also where nothing is drawn."""
+        return self._sink is None or self._sink.watched
 
     def look_at(self, index: int) -> None:
         """Passes on the frame that is shown now, once."""

@@ -11,15 +11,15 @@ from markdown_text import as_cell, table
 def pages() -> dict[str, str]:
     """Returns a page for each command, and the table of all of them."""
     import tyro
-    from ispom_app.cli.main import _commands
+    from ispom_app.cli.commands import COMMANDS
 
     from ispom.methods import names
 
     found, rows = {}, []
-    for command, module in _commands().items():
+    for name, command in COMMANDS.items().items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
-            parser = tyro.extras.get_parser(module.Options, prog=f"ispom {command}")
+            parser = tyro.extras.get_parser(command.options_class(), prog=f"ispom {name}")
         own, has_settings = [], False
         for action in parser._actions:
             title = getattr(action.container, "title", "") or ""
@@ -28,9 +28,9 @@ def pages() -> dict[str, str]:
             elif action.dest != "help":
                 own.append(action)
         words = " ".join((parser.description or "").split())
-        rows.append((f"[`ispom {command}`](command_line/{command}.md)", as_cell(words)))
+        rows.append((f"[`ispom {name}`](command_line/{name}.md)", as_cell(words)))
         places, flags = [a for a in own if not a.option_strings], [a for a in own if a.option_strings]
-        text = [f"# `ispom {command}`", as_cell(words)]
+        text = [f"# `ispom {name}`", as_cell(words)]
         if places:
             text += ["## Arguments", table(("argument", "meaning"), [(f"`{a.dest}`", _help(a)) for a in places])]
         if flags:
@@ -40,7 +40,7 @@ def pages() -> dict[str, str]:
                 "Every setting of a method is an option, too, such as `--stereo.max-tracks 300`. "
                 "The [pages of the methods](../../methods/index.md) list them."
             )
-        found[f"reference/command_line/{command}.md"] = "\n\n".join(text)
+        found[f"reference/command_line/{name}.md"] = "\n\n".join(text)
     found["_generated/commands.md"] = table(("command", "what it does"), rows)
     return found
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from markdown_text import as_cell, table
+from types import ModuleType
+
+from markdown_text import as_cell, as_prose, table
 
 
 def pages() -> dict[str, str]:
     """Returns snippets that pages of the reference include."""
-    from ispom_app.engine.history.quantities import EXPOSURE_QUANTITIES, MOTION, POSE, STEP_QUANTITIES
+    from ispom_app.engine.history.quantities import CHANGES, EXPOSURE_QUANTITIES, POSE, STEP_QUANTITIES
     from ispom_app.engine.run_events.kinds import checks, frames, tracking
     from ispom_app.engine.run_folder.digests import DIGESTS
     from ispom_app.engine.run_folder.step_log import DECISION_COLUMNS, STEP_COLUMNS
     from ispom_app.session.actions import actions
     from ispom_app.session.registry import load_features
 
+    from ispom.io.calibrations.dialects import modules
     from ispom.plausibility import DOUBTS
     from ispom.types import TrackStatus
 
@@ -52,15 +55,14 @@ def pages() -> dict[str, str]:
     kinds = [kind for module in (tracking, checks, frames) for kind in module.KINDS]
     events = table(("kind", "label", "meaning"), [(f"`{k.name}`", as_cell(k.label), as_cell(k.help)) for k in kinds])
     rows = [(f"`{q.name}`", as_cell(q.help)) for q in EXPOSURE_QUANTITIES]
-    rows += [
-        (f"`METHOD.{key}`", as_cell(text + (f" [{unit}]" if unit else ""))) for key, (text, unit) in MOTION.items()
-    ]
+    rows += [(f"`METHOD.{q.key}`", as_cell(q.help + (f" [{q.unit}]" if q.unit else ""))) for q in CHANGES]
     quantities = table(("name", "meaning"), rows)
     ends = [(f"`{s.name.lower()}`", as_cell(s.reason)) for s in TrackStatus if s.dropped]
     doubts = [(f"`{key}`", as_cell(text)) for key, text in DOUBTS.items()]
     load_features()
     keys = [(f"`{a.key.replace('Arrow', '')}`", as_cell(a.label), as_cell(a.hint)) for a in actions()]
     return {
+        "_generated/calibrations.md": _calibrations(list(modules().values())),
         "_generated/doubts.md": table(("key", "what a note points at"), doubts),
         "_generated/keys.md": table(("key", "action", "what it does"), keys),
         "_generated/steps_columns.md": steps,
@@ -69,3 +71,15 @@ def pages() -> dict[str, str]:
         "_generated/quantities.md": quantities,
         "_generated/track_ends.md": table(("reason", "meaning"), ends),
     }
+
+
+def _calibrations(modules: list[ModuleType]) -> str:
+    """A row for each dialect of calibrations, and its conventions, which are the docstring of its module."""
+    rows = [
+        (as_cell(each.title), as_cell(each.files), as_cell(each.looked_for))
+        for each in (module.DIALECT for module in modules)
+    ]
+    parts = [table(("program", "usual file", "recognised by"), rows)]
+    for module in modules:
+        parts.append(f"## {module.DIALECT.title}\n\n{as_prose(module.__doc__ or '')}")
+    return "\n\n".join(parts)

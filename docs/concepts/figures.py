@@ -143,9 +143,10 @@ def layers() -> str:
         (ORANGE, ("features", "views")),
         (ORANGE, ("session",)),
         (ORANGE, ("engine", "presentation")),
-        (BLUE, ("methods, ensemble, testing",)),
+        (BLUE, ("calibration", "testing")),
+        (BLUE, ("methods, ensemble",)),
         (BLUE, ("estimators: modern, paper, survey",)),
-        (BLUE, ("features", "sequences", "simulation", "calibration", "evaluation")),
+        (BLUE, ("features", "sequences", "simulation", "evaluation")),
         (BLUE, ("solvers", "io", "numerics")),
         (BLUE, ("cameras", "types", "settings", "geometry")),
     )
@@ -157,7 +158,7 @@ def layers() -> str:
             parts.append(f'<rect {place} fill="none" stroke="{colour}"/>')
             parts.append(words(x + width / 2, y + 19, name, anchor="middle"))
     parts += [words(16, 80, "app", ORANGE), words(16, 240, "ispom", BLUE)]
-    return svg(670, 340, parts)
+    return svg(670, 374, parts)
 
 
 def camera(x: float, y: float, name: str, colour: str) -> list[str]:

@@ -8,6 +8,8 @@ from ispom.calibration.adjust.problem import Estimate, Observations
 from ispom.calibration.result import RowError
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose, rotation_between, so3_exp, so3_log
+from ispom.io.calibrations.pair import pair_fault
+from ispom.types import Rig
 
 
 def rectifying(right_from_left: Pose) -> tuple[Pose, Pose]:
@@ -22,6 +24,19 @@ def rectifying(right_from_left: Pose) -> tuple[Pose, Pose]:
     turn = rotation_between(baseline, np.array([1.0, 0, 0])) @ half.T
     left = Pose(turn, -turn @ left_from_right.translation / 2)
     return left, left @ left_from_right
+
+
+def with_usual_frame(rig: Rig) -> Rig:
+    """Returns a rig whose frame is that of its left camera, as other programs have it, with its frame at the middle of
+    the baseline (Fig. 6). Unchanged are others, and cameras that are not side by side: they would be turned."""
+    if not rig.has_stereo or not np.array_equal(rig.rig_from_left.matrix, np.eye(4)):
+        return rig
+    if pair_fault(rig.rig_from_left.inverse() @ rig.rig_from_right):
+        return rig
+    left, right = rectifying(rig.rig_from_right.inverse() @ rig.rig_from_left)
+    new_from_old = left @ rig.rig_from_left.inverse()
+    moved = {f"rig_from_{name}": new_from_old @ sensor.rig_from_sensor for name, sensor in rig.sensors.items()}
+    return rig.changed(**{**moved, "rig_from_left": left, "rig_from_right": right})
 
 
 def row_error(estimate: Estimate, seen: Observations) -> RowError:

@@ -119,9 +119,10 @@ def _points(
 # COLMAP's cameras.txt: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; it has no poses.
 
 
-_COUNTS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "FULL_OPENCV": 12}
-_COUNTS |= {"OPENCV_FISHEYE": 8, "SIMPLE_RADIAL_FISHEYE": 4, "RADIAL_FISHEYE": 5}
-_ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+COUNTS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "FULL_OPENCV": 12}
+COUNTS |= {"OPENCV_FISHEYE": 8, "SIMPLE_RADIAL_FISHEYE": 4, "RADIAL_FISHEYE": 5, "SIMPLE_FISHEYE": 3, "FISHEYE": 4}
+"""Numbers of parameters of the models that are supported."""
+_ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_FISHEYE")
 
 
 def colmap_cameras_text(cameras: list[Placed]) -> str:
@@ -137,18 +138,25 @@ def read_colmap_cameras(path: Path) -> list[Camera]:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        if len(words) < 4 or words[1] not in _COUNTS:
-            raise InputError(f"{path} line {number}: give a camera of {', '.join(_COUNTS)}")
-        values = numbers(path, number, words[2:]).tolist()
-        if len(values) != 2 + _COUNTS[words[1]]:
-            raise InputError(f"{path} line {number}: {words[1]} has {_COUNTS[words[1]]} parameters: correct that line")
-        out.append(_camera(path, number, words[1], values))
+        if len(words) < 4:
+            raise InputError(f"{path} line {number}: CAMERA_ID, MODEL, WIDTH and HEIGHT are needed: correct that line")
+        values = [] if words[1] not in COUNTS else numbers(path, number, words[2:]).tolist()
+        out.append(colmap_camera(path, f"line {number}", words[1], values))
     if not out:
         raise InputError(f"{path} holds no camera: give COLMAP's cameras.txt")
     return out
 
 
-def _camera(path: Path, number: int, model: str, values: list[float]) -> Camera:
+def colmap_camera(path: Path, where: str, model: str, values: list[float]) -> Camera:
+    """Returns the camera of a model's name, and of width, height and the parameters. Raises InputError for a model that
+    is not supported, and for a wrong number of parameters."""
+    if model not in COUNTS:
+        raise InputError(
+            f"{path}: {where}: a file of COLMAP: the model {model[:40]} is not supported: use one of "
+            f"{', '.join(COUNTS)}"
+        )
+    if len(values) != 2 + COUNTS[model]:
+        raise InputError(f"{path}: {where}: {model} has {COUNTS[model]} parameters, not {len(values) - 2}: correct it")
     size, rest = values[:2], values[2:]
     focals = [rest[0], rest[0]] if model in _ONE_FOCAL else rest[:2]
     rest = rest[1:] if model in _ONE_FOCAL else rest[2:]
@@ -156,7 +164,7 @@ def _camera(path: Path, number: int, model: str, values: list[float]) -> Camera:
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         distortion = [*distortion, 0.0][:2]
         distortion = [*distortion, 0.0, 0.0]
-    if model in ("SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
-        distortion = [*distortion, 0.0, 0.0, 0.0][:4]
     lens = "fisheye" if "FISHEYE" in model else "opencv"
-    return camera_from(path, f"line {number}", np.array(size), [*focals, *centre], distortion, lens)
+    if lens == "fisheye":
+        distortion = [*distortion, 0.0, 0.0, 0.0, 0.0][:4]
+    return camera_from(path, where, np.array(size), [*focals, *centre], distortion, lens)

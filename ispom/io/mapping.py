@@ -39,12 +39,15 @@ def read_mapping(path: Path) -> dict[Any, Any]:
 
 def mapping_of(path: Path, text: str) -> dict[Any, Any]:
     """Returns the mapping of the text of such a file. Raises InputError as `read_mapping`."""
-    if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
-        text = "#" + text
-    content = parse_yaml(path, text)
+    content = parse_yaml(path, yaml_of_opencv(text))
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no named values (name: value): give the right file")
     return content
+
+
+def yaml_of_opencv(text: str) -> str:
+    """Returns the text with OpenCV's directive, which is no YAML, as a comment; the line stays, for counting."""
+    return "#" + text if text.startswith("%YAML:") else text
 
 
 def parse_yaml(where: Path | str, text: str) -> Any:

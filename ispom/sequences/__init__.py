@@ -33,6 +33,7 @@ from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
 from ispom.sequences.readings import with_doubts
 from ispom.sequences.recording import Recording
+from ispom.sequences.stream import scaled_calibrations
 from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
 from ispom.types import FRAME_KINDS, Measurement, Sequence
 
@@ -80,6 +81,7 @@ def open_sequence(
     seed: int = 0,
     max_exposures: int | None = None,
     camera: str | Path | None = None,
+    scale_calibration: bool = False,
     policy: SourcePolicy = ANY_SOURCE,
     placed: bool = True,
     sensors: str | Path | None = None,
@@ -90,7 +92,8 @@ def open_sequence(
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
-    pose: it is then that of the rig. `sensors` is a file that
+    pose: it is then that of the rig. With `scale_calibration`, a calibration for images of another size of the same
+    shape is scaled to the images. `sensors` is a file that
     describes other sensors (see `sequences.sensors`). `cache_dir` replaces the user's cache folder, where images of
     simulations are kept.
     """
@@ -112,7 +115,7 @@ def open_sequence(
             raise InputError(f"{source} is a live camera, which takes in no files of sensors: leave --sensors out")
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
-        with bounded(policy.places):
+        with bounded(policy.places), scaled_calibrations(scale_calibration):
             path = expanded(source)
             described = not placed and exists(path) and looks_described(path)
             opened = open_described(path, placed) if described else _opened(path, calibration, seed)

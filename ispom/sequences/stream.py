@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.calibrations.dialect import NOMINAL_RATE
 from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers
 from ispom.io.rows import increasing_times_ns, read_rows
@@ -20,6 +23,10 @@ from ispom.types import Camera, Image
 NOMINAL_HZ = 30.0
 MIN_HZ, MAX_HZ = 1e-3, 1e5
 MAX_OFFSET_S = float(MAX_TIME_S)
+SHAPE_PX = 1.0
+"""By how much the height of an image that was scaled differs from the exact one, at most."""
+CROPPED = 0.02
+"""Images that are larger or smaller by no more than this share were cut, not scaled."""
 SLOW_S = 10.0
 """Images with a longer interval than this are hardly those of one motion: their times may be in milliseconds."""
 
@@ -43,6 +50,8 @@ class Clock:
     """One time [s] per line and image."""
     rate_hz: float | None = None
     offset_s: float = 0.0
+    nominal_hz: float | None = None
+    """Rate that a program's settings state: it counts where nothing else says when the images were taken."""
 
     def times_ns(
         self,
@@ -66,9 +75,9 @@ class Clock:
             return self._moved(stamps_ns, what), note if interval_s >= SLOW_S else ""
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
-        rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
+        rate_hz = self.rate_hz or otherwise_hz or self.nominal_hz or NOMINAL_HZ
         assumed = f"{what} has no times: {NOMINAL_HZ:g} images per second assumed (rate_hz sets it)"
-        note = "" if self.rate_hz or otherwise_hz else assumed
+        note = "" if self.rate_hz or otherwise_hz or self.nominal_hz else assumed
         ticks = np.arange(count) if ticks is None else ticks
         return self._moved(np.rint(ticks * 1e9 / rate_hz).astype(np.int64), what), note
 
@@ -95,7 +104,7 @@ def clock_of(path: Path, values: dict[Any, Any], where: str = "") -> Clock:
     offset_s = finite_numbers(path, f"{where}offset_s", [values.get("offset_s", 0)], 1)[0]
     if abs(offset_s) > MAX_OFFSET_S:
         raise InputError(f"{path}: {where}offset_s is {offset_s:g}, beyond {MAX_OFFSET_S:g}: correct it")
-    return Clock(times, rate_hz, offset_s)
+    return Clock(times, rate_hz, offset_s, values.get(NOMINAL_RATE))
 
 
 def named_file(path: Path, where: str, name: Any) -> Path:
@@ -107,6 +116,44 @@ def named_file(path: Path, where: str, name: Any) -> Path:
     if not exists(file):
         raise InputError(f"{path}: {where} names {file}, which is missing: correct it")
     return file
+
+
+_SCALED: ContextVar[bool] = ContextVar("scaled", default=False)
+
+
+@contextmanager
+def scaled_calibrations(allowed: bool) -> Iterator[None]:
+    """Within it, a calibration for images of another size of the same shape is scaled to the images, if `allowed`."""
+    token = _SCALED.set(allowed)
+    try:
+        yield
+    finally:
+        _SCALED.reset(token)
+
+
+def fitted(path: Path, camera: Camera, size: tuple[int, int]) -> tuple[Camera, tuple[str, ...]]:
+    """The camera of a calibration file for images of this size (width, height), with a note where it was scaled.
+
+    InputError where the images have another size of the same shape, and `scaled_calibrations` does not allow that. A
+    camera for images of another shape is left unchanged.
+    """
+    width, height = size
+    factor = width / camera.width
+    same_shape = abs(camera.height * factor - height) <= SHAPE_PX
+    if abs(factor - 1) <= CROPPED or not same_shape:
+        return camera, ()
+    made = f"{path} is made for images of {camera.width} x {camera.height}, these are {width} x {height}"
+    whole = round(1 / factor) if factor < 1 else round(factor)
+    names = {2: "halve it" if factor < 1 else "double it", 3: f"{'divide' if factor < 1 else 'multiply'} it by 3"}
+    exact = abs(max(factor, 1 / factor) - whole) < 1e-9
+    words = names.get(whole, "") if exact else ""
+    if not _SCALED.get():
+        raise InputError(
+            f"{made}, of the same shape: {words or f'scale it by {factor:.4g}'} with --scale-calibration, or multiply "
+            f"fx, fy, cx and cy by {factor:.4g}"
+        )
+    scaled = replace(camera.scaled(factor), width=width, height=height)
+    return scaled, (f"{made}: scaled by {factor:.4g}, with pixel centres kept in place",)
 
 
 def size_of(camera: Camera) -> tuple[int, int]:

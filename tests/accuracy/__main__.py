@@ -14,6 +14,8 @@ starts: whether the first map of monocular is right, started at many frames of s
 cameras: the errors of the modern methods on one flight (16 seeds) filmed by other cameras: 4K, 12 bits, variable
     rate, portrait, fisheye, rolling shutter. Rendering takes half an hour.
 soak: whether time and memory per frame grow in a long run over small made images.
+blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
+    fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
 
 from __future__ import annotations

@@ -18,12 +18,12 @@ from typing import Any
 import cv2
 from ispom_app.engine.run_folder.results import Results, metrics_text
 from ispom_app.engine.run_folder.statistics import RunStatistics
-from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 
 from ispom.child import end_with_parent
+from ispom.ensemble import build
 from ispom.io.trajectories import read_tum
-from ispom.methods import BUILT_IN, possible_methods
+from ispom.methods import BUILT_IN, Config, possible_methods
 from ispom.methods import method as registered
 from ispom.sequences import open_sequence, recognised, recordings_in
 from ispom.types import Sequence
@@ -36,7 +36,7 @@ REFERENCES = ("truth.tum", "reference.tum")
 NO_RECORDINGS = frozenset({"calibration", "reports", "trajectories"})
 """Folders of the data for other tests: images of targets, samples of file formats, trajectories without images."""
 TWO_RATE = "kitti/sequences/06, video at half size, every 5th pair"
-"""The emulation of the rig that `integrated` is made for; `ispom bench` has the same."""
+"""The emulation of the rig that `integrated` is made for."""
 INTEGRATED = ("integrated", "integrated.paper")
 
 
@@ -117,7 +117,7 @@ def measure(name: str, source: str, method: str) -> Figures:
         for i in used:
             sequence[i]
     started = time.process_time()
-    ensemble, statistics = ensemble_of(method, sequence.rig), RunStatistics()
+    ensemble, statistics = build(Config(), (method,), sequence.rig), RunStatistics()
     state = ensemble.start()
     for i in used:
         state, steps = ensemble.step(state, sequence[i])

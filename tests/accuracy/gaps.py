@@ -16,15 +16,15 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 from rich.table import Table
 
 from ispom.child import end_with_parent
-from ispom.ensemble import Ensemble
+from ispom.ensemble import Ensemble, build
 from ispom.features.row_search import PointSearch
 from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
+from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
@@ -109,7 +109,7 @@ class Case:
 
     @staticmethod
     def of(method: FilmedMethod, rig: Rig, exposures: list[Measurement], truth: Trajectory) -> Case:
-        ensemble, states, steps = ensemble_of(method, rig), list[Any](), list[Step]()
+        ensemble, states, steps = build(Config(), (method,), rig), list[Any](), list[Step]()
         state = ensemble.start()
         for exposure in exposures:
             states.append(state)

@@ -16,7 +16,6 @@ import psutil
 from ispom_app.engine.history.history import History
 from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.playback import Builder, Playback
-from ispom_app.features.benchmark.unit import cpu_clock
 from rich.console import Console
 from rich.table import Table
 
@@ -24,6 +23,7 @@ from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.methods import Config, in_order, with_dependencies
 from ispom.methods import method as registered
+from ispom.stopwatch import cpu_clock
 from tests.rounds import SCENARIOS, Scenario
 
 EARLY = 1000

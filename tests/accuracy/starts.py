@@ -14,17 +14,18 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 
 from ispom.child import end_with_parent
+from ispom.ensemble import build
 from ispom.evaluation.trajectory_error import aligned, associate, ate_m, rms
 from ispom.geometry import rotation_angle_rad
+from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.types import Measurement, Sequence, Status, Trajectory
 
 EVERY = {"handheld": 5, "kitti-06": 1, "kitti-00": 5, "sim:tiny": 5, "sim:city": 6, "sim:indoor": 8}
-"""From one start to the next, in frames: of cases of the bench, and of whole simulations."""
+"""From one start to the next, in frames: of `CLIPS`, and of whole simulations."""
 AFTER = 15
 """Frames after the first map that are judged with it."""
 LONGEST = 120
@@ -66,7 +67,7 @@ def starts(source: str, last: int | None, every: int) -> Iterator[Started]:
 def _started(
     source: str, sequence: Sequence, truth: Trajectory, video: list[int], frame: int, kept: dict[int, Measurement]
 ) -> Started:
-    ensemble = ensemble_of("monocular", sequence.rig)
+    ensemble = build(Config(), ("monocular",), sequence.rig)
     state, mapped = ensemble.start(), None
     for count, i in enumerate(video[: LONGEST + AFTER]):
         kept[i] = kept[i] if i in kept else sequence[i]

@@ -10,12 +10,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ispom_app.features.benchmark import child
-from ispom_app.features.benchmark.plan import CASES, found_below
 from rich.console import Console
 
 from ispom.methods import names
 
+from . import child
+from .blocks import print_blocks
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
 from .figures import FILE, Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
@@ -26,6 +26,12 @@ from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
 
 ROOT = Path(__file__).parents[2]
+CLIPS = {
+    "kitti-06": ("kitti/sequences/06", 51),
+    "kitti-00": ("kitti/sequences/00", 200),
+    "handheld": ("handheld_board", 250),
+}
+"""Of recordings: the folder below --data, and how many of the first video frames are used."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Options:
     """What a study is made of."""
 
     data: Path
-    """The folder of recordings, as `ispom bench --data` has it."""
+    """The folder of recordings."""
     methods: tuple[str, ...] = ()
     """Empty for all."""
     seeds: int = 20
@@ -67,14 +73,14 @@ def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
 
 def gaps(console: Console, options: Options) -> list[dict[str, Any]]:
     """Images cut out."""
-    drive, measured = next(found_below(c, options.data) for c in CASES if c.key == "kitti-06"), []
+    drive, measured = options.data / CLIPS["kitti-06"][0], list[dict[str, Any]]()
     for method in _filmed(options):
         tasks: list[dict[str, Any]] = [
             {"method": method, "place": place, "seed": seed}
             for place, seeds in GAP_SEEDS.items()
             for seed in range(seeds)
         ]
-        tasks += [{"method": method, "folder": drive.source}] if drive is not None else []
+        tasks += [{"method": method, "folder": str(drive)}] if drive.is_dir() else []
         for task in tasks:
             where = task.get("folder") or f"sim:{task['place']} seed {task['seed']}"
             rows = rows_of(console, f"{method}: gaps in {where}", "gaps", task)
@@ -99,13 +105,13 @@ def loops(console: Console, options: Options) -> list[dict[str, Any]]:
 
 def starts(console: Console, options: Options) -> list[dict[str, Any]]:
     """First maps at many places."""
-    measured, cases = [], {c.key: c for c in CASES}
+    measured = []
     for key, every in EVERY.items():
-        found = found_below(cases[key], options.data) if key in cases else None
-        if key in cases and found is None:
-            console.print(f"{cases[key].title}: skipped, it is not in {options.data} (see --data)")
+        place, last = CLIPS.get(key, (key, None))
+        source = place if last is None else str(options.data / place)
+        if last is not None and not Path(source).is_dir():
+            console.print(f"{place}: skipped, it is not in {options.data} (see --data)")
             continue
-        source, last = (key, None) if found is None else (found.source, found.frames)
         task = {"source": source, "last": last, "every": every}
         rows = rows_of(console, f"monocular: started in {source}", "starts", task)
         if rows is None:
@@ -165,6 +171,17 @@ def figures(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def blocks(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Times of the building blocks, and the unit in which machines compare."""
+    with child.progress("building blocks"):
+        rows = found("blocks", {"drive": str(options.data / CLIPS["kitti-06"][0])})
+    if isinstance(rows, dict):
+        console.print(f"building blocks: {rows['error']}")
+        return []
+    print_blocks(console, rows)
+    return rows
+
+
 def _filmed(options: Options) -> list[str]:
     """The methods wanted of those whose flights are filmed for them."""
     return [m for m in FILMED_METHODS if not options.methods or m in options.methods]
@@ -194,5 +211,6 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "starts": starts,
         "cameras": cameras,
         "soak": soak,
+        "blocks": blocks,
     }
 )

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.features.benchmark import child
 
 from ispom.methods import method as registered
 from ispom.methods import names
 from ispom.types import is_stereo, is_video
-from tests.accuracy import soak
+from tests.accuracy import child, soak
 from tests.accuracy.__main__ import main
 from tests.app import helpers
 from tests.rounds import LAP, SCENARIOS, STOP, Scenario

@@ -22,9 +22,9 @@ from ispom_app.engine.run_folder.results import in_frame
 from ispom_app.engine.run_folder.run_folder import LANDMARKS, STEPS, RunFolder, trajectory_file
 from ispom_app.engine.run_folder.step_log import StepLog
 from ispom_app.features.branches.commands import DeleteBranch, Fork, ShowBranch
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.headless.options import Run
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.session import Session
 

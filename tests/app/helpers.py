@@ -10,15 +10,15 @@ from typing import Any
 
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.service import Bookmarks
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import Breakpoints
-from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.state import Lessons
 from ispom_app.features.plots.commands import Plots
 from ispom_app.features.recording.state import Recordings
 from ispom_app.features.sweep.sweep import SweepState
 from ispom_app.features.tracks.commands import Inspection
+from ispom_app.session.branches.state import Branches
+from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.session import Session
 from ispom_app.session.state import FeatureState, State
 

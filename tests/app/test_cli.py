@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.views.web import command
+from ispom_app.features.page import command
 from ispom_app.views.web.server import Serving
 
 from ispom.errors import InputError

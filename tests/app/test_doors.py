@@ -1,5 +1,6 @@
-"""What can be added by a folder or a file alone: a feature with its panel, a command, a quantity. In processes of their
-own, for what is registered stays registered. (Kinds of events: app/features/events/tests/test_log.py.)"""
+"""What can be added without an edit: a feature with its panel by a folder, a quantity by a file, a command by an entry
+point. In processes of their own, for what is registered stays registered. (Kinds of
+events: app/features/events/tests/test_log.py.)"""
 
 from __future__ import annotations
 
@@ -38,9 +39,10 @@ session.close(5.0)
 print("done")
 """
 COMMAND = """
-import sys
-import ispom_app.cli.commands as commands
-commands.__path__.append({folder!r})
+import importlib.metadata, sys
+from ispom import registry
+entry = importlib.metadata.EntryPoint("hello", "tests.app.doors.command:HELLO", "ispom.commands")
+registry.entry_points = lambda group: [entry] if group == "ispom.commands" else []
 from ispom_app.cli.main import main
 sys.exit(main(["hello", "--name", "there"]))
 """
@@ -51,6 +53,11 @@ from ispom_app.engine.history.quantities import STEP_QUANTITIES, quantities
 from ispom_app.engine.run_folder.step_log import STEP_COLUMNS
 assert STEP_QUANTITIES[0].key == "status" and "pose_count" in [quantity.key for quantity in STEP_QUANTITIES]
 assert "stereo.pose_count" in quantities(("stereo",)) and "pose_count" in STEP_COLUMNS
+assert quantities(("stereo",))["stereo.speed"].unit == "1/s" and "speed" not in STEP_COLUMNS
+from ispom_app.engine.history.quantities import row_with
+pose = {{"y": 0, "z": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}}
+row = row_with({{}}, 0, 10**9, {{"stereo": {{"x": 1.0, **pose}}}})
+assert row_with(row, 1, 3 * 10**9, {{"stereo": {{"x": 2.0, **pose}}}})["stereo"]["speed"] == 0.5
 print("done")
 """
 
@@ -66,8 +73,8 @@ def test_a_feature_is_a_folder(tmp_path: Path) -> None:
     assert done.returncode == 0 and done.stdout.endswith("done\n"), done.stderr
 
 
-def test_a_command_is_a_file() -> None:
-    done = ran(COMMAND.format(folder=str(DOORS / "commands")))
+def test_a_command_is_an_entry_point() -> None:
+    done = ran(COMMAND)
     assert done.returncode == 3 and done.stdout == "hello there\n", done.stderr
 
 

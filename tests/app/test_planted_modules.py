@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from ispom_app import __main__ as entry
 from ispom_app.engine import warmup
-from ispom_app.features.benchmark import child as bench_child
 from ispom_app.features.experiments import cluster
 from ispom_app.features.sweep import process as sweep
 
@@ -49,11 +48,6 @@ def test_the_supervisor_of_a_program_does_not(stranger: Path) -> None:
     with pytest.raises(ProgramFault):
         pipe.request(b"{}\n")
     pipe.stop()
-    assert not stranger.exists()
-
-
-def test_a_measurement_does_not(stranger: Path) -> None:
-    bench_child.found("measure", {})
     assert not stranger.exists()
 
 

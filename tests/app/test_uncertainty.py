@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from ispom_app.engine.events import Opened, Stepped
 from ispom_app.engine.history.record import ExposureRecord
-from ispom_app.features.explain.panel import report
+from ispom_app.features.explain.view import explain
 from ispom_app.presentation import uncertainty
 from ispom_app.session.state import State
 from ispom_app.views.rerun import blueprint
@@ -21,6 +21,11 @@ from tests import doubles
 
 COVARIANCE = np.diag([1e-6, 4e-6, 9e-4, 1e-6, 1e-6, 4e-6])
 POSE = Pose.from_rotvec(np.array([0.3, -0.5, 0.2]), np.array([1.0, 2.0, 3.0]))
+
+
+def report(state: State) -> str:
+    """All that is said of the frame."""
+    return repr(explain(state, None, state.index))
 
 
 def test_the_ellipsoid_holds_95_percent_of_the_poses_around():

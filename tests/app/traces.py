@@ -1,7 +1,7 @@
 """Which files of the program a step, a changed setting and a fork enter: `python -m tests.app.traces` prints them.
 
 The session runs on stand-ins for the estimators, with the viewers' stream and the panels. The page's message is decoded
-and its next state is made as for a browser; the page's own scripts are not counted.
+and its next state is made as for a browser, with the view values; the page's own scripts are not counted.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from types import FrameType
 from typing import Any
 
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.commands import Restart
 from ispom_app.session.session import Session
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.viser.screen import Screen
 from ispom_app.views.web.messages import command_of, message_of
+from ispom_app.views.web.news import Look
+from ispom_app.views.web.view_values import ViewNews
 
 from ispom.methods import Config
 from tests import doubles
@@ -60,12 +62,13 @@ def watched(folder: Path) -> Iterator[tuple[Entered, Session, Callable[[], Any]]
     session = started(
         folder, opener=lambda source, options=None: doubles.sequence(40), live=live, methods=METHODS, autoplay=False
     )
-    screen = Screen(session)
+    screen, views = Screen(session), ViewNews()
     sys.setprofile(entered.profile)
 
     def paint() -> dict[str, Any]:
         screen.paint()
-        return message_of(session.state)
+        state = session.state
+        return message_of(state) | views.of(Look(session, "", state, state, session.run))
 
     try:
         wait_for(lambda: session.state.phase == "ready", "the run")

@@ -67,19 +67,18 @@ def main() -> None:
         fault = add_programs(words)
         if fault and "which there is already" not in fault:
             print(json.dumps([words, fault]))  # noqa: T201
-    from ispom_app.cli.main import _commands
+    from ispom_app.cli.commands import COMMANDS
     from ispom_app.engine.conditions.parser import parse
     from ispom_app.engine.history.quantities import quantities
 
-    known, names_of = _commands(), quantities(names())
+    known, names_of = COMMANDS.items(), quantities(names())
     for words in lines or [[]]:
         if not words:  # `ispom` alone opens the start screen
             continue
         said = StringIO()
         try:
             with redirect_stderr(said), redirect_stdout(said):
-                module = known[words[0]]
-                options = tyro.cli(module.Options, prog=f"ispom {words[0]}", args=words[1:])
+                options = tyro.cli(known[words[0]].options_class(), prog=f"ispom {words[0]}", args=words[1:])
             if until := getattr(options, "until", None):
                 parse(until, names_of)
         except (SystemExit, KeyError, InputError) as fault:

@@ -13,11 +13,10 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.calibration.saved import left_out
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.files import camera_text, rig_files
+from ispom.io.calibrations.files import camera_text, left_out, rig_files
 from ispom.io.calibrations.opencv import opencv_text
 from ispom.io.calibrations.placed import Placed
 from ispom.io.calibrations.recognised import one_camera, one_rig
@@ -199,7 +198,7 @@ def test_a_fisheye_is_one_whatever_says_so(entry: str, kind: str, tmp_path: Path
         (PAIR + "R: [1, 0, 0, 0, 0.9, 0, 0, 0, 1]\nT: [-0.11, 0, 0]\n", "R is no rotation"),
         ("R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [-0.11, 0, 0]\n", "has the places of cameras only"),
         ("cam0: {T_imu_cam: 1, camera_model: omni}\n", "camera_model is omni"),
-        ("Camera.type: PinHole\nCamera.fx: 500\n", "is no calibration that is known"),
+        ("Camera.type: PinHole\nCamera.fy: 500\n", "is no calibration that is known"),
     ],
 )
 def test_what_is_impossible_is_refused_in_one_true_sentence(text: str, message: str, tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ OWN_WRITERS = {
     "ispom/simulation/rendering/cache.py",
     "app/engine/run_folder/own.py",
     "app/__main__.py",  # standard streams
+    "app/engine/memory.py",  # a switch of /proc
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at
-    "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made
 }
 
 

@@ -7,7 +7,10 @@ globalThis.document = { documentElement: null };
 globalThis.getComputedStyle = () => ({ getPropertyValue: (name) => name });
 
 const method = (label, more = {}) => ({ label, colour: label, keyFrames: [], lost: [], ...more });
-const axisOf = (more) => ({ times: [0, 33], kinds: "vs", methods: [method("Stereo")], computed: 2, matches: [], branches: [], ...more });
+const rowOf = (label, indices) => ({
+  matches: { sign: "row", label, help: `Frames at which ${label} is true`, marks: indices.map((at) => ({ at })) },
+});
+const axisOf = (more) => ({ times: [0, 33], kinds: "vs", methods: [method("Stereo")], computed: 2, marks: {}, ...more });
 
 // What is drawn: rectangles [x, y, width, height, fill].
 function drawn(axis, width, place) {
@@ -33,8 +36,7 @@ test("of 5,000 frames no pixel is drawn twice in a row", () => {
     kinds: "vvvs".repeat(1250),
     methods,
     computed: 5000,
-    condition: "stereo.key_frame",
-    matches: indices,
+    marks: rowOf("stereo.key_frame", indices),
   });
   const count = drawn(axis, 1016, (index) => (index * 1000) / 5000).length;
   assert.ok(5000 < count && count < 6060, `${count}: six rows of 1,000 pixels, bars, ticks of the ruler`);
@@ -61,11 +63,11 @@ test("a run without frames is an empty picture", () => {
 });
 
 test("each height has the row that is drawn there", () => {
-  const axis = axisOf({ methods: [method("Monocular"), method("Stereo")], condition: "exposure > 3", matches: [], events: [{ at: 1 }] });
+  const axis = axisOf({ methods: [method("Monocular"), method("Stereo")], marks: rowOf("exposure > 3", []), events: [{ at: 1 }] });
   const rows = [...Array(heightOf(axis)).keys()].map((y) => laneAt(axis, y)).filter((text, y, all) => text !== all[y - 1]);
   const found = rows.map((text) => text.split(/[ :]/)[0]);
   assert.deepEqual(found, ["Frame", "Video", "Stereo", "Monocular", "Stereo", "Events", "Frames", ""]);
-  assert.ok(heightOf({ ...axis, events: [], condition: "" }) < heightOf(axis));
+  assert.ok(heightOf({ ...axis, events: [], marks: rowOf("", []) }) < heightOf(axis));
 });
 
 test("each sensor has a row, and a stretch without its measurements is an outage", () => {
@@ -86,4 +88,17 @@ test("each sensor has a row, and a stretch without its measurements is an outage
       [140, 70],
     ],
   );
+});
+
+test("whatever kinds of marks come are drawn by their signs", () => {
+  const marks = {
+    mine: { sign: "diamond", marks: [{ at: 1, colour: "red" }] },
+    yours: { sign: "flag", marks: [{ at: 1, colour: "" }] },
+  };
+  const place = (i) => 10 * i;
+  const fills = drawn(axisOf({ marks }), 1016, place)
+    .slice(drawn(axisOf({}), 1016, place).length)
+    .map(([, , , , fill]) => fill);
+  assert.equal(fills.filter((fill) => fill === "red").length, 6);
+  assert.equal(fills.filter((fill) => fill === "--accent").length, 2);
 });

@@ -2,7 +2,6 @@ import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 import { advance, settle } from "./clock.mjs";
 
-globalThis.window = { requestAnimationFrame: () => {} };
 globalThis.document = { baseURI: "http://localhost/", visibilityState: "visible" };
 const { feedLive } = await import("../../app/views/web/static/live.js");
 
@@ -66,13 +65,39 @@ test("a frame is shown when the viewer has taken its message in, and not before"
 
 test("another frame is asked for only after the one before was taken in, and only the newest", async () => {
   const { stage, socket, give, heard } = fed;
-  stage.want(30);
+  stage.want(30, true);
   await give(message(5, 30));
-  stage.want(31);
-  stage.want(32);
+  stage.want(31, true);
+  stage.want(32, true);
   assert.deepEqual(socket.sent, ["show 30 0"]);
   heard(5);
   assert.deepEqual(socket.sent.slice(1), ["show 32 5"]);
+});
+
+test("while a run plays, a slow viewer gets the next frame after a pause as long as it took for the last one", async () => {
+  const { stage, socket, give, heard } = fed;
+  stage.want(30, false);
+  await give(message(5, 30));
+  stage.want(31, false);
+  await advance(200);
+  heard(5);
+  await advance(199);
+  assert.deepEqual(socket.sent, ["show 30 0"]);
+  stage.want(32, false);
+  await advance(1);
+  assert.deepEqual(socket.sent, ["show 30 0", "show 32 5"]);
+});
+
+test("somebody who waits for a frame ends that pause", async () => {
+  const { stage, socket, give, heard } = fed;
+  stage.want(30, false);
+  await give(message(5, 30));
+  await advance(200);
+  heard(5);
+  stage.want(31, false);
+  assert.deepEqual(socket.sent, ["show 30 0"]);
+  stage.want(31, true);
+  assert.deepEqual(socket.sent, ["show 30 0", "show 31 5"]);
 });
 
 test("another run closes the channel of the one before, after the page took leave of it", async () => {

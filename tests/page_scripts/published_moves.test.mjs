@@ -13,7 +13,7 @@ const data = {
       { at: 5, severity: "lost" },
       { at: 8, severity: "warning" },
     ],
-    bookmarks: [{ at: 6, note: "" }],
+    marks: { bookmarks: { sign: "diamond", marks: [{ at: 6, note: "" }] } },
   },
   plots: { usual: ["error"], rows: { error: {}, alive: {}, "stereo.inliers": {} } },
   paths: { tracks: ["a"], clouds: ["b"] },

@@ -60,3 +60,19 @@ test("keyframes are gathered, and losses that follow each other are one", () => 
   axis.show({ index: 0, loop: null, axis: begun });
   assert.deepEqual(axis.data.methods[0].keyFrames, []);
 });
+
+test("marks of a kind are replaced, or come to those before, and go with the run", () => {
+  const axis = makeAxis(() => {});
+  const show = (marks, more = {}) => axis.show({ index: 0, loop: null, axis: { marks, ...more } });
+  show({ a: { sign: "row", label: "x", marks: [{ at: 1 }] } }, begun);
+  show({ a: { more: true, marks: [{ at: 2 }] }, b: { sign: "flag", marks: [{ at: 3 }] } });
+  assert.deepEqual(
+    axis.data.marks.a.marks.map(({ at }) => at),
+    [1, 2],
+  );
+  assert.equal(axis.data.marks.a.label, "x");
+  show({ b: { sign: "flag", marks: [] } });
+  assert.deepEqual(axis.data.marks.b.marks, []);
+  show({}, begun);
+  assert.deepEqual(axis.data.marks, {});
+});

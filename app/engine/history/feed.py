@@ -69,7 +69,7 @@ class Feed:
         with self._news:
             if self._end is None:
                 self.finished = finished
-                self._end = len(self.history) if ends else None
+                self._end = self.history.computed if ends else None
             self._news.notify()
 
     def skip(self) -> None:
@@ -130,7 +130,7 @@ class Feed:
 
     @property
     def _waiting(self) -> bool:
-        return self.position < (len(self.history) if self._end is None else self._end)
+        return self.position < (self.history.computed if self._end is None else self._end)
 
     def _later(self, index: int) -> Stepped:
         """A frame whose images did not wait."""

@@ -57,10 +57,15 @@ class History:
     """Records by index. Appended to by one thread, read by any; what was read once may be read again later."""
 
     def __init__(
-        self, memory_bytes: int = MEMORY_BYTES, disk_bytes: int = DISK_BYTES, past: Past | None = None
+        self,
+        memory_bytes: int = MEMORY_BYTES,
+        disk_bytes: int = DISK_BYTES,
+        past: Past | None = None,
+        ahead: Records = (),
     ) -> None:
-        """It goes on after a `past`, whose records are not copied."""
-        self._past = past
+        """It goes on after a `past`, whose records are not copied. `ahead` are the first frames of the same run as they
+        were recorded: each is there until its own record is appended."""
+        self._past, self._ahead = past, ahead
         self._memory_bytes, self._segment_bytes = memory_bytes, disk_bytes // SEGMENTS
         self._recent: deque[tuple[ExposureRecord, int]] = deque()
         """The newest records, with their sizes."""
@@ -73,7 +78,12 @@ class History:
         self._lock = Lock()
 
     def __len__(self) -> int:
-        """Frames so far, wherever they are."""
+        """Frames that are known, wherever they are."""
+        return max(self._facts.end, len(self._ahead))
+
+    @property
+    def computed(self) -> int:
+        """Frames without those that are known from a recording alone."""
         return self._facts.end
 
     def __iter__(self) -> Iterator[ExposureRecord]:
@@ -83,7 +93,9 @@ class History:
         """The record of a frame; IndexError beyond the last. Negative indices count from the end."""
         with self._lock:
             index = index if index >= 0 else len(self) + index
-            first = len(self) - len(self._recent)
+            first = self._facts.end - len(self._recent)
+            if index >= self._facts.end:
+                return self._ahead[index]
             if index >= first:
                 return self._recent[index - first][0]
             if self._past is not None and index < self._facts.first:
@@ -94,7 +106,8 @@ class History:
 
     @property
     def last(self) -> ExposureRecord | None:
-        return self._recent[-1][0] if self._recent else self[-1] if len(self) else None
+        """The newest that was computed."""
+        return self._recent[-1][0] if self._recent else self[self.computed - 1] if self.computed else None
 
     def append(self, record: ExposureRecord) -> None:
         """Adds the next frame. Its record alone stays in memory whatever the budget."""
@@ -124,7 +137,7 @@ class History:
     @property
     def kept_points(self) -> int:
         """The first frame from which on all have their tracks and landmarks."""
-        first = self._points[0].first if self._points else len(self) - len(self._recent)
+        first = self._points[0].first if self._points else self._facts.end - len(self._recent)
         past = None if self._past is None else self._past.records
         return past.kept_points if isinstance(past, History) and first <= self._facts.first else first
 

@@ -18,7 +18,7 @@ from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step
 
 from .quantity import Quantity, Value
-from .step_quantities import step_quantities
+from .step_quantities import change_quantities, step_quantities
 
 Row = Mapping[str, Mapping[str, Value]]
 """By method: the values by key at its latest step; under "" those of the frame itself."""
@@ -31,16 +31,7 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
 MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "joins": None}
 """Of one frame: another method's step does not report them again."""
-WAY = ("way_x", "way_y", "way_z")
-"""Keys of the mean step as a vector: far shorter than `moved_usual` where a pose only trembles about its place."""
-USUAL_STEPS = 10.0
-"""Over about so many steps the usual one is an exponential mean."""
-MOTION: Mapping[str, tuple[str, str]] = {
-    "moved": ("distance from its pose one step before, in its unit", ""),
-    "turned_deg": ("angle to its pose one step before", "deg"),
-    "moved_usual": (f"mean of `moved` over about the {USUAL_STEPS:.0f} steps before this one that moved", ""),
-}
-"""By key, help and unit: the change of a step since the one before it."""
+CHANGES = change_quantities()
 EXPOSURE_QUANTITIES = (
     Quantity("", "exposure", "number", "counted from 0"),
     Quantity("", "time_s", "number", "in the clock of the source", "s"),
@@ -53,8 +44,8 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
     for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
         found += [Quantity(method, key, "number", f"{key} of the pose as it was given then") for key in POSE]
-        found += [Quantity(method, key, "number", text, unit) for key, (text, unit) in MOTION.items()]
-        found += [Quantity(method, key, "number", f"mean step along {key[-1]}, this one included") for key in WAY]
+        found.append(Quantity(method, "time_s", "number", "of its latest step, in the clock of the source", "s"))
+        found += [Quantity(method, q.key, q.kind, q.help, q.unit) for q in CHANGES]
         for check in registered(method).checks.values():
             found += _of_check(method, check)
     return {quantity.name: quantity for quantity in found}
@@ -103,39 +94,17 @@ def row_with(before: Row, index: int, time_ns: int, values_by_method: Row) -> Ro
         **{method: _over(values) for method, values in before.items()},
         "": {"exposure": index, "time_s": time_ns / 1e9},
         **{
-            method: {**values, **_motion(before.get(method, {}), values)} for method, values in values_by_method.items()
+            method: _with_changes(before.get(method, {}), {**values, "time_s": time_ns / 1e9})
+            for method, values in values_by_method.items()
         },
     }
 
 
-def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, Value]:
-    """MOTION and WAY of a step, from its values and those of the method's step before it; none over a restart."""
-    if now.get("restarted"):
-        return dict.fromkeys((*MOTION, *WAY))
-    usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
-    way = {key: before.get(key) for key in WAY}
-    if moved:  # a pose that is repeated, also for another camera's frame, has no motion
-        usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
-    was, here = (_numbers(values) for values in (before, now))
-    if was is None or here is None:
-        return {"moved": None, "turned_deg": None, "moved_usual": usual, **way}
-    away = min(math.dist(was[3:], here[3:]), math.dist(was[3:], [-q for q in here[3:]]))  # q and -q are one orientation
-    turned = math.degrees(4 * math.asin(min(away / 2, 1.0)))
-    moved = math.dist(was[:3], here[:3])
-    for axis, key in enumerate(WAY if moved else ()):
-        mean = _number(way[key]) or 0.0
-        way[key] = mean + (here[axis] - was[axis] - mean) / USUAL_STEPS
-    return {"moved": moved, "turned_deg": turned, "moved_usual": usual, **way}
-
-
-def _numbers(values: Mapping[str, Value]) -> list[float] | None:
-    """The pose among the values of a step."""
-    found = [number for key in POSE if (number := _number(values.get(key))) is not None]
-    return found if len(found) == len(POSE) else None
-
-
-def _number(value: Value) -> float | None:
-    return None if value is None or isinstance(value, str) else float(value)
+def _with_changes(before: Mapping[str, Value], now: dict[str, Value]) -> Mapping[str, Value]:
+    """The values of a step with CHANGES since the one before it; over a restart nothing is known of that."""
+    for quantity in CHANGES:
+        now[quantity.key] = known(quantity.of({} if now.get("restarted") else before, now))
+    return now
 
 
 def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,3 +43,21 @@ class StepQuantity:
     kind: Kind = "number"
     unit: str = ""
     choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChangeQuantity:
+    """What follows from a method's values at its step before and at this one."""
+
+    key: str
+    of: Callable[[Mapping[str, Value], Mapping[str, Value]], Value]
+    """By key: the values at the method's step before (empty before the first, and over a restart), this quantity's own
+    included; and those at this step, without the quantities that come later. `time_s` is the time of each step."""
+    help: str
+    kind: Literal["number", "flag"] = "number"
+    unit: str = ""
+
+
+def number_of(value: Value) -> float | None:
+    """A flag as 0 or 1; None for a text."""
+    return None if value is None or isinstance(value, str) else float(value)

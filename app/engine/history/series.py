@@ -35,20 +35,26 @@ class Series:
     def __len__(self) -> int:
         return self._length
 
-    @property
-    def newest(self) -> Row:
-        """The values by method at the last frame; before the first, none."""
-        return self._row
-
-    def append(self, record: ExposureRecord) -> None:
-        """The next frame."""
-        values_by_method = record.values_by_method
-        self._row = row_with(self._row, record.index, record.time_ns, values_by_method)
+    def append(self, record: ExposureRecord) -> tuple[Row, Row]:
+        """Adds the next frame. Returns the values by method at the frame before it and at it."""
+        values_by_method, before = record.values_by_method, self._row
+        self._row = row_with(before, record.index, record.time_ns, values_by_method)
         for name, quantity in self.quantities.items():
             self._columns[name].append(_as_number(quantity, self._row.get(quantity.method, {}).get(quantity.key)))
         for method, stepped in self._stepped.items():
             stepped.append(not method or method in values_by_method)
         self._length += 1
+        return before, self._row
+
+    def replace(self, record: ExposureRecord) -> tuple[Row, Row]:
+        """Puts another record of a known frame in place of the one that it was of. Returns as `append`."""
+        index, before = record.index, self.row(record.index - 1, self.quantities.values())
+        row = row_with(before, index, record.time_ns, record.values_by_method)
+        for name, quantity in self.quantities.items():
+            self._columns[name][index] = _as_number(quantity, row.get(quantity.method, {}).get(quantity.key))
+        if index == self._length - 1:
+            self._row = row
+        return before, row
 
     def until(self, count: int, methods: Iterable[str]) -> Series:
         """Another's first `count` frames, for a run of these methods that is the same up to there."""

@@ -74,6 +74,8 @@ class Looked:
     colour_by: Colouring
     unavailable: str = ""
     """Why a stored run cannot be computed again; empty where it can."""
+    recorded: bool = False
+    """Whether a recorded frame is computed soon."""
 
     @property
     def rig(self) -> Rig:
@@ -127,7 +129,7 @@ class Looked:
         """Why the tracks in the picture are not known one by one, and what to do; empty where they are."""
         if self.index is None or (self.seen is not None and len(self.seen.tracks)):
             return ""
-        return missing_tracks(self.records[self.index], self.unavailable)
+        return missing_tracks(self.records[self.index], self.unavailable, self.recorded)
 
     @cached_property
     def recent(self) -> tuple[Seen, ...]:

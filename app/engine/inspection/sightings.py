@@ -85,11 +85,13 @@ def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen 
     return None
 
 
-def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
+def missing_tracks(record: ExposureRecord, unavailable: str = "", recorded: bool = False) -> str:
     """Why a frame's tracks are not known one by one, and what to do about it; empty where it simply has none.
 
-    `unavailable` says why a stored run cannot be computed again.
+    `unavailable` says why a stored run cannot be computed again; `recorded`: the frame is computed soon.
     """
+    if record.stored is not None and recorded:
+        return "This frame is recorded; its single tracks are known as soon as it is computed here, which is under way."
     if record.stored is not None and unavailable:
         return f"A stored run keeps no single tracks, and they cannot be computed again: {unavailable}"
     if record.stored is not None:

@@ -15,8 +15,8 @@ from ispom.types import Check, Decision, Status, Step
 from ...presentation.decisions import sentence
 from ..events import Bookmark
 from ..history.quantity import Value
-from ..run_events import kinds
 from ..verdict import Severity, Verdict, alarming, verdict
+from . import kinds
 
 Scope = Literal["method", "frame", "person"]
 

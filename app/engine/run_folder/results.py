@@ -49,7 +49,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
     """metrics.json. Without truth: only what can be computed without it."""
     truth = results.truth
     report: dict[str, Any] = {"sequence": results.sequence, "notes": list(results.notes)}
-    report |= {"skipped": statistics.skipped, "methods": {}}
+    report |= {"skipped": statistics.skipped, **statistics.resources(), "methods": {}}
     if truth is not None:
         report["path_length_m"] = truth.select(truth.times_ns <= results.end_ns).length
     for method in methods:

@@ -36,6 +36,10 @@ class RunStatistics:
 
     ms: dict[str, array[float]] = field(default_factory=dict)
     """By method: the time for each frame [ms]."""
+    cpu_ms: array[float] = field(default_factory=lambda: array("f"))
+    """CPU time of all methods together for each frame that they use [ms]; empty where it was not measured."""
+    peak_mb: float | None = None
+    """Peak of the process's resident memory; None where it was not measured."""
     lost: dict[str, int] = field(default_factory=dict)
     located: dict[str, int] = field(default_factory=dict)
     starts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
@@ -75,10 +79,19 @@ class RunStatistics:
 
     def entry(self, method: str) -> dict[str, Any]:
         """As metrics.json has it."""
-        ms = self.ms.get(method, [])
-        median, p95 = np.percentile(ms, [50, 95]).tolist() if len(ms) else (None, None)
+        ms = self.ms.get(method, array("f"))
         located, lost = self.located.get(method, 0), self.lost.get(method, 0)
         counts: dict[str, Any] = {"frames": len(ms), "located": located, "lost": lost}
         if not counts["located"] and method in self.waits:
             counts["never_located"] = self.waits[method]
-        return {**counts, "ms_per_exposure": {"median": median, "p95": p95}}
+        return {**counts, "ms_per_exposure": _spread(ms)}
+
+    def resources(self) -> dict[str, Any]:
+        """CPU time and memory of the whole run, as metrics.json has them; empty where they were not measured."""
+        found: dict[str, Any] = {"cpu_ms_per_exposure": _spread(self.cpu_ms)} if len(self.cpu_ms) else {}
+        return found | ({} if self.peak_mb is None else {"peak_memory_mb": self.peak_mb})
+
+
+def _spread(ms: array[float]) -> dict[str, float | None]:
+    median, p95 = np.percentile(ms, [50, 95]).tolist() if len(ms) else (None, None)
+    return {"median": median, "p95": p95}

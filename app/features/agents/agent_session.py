@@ -13,13 +13,13 @@ from ispom.errors import InputError
 from ispom.sequences.address import without_secrets
 
 from ...session import moves
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.commands import Command, Confirm, Open
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.session import Session
 from ...session.state import State
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..recording.listing import list_recordings
 
 T = TypeVar("T")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ...session.commands import Command
+from ...session.commands import PageCommand
 from ...session.controller import Controller
 from .service import BlameService
 
 
-class AskBlame(Command, frozen=True):
+class AskBlame(PageCommand, frozen=True):
     """Find out what moved the poses of the frame that is shown, and by how much."""
 
     newest_only: ClassVar[bool] = True

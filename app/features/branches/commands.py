@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ispom.methods import Config
 
+from ...session.branches.service import BranchService
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
-from .service import BranchService
 
 
 class Fork(Command, frozen=True):

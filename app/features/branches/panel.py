@@ -13,13 +13,13 @@ from ispom.methods import in_order
 from ...engine.external_trajectories.placed import ExternalTrajectory
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
+from ...session.branches.branches import NAME_LENGTH, Branch
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
+from ...session.external_paths import ExternalPaths
 from ...session.state import State
 from ...views.viser.panels import Panel, renderer
-from ..external_paths.state import ExternalPaths
-from .branches import NAME_LENGTH, Branch
 from .commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
-from .service import BranchService
-from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session

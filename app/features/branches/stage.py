@@ -9,12 +9,12 @@ import numpy as np
 
 from ispom.geometry import Similarity
 
+from ...session.branches.branches import BranchInView
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.state import State
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
-from .branches import BranchInView
-from .service import BranchService
-from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session

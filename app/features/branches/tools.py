@@ -10,12 +10,12 @@ from ispom.methods import Config, method
 from ispom.settings import check, from_plain
 
 from ...session import moves
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ..agents.agent_session import AgentSession
 from ..agents.tool import Tool
 from .commands import ShowBranch
-from .service import BranchService
-from .state import Branches
 
 Value = bool | int | float | str
 

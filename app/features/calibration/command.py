@@ -3,30 +3,35 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.calibration.calibrate import calibrate as solve
+from ispom.calibration.filmed.choose import best_frames, near
+from ispom.calibration.filmed.detecting import detected, moving_views, require_target
+from ispom.calibration.filmed.images import Source, open_sources, own_clock, paired
+from ispom.calibration.filmed.live import camera_frames, filmed, is_camera
+from ispom.calibration.filmed.simulated import is_simulated, simulated, truth_words
 from ispom.calibration.motion.combine import clock_of, verdict_of
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets.layouts import parse_target
 from ispom.calibration.targets.target import Target
 from ispom.errors import InputError, printable
+from ispom.methods import Config
 from ispom.stop import check_stop
 from ispom.types import Image
 
 from ...engine.outputs import require_own, write_file
 from ...engine.signals import Signals, terminable
-from .choose import best_frames, near
-from .detecting import bar, detected, moving_views, require_target
+from ..headless.console import compile_first
 from .from_tracks import lens_from_motion, print_lens
-from .images import Source, open_sources, own_clock, paired
-from .live import camera_frames, filmed, is_camera
 from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
 from .saved import convert, require_writable, save
-from .simulated import is_simulated, simulated, truth_words
 from .words import printed
 
 REDO = 1
@@ -61,10 +66,10 @@ def _calibrate(options: Calibrate, signals: Signals) -> int:
         sys.stderr.write(printable(f"note: {note}") + "\n")
     all_sources = sources
     sources = _chosen(all_sources, options)
-    views = detected(target, sources)
+    views = detected(target, sources, _bar)
     require_target(target, sources, views)
     try:
-        found = _solved(target, views, options, moving_views(target, all_sources, sources))
+        found = _solved(target, views, options, moving_views(target, all_sources, sources, _bar))
     except Redo as redo:
         sys.stdout.write(printable(f"redo: {redo}") + "\n")
         if options.json is not None:
@@ -78,8 +83,9 @@ def _calibrate(options: Calibrate, signals: Signals) -> int:
 
 def _from_motion(options: Calibrate) -> int:
     """Without a target."""
+    from ispom.calibration.motion.recorded import USED, moved_rig, recording_of  # brings the estimators
+
     from . import motion_report
-    from .from_motion import moved_rig  # brings the estimators
 
     if options.what == "stereo":
         raise InputError("--from-motion is for `ispom calibrate video` and `rig`: stereo needs a --target")
@@ -93,7 +99,9 @@ def _from_motion(options: Calibrate) -> int:
             print_lens(judged, lines)
             _print_written(options, judged.level != "redo")
             return REDO if judged.level == "redo" else 0
-        found = moved_rig(options)
+        sequence = recording_of(options.images)
+        compile_first(USED, Config())
+        found = moved_rig(sequence, options.images[0], options.clock_within, _bar)
     except Redo as redo:
         sys.stdout.write(printable(f"redo: {redo}") + "\n")
         if options.json is not None:
@@ -166,7 +174,7 @@ def _chosen(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ..
 
 
 def _best(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]:
-    with bar("choosing frames", None) as step:
+    with _bar("choosing frames", None) as step:
         index = best_frames(next(iter(sources)), options.max_views, step)
     return tuple(source.select(index) for source in sources)
 
@@ -195,3 +203,21 @@ def _write(found: Calibration, options: Calibrate) -> None:
         write_file(options.report, page(found), GENERATOR)
     sys.stdout.write(printed(found))
     _print_written(options, written)
+
+
+@contextmanager
+def _bar(what: str, total: int | None) -> Iterator[Callable[[], None]]:
+    """A line on the terminal, and what moves it on by one; where standard error is no terminal there is none.
+
+    What moves it raises what ends the command, as `check_stop`.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(file=sys.stderr)
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as shown:
+        task = shown.add_task(what, total=total)
+
+        def advance() -> None:
+            shown.advance(task)
+            check_stop()
+
+        yield advance

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import sys
 
-import numpy as np
-
 from ispom.calibration.diagnostics import Parameter
 from ispom.calibration.result import Redo, Verdict
-from ispom.calibration.tracked.self_calibration import RELIABLE_SIGMA, estimate_lens, is_informative, rounded
+from ispom.calibration.tracked.self_calibration import (
+    ADVICE,
+    estimate_lens,
+    is_informative,
+    parameters_of,
+    rounded,
+    verdict_of,
+)
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError, printable
 from ispom.sequences import open_sequence
@@ -23,8 +28,6 @@ from .saved import save
 from .words import parameter_words
 
 MOST_IMAGES = 3000
-GOOD = 0.01
-ADVICE = "film near things at several depths, turn the camera by 20 degrees and more about two axes while it moves"
 
 
 def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
@@ -44,7 +47,7 @@ def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
         raise Redo(f"the images have too little motion or texture: {ADVICE}")
     if not is_informative(guess, found):
         raise Redo(f"the motion does not tell the focal length (+- {100 * found.sigma[0]:.0f} %): {ADVICE}")
-    verdict, listed = _verdict(found), parameters_of(found)
+    verdict, listed = verdict_of(found), parameters_of(found)
     if options.json is not None:
         write_file(options.json, _numbers_text(found, listed, guess, verdict), JSON_HEAD)
     if options.out is not None and verdict.level != "redo":
@@ -52,25 +55,6 @@ def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
         save(Rig.single(rounded(found.camera)), None, about, options.out, options.format)
     used = f"{found.views} keyframes, {found.points} points, {found.rms_px:.2f} px (root mean square)"
     return verdict, [*(f"  {parameter_words(each)}" for each in listed), used]
-
-
-def parameters_of(found: TrackedLens) -> tuple[Parameter, ...]:
-    """fx (and fy, which is the same), cx, cy, k1, k2 with their standard errors."""
-    camera, errors = found.camera, found.sigma * np.array([found.camera.fx, 1, 1, 1, 1])
-    values = (camera.fx, camera.cx, camera.cy, *camera.distortion[:2])
-    known = found.sigma < 0.95 * found.prior_sigma
-    names = ("fx", "cx", "cy", "k1", "k2")
-    return tuple(
-        Parameter("video", name, float(value), float(error), bool(sure))
-        for name, value, error, sure in zip(names, values, errors, known, strict=True)
-    )
-
-
-def _verdict(found: TrackedLens) -> Verdict:
-    reasons = (f"video: its focal length is uncertain by {100 * found.sigma[0]:.1f} %",)
-    if found.sigma[0] > RELIABLE_SIGMA:
-        return Verdict("redo", reasons, (ADVICE,))
-    return Verdict("usable", reasons, (ADVICE,)) if found.sigma[0] > GOOD else Verdict("good", (), ())
 
 
 def _numbers_text(found: TrackedLens, listed: tuple[Parameter, ...], guess: Guess, verdict: Verdict) -> str:

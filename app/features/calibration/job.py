@@ -10,16 +10,16 @@ from pathlib import Path
 from threading import Lock, Thread
 
 from ispom.calibration.calibrate import calibrate
+from ispom.calibration.filmed.choose import best_frames
+from ispom.calibration.filmed.detecting import detected, moving_views, require_target
+from ispom.calibration.filmed.images import CAMERAS, Source, open_sources, paired
+from ispom.calibration.filmed.simulated import is_simulated, simulated
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.types import Image, Rig
 
-from .choose import best_frames
-from .detecting import detected, moving_views, require_target
-from .images import CAMERAS, Source, open_sources, paired
 from .kept import keep
-from .simulated import is_simulated, simulated
 
 log = logging.getLogger(__name__)
 MOST_VIEWS = 60

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from ispom.calibration.filmed.images import CAMERAS
 from ispom.calibration.result import Calibration
 from ispom.errors import InputError, is_text
 from ispom.io.rows import read_text
 from ispom.io.whole import require_no_links, write_whole
 
-from .images import CAMERAS
 from .numbers import numbers_text
 from .report import page
 from .saved import save

@@ -8,12 +8,12 @@ from dataclasses import asdict
 import numpy as np
 
 from ispom.calibration.motion.combine import clock_of, parameters_of
+from ispom.calibration.motion.recorded import FromMotion
 from ispom.calibration.result import Verdict
 from ispom.errors import printable
 
 from ...presentation.templating import environment
 from .drawings import bars
-from .from_motion import FromMotion
 from .words import clock_words, parameter_words
 
 GENERATOR = "ispom calibrate --report"

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from ispom.calibration.models import Choice
-
-Format = Literal["rig", "camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
+from ispom.io.calibrations.files import AnyFormat
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +34,11 @@ class Calibrate:
     sequence.yaml); interiors and pair must be calibrated."""
     out: Path | None = None
     """Write the calibration here, such as rig.yaml; where it must be filmed again, nothing is written."""
-    format: Format = "rig"
+    format: AnyFormat = "rig"
     """Of --out: ISPOM's rig.yaml or camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml (a folder for several cameras),
     OpenCV's YAML, ROS's camera_info (a folder likewise), or COLMAP's cameras.txt."""
+    image_size: str | None = None
+    """Of `convert`: the size of the images, as 640x480, for a file that has none, or that is for several sizes."""
     model: Choice = "auto"
     """Camera model: the simplest that does well on views that it was not fitted to, or the one given."""
     joint: bool = True

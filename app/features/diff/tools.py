@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from ispom.errors import InputError
 
 from ...engine.differences.compare import Divergence
+from ...session.branches.comparison import MOST, advanced, begin
+from ...session.branches.state import Branches
 from ..agents.agent_session import AgentSession
 from ..agents.tool import Tool, brief
-from ..branches.comparison import MOST, advanced, begin
-from ..branches.state import Branches
 from .command import compared
 from .text import lines
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...session.commands import Command, PageCommand
+from ...session.commands import PageCommand
 from ...session.controller import Controller
 from .service import DoctorService
 
@@ -16,7 +16,7 @@ class Examine(PageCommand, frozen=True):
         session.service(DoctorService).start(self.at)
 
 
-class ForkWithRemedy(Command, frozen=True):
+class ForkWithRemedy(PageCommand, frozen=True):
     """Runs on from the state before the stretch that was examined, as a branch, with the setting that helped there."""
 
     def execute(self, session: Controller) -> None:

@@ -11,10 +11,10 @@ from ispom.evaluation.doctor.finding import Diagnosis
 from ...engine import warmup
 from ...engine.playback import Playback
 from ...session import moves
+from ...session.branches.service import BranchService
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
-from ..branches.service import BranchService
 from .job import Progress, examine
 from .options import FRAMES, SECONDS
 from .origin import Origin

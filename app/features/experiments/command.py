@@ -29,10 +29,9 @@ from ...engine.signals import terminable
 from ..headless.console import Progress as OfRun
 from ..headless.console import silent, wait_for_compiler
 from . import cluster
-from .execute import execute_in_order, finished_before
+from .execute import execute_in_order, finished_before, missing
 from .faults import FAULTS, faults
-from .missing import missing
-from .options import Experiment
+from .options import Experiment, Runs
 from .page import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
@@ -51,10 +50,14 @@ def experiment(options: Experiment, builder: Builder = build) -> int:
     """
     if options.plan == FAULTS:
         return faults(options, builder)
+    if options.fault or options.methods or options.doctor_only or options.table is not None:
+        raise InputError(
+            "--fault, --methods, --doctor-only and --table are of `ispom experiment faults`: leave them out"
+        )
     plan = read_plan(options)
     if options.shard is not None:
         return _shard(options, plan, shard_of(options.shard), builder)
-    rows, outcomes = completed(options, plan, builder, Terminal())
+    rows, outcomes = completed(options, plan, builder, Terminal(), options.merge)
     failed = [row for row in rows if row.failure is not None]
     lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
     lines += [f"{o.verdict}: {o.statement.text} ({_counts(o)})" for o in outcomes]
@@ -129,9 +132,9 @@ def _compile(runs: Iterable[Run]) -> None:
 
 
 def completed(
-    options: Experiment, plan: Plan, builder: Builder, watcher: Watcher
+    options: Runs, plan: Plan, builder: Builder, watcher: Watcher, merge: bool = False
 ) -> tuple[Sequence[Row], Sequence[Outcome]]:
-    """Every run of the plan, and what became of its statements; all is written.
+    """Every run of the plan, and what became of its statements; all is written. `merge`: nothing is computed.
 
     InputError for what is wrong with the plan, the folder or the cluster, and where another command writes into the
     folder. A signal ends it with what was computed so far written.
@@ -139,19 +142,19 @@ def completed(
     workers = _workers(options)
     claim_folder(options.out, COMMAND)
     with locked(options.out):
-        if not options.merge and (part := running(options.out)) is not None:
+        if not merge and (part := running(options.out)) is not None:
             raise InputError(f"{options.out}: shard {part} is being computed: wait for its end, or give --merge")
-        return _completed(options, plan, workers, builder, watcher)
+        return _completed(options, plan, workers, builder, watcher, merge)
 
 
 def _completed(
-    options: Experiment, plan: Plan, workers: int, builder: Builder, watcher: Watcher
+    options: Runs, plan: Plan, workers: int, builder: Builder, watcher: Watcher, merge: bool
 ) -> tuple[Sequence[Row], Sequence[Outcome]]:
     _claim(options.out, plan)
     runs = list(plan.runs())
     before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
     left, rows = [run for run in runs if run not in before], list(before.values())
-    if options.merge:
+    if merge:
         known = failures(options.out)
         rows += [Row(run, known.get(run.folder.as_posix(), MISSING)) for run in left]
         left = []
@@ -170,7 +173,7 @@ def _completed(
     return rows, outcomes
 
 
-def _workers(options: Experiment, default: int | None = None) -> int:
+def _workers(options: Runs, default: int | None = None) -> int:
     """0: in this process. Without a `default`, one for each core where Dask is installed."""
     if options.workers is not None and not 0 <= options.workers <= 1024:
         raise InputError(f"--workers is {options.workers}, give a value from 0 to 1024")
@@ -184,7 +187,7 @@ def _workers(options: Experiment, default: int | None = None) -> int:
 
 
 def _scheduled(
-    plan: Plan, runs: Sequence[Run], options: Experiment, workers: int, builder: Builder, watcher: Watcher
+    plan: Plan, runs: Sequence[Run], options: Runs, workers: int, builder: Builder, watcher: Watcher
 ) -> Generator[Row, None, None]:
     if not runs or (options.scheduler is None and workers == 0):
         return execute_in_order(plan, runs, options.out, options.recordings, builder, watcher.of_run)

@@ -1,8 +1,8 @@
-"""One run of an experiment, in whatever process: by `ispom run`'s own way, in a run folder."""
+"""One run of an experiment, in whatever process: by `ispom run`'s own way, in a run folder. And what it will miss."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,6 +10,8 @@ from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.io.whole import require_no_links
 from ispom.methods import with_dependencies
+from ispom.sequences import open_sequence
+from ispom.types import Rig
 
 from ...engine.options import settings_of
 from ...engine.playback import Builder
@@ -89,3 +91,28 @@ def execute_in_order(
     """Executes the runs in this process, one after the other; `progress_of` of each gets its frames."""
     for run in runs:
         yield execute(plan, run, out, recording, builder, progress_of(run))
+
+
+def missing(plan: Plan, runs: Iterable[Run]) -> Iterator[str]:
+    """Yields a sentence for each source that cannot be opened, and for each line whose method cannot be made for one:
+    that of the error. Before the first run; no image is read."""
+    opened, tried = dict[str, Rig | None](), set[tuple[str, str]]()
+    for run in runs:
+        if (run.source, run.line.name) in tried:
+            continue
+        tried.add((run.source, run.line.name))
+        if run.source not in opened:
+            try:
+                opened[run.source] = open_sequence(
+                    run.source, stereo_every=plan.stereo_every, video_scale=plan.video_scale, seed=run.seed
+                ).rig
+            except InputError as error:
+                opened[run.source] = None
+                yield str(error)
+        rig = opened[run.source]
+        if rig is None:
+            continue
+        try:
+            build(config_of(run.line), (run.line.method,), rig)
+        except InputError as error:
+            yield f"{run.line.name}: {error}"

@@ -11,13 +11,12 @@ from ...engine.options import Name
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
-    """Runs sources x methods x settings x seeds, and writes tables, figures and a page with medians and spreads. The
-    same command continues where an earlier one was stopped."""
+class Runs:
+    """The runs of a plan, and where they are computed: of `ispom experiment` and `ispom gate`."""
 
     plan: tyro.conf.Positional[str]
-    """fig8, fig9, table1, table2, table3, table4 (of the paper), a YAML file as in docs/howto/experiment.md, or faults:
-    known faults are put onto the sources, and a table says what methods and doctor make of them."""
+    """fig8, fig9, table1, table2, table3, table4 (of the paper), speed (CPU time and memory beside errors), or a YAML
+    file as in docs/howto/experiment.md."""
     more: tyro.conf.Positional[tuple[str, ...]] = ()
     """The same as --sources."""
     out: Path
@@ -36,13 +35,24 @@ class Experiment:
     scheduler: str | None = None
     """Address of a running Dask cluster, such as tcp://head:8786, which sees the same folders; instead of workers of
     this machine."""
+    recordings: bool = False
+    """Write run.rrd of each run, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment(Runs):
+    """Runs sources x methods x settings x seeds, and writes tables, figures and a page with medians and spreads. The
+    same command continues where an earlier one was stopped."""
+
+    plan: tyro.conf.Positional[str]
+    """fig8, fig9, table1, table2, table3, table4 (of the paper), speed (CPU time and memory beside errors), a YAML file
+    as in docs/howto/experiment.md, or faults: known faults are put onto the sources, and a table says what methods and
+    doctor make of them."""
     shard: str | None = None
     """K/N computes only every N-th run, from the K-th on, such as 3/40 in an array job: nothing is tabled. The command
     without it merges: it tables all runs in the folder, and computes those that are missing."""
     merge: bool = False
     """Compute nothing: table the runs that are in the folder, a missing one as a failed row."""
-    recordings: bool = False
-    """Write run.rrd of each run, too."""
     fault: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Of faults: NAME or NAME:SETTING=VALUE,... as in docs/howto/faults.md; can be given several times. Default: all
     that suit a source. healthy is none."""

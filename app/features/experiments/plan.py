@@ -25,8 +25,10 @@ FailureKind = Literal["no motion", "lost"]
 the quantity."""
 COVERAGE = "located_percent"
 """Stands beside every error."""
-COUNTS = frozenset({"rate_hz", "poses", "located", COVERAGE, "lost", "segments", "path_length_m"})
-"""Quantities that tell themselves how much was located."""
+MEASURED = ("cpu_ms", "cpu_ms_p95", "peak_memory_mb")
+"""Quantities of the machine that computes: they stand in the results of a plan that names them, and in times.csv."""
+COUNTS = frozenset({"rate_hz", "poses", "located", COVERAGE, "lost", "segments", "path_length_m", *MEASURED})
+"""Quantities that tell themselves how much was located, or that do not depend on it."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,9 @@ LABELS = {
     "lost": "frames lost",
     "segments": "segments",
     "path_length_m": "path [m]",
+    "cpu_ms": "CPU per frame, median [ms]",
+    "cpu_ms_p95": "CPU per frame, 95th percentile [ms]",
+    "peak_memory_mb": "peak memory [MB]",
 }
 COLOURS = tuple(map(css, (*METHOD.values(), *OTHERS)))
 DASHES = ("solid", "dashed", "dotted", "dashdot")

@@ -19,7 +19,7 @@ from ispom.sequences.address import MAX_SEED
 from ispom.sequences.two_rate import MIN_SCALE, MOST_FRAMES
 from ispom.settings import check, from_plain
 
-from .options import Experiment
+from .options import Runs
 from .plan import COVERAGE, Field, Line, Plan, Statement, Value
 
 MAX_RUNS = 100_000
@@ -56,13 +56,9 @@ def built_in() -> dict[str, Any]:
     return {Path(file.name).stem: file for file in sorted(folder.iterdir(), key=lambda f: f.name)}
 
 
-def read_plan(options: Experiment) -> Plan:
+def read_plan(options: Runs) -> Plan:
     """The plan that the command asks for; InputError with the place in the file for what is wrong with it."""
     known, plan_name = built_in(), options.plan
-    if options.fault or options.methods or options.doctor_only or options.table is not None:
-        raise InputError(
-            "--fault, --methods, --doctor-only and --table are of `ispom experiment faults`: leave them out"
-        )
     if plan_name in known:
         plan = _plan(plan_name, plan_name, parse_yaml(plan_name, known[plan_name].read_text(encoding="utf-8")))
     elif exists(expanded(plan_name)):

@@ -18,7 +18,7 @@ from ispom.types import Trajectory
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import METRICS, RUN, TRUTH, is_incomplete, trajectory_file
 from ..headless.command import NO_MOTION
-from .plan import FailureKind, Run
+from .plan import MEASURED, FailureKind, Run
 
 
 def paths_of(run: Run, folder: Path) -> tuple[Trajectory, Trajectory] | None:
@@ -37,7 +37,7 @@ def compared(run: Run, folder: Path) -> tuple[Trajectory, Trajectory] | None:
 
 @dataclass(frozen=True)
 class Row:
-    """Nothing in it is a measured time: the same plan gives the same rows, wherever its runs are computed."""
+    """Without the values that are `MEASURED`, the same plan gives the same rows, wherever its runs are computed."""
 
     run: Run
     failure: str | None = None
@@ -72,6 +72,7 @@ def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[st
     exposures = sum(written.exposures.get(kind, 0) for kind in registered(method).sensors)
     return {
         **plain,
+        **_measured(report),
         "path_length_m": length_m,
         "ate_percent": per_m and entry.get("ate_m") and per_m * entry["ate_m"],
         "rate_hz": entry["poses"] / written.duration_s if written.duration_s else None,
@@ -79,6 +80,12 @@ def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[st
         "segments": float(len(entry.get("segments", [0]))),
         "between_over_spline": _ratio(entry.get("between_stereo_rmse_m"), entry.get("spline_between_stereo_rmse_m")),
     }
+
+
+def _measured(report: Mapping[str, Any]) -> dict[str, float | None]:
+    """What the run took: None where it was not measured."""
+    cpu = report.get("cpu_ms_per_exposure", {})
+    return dict(zip(MEASURED, (cpu.get("median"), cpu.get("p95"), report.get("peak_memory_mb")), strict=True))
 
 
 def _ratio(one: float | None, other: float | None) -> float | None:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from ispom.estimator import Method
@@ -46,8 +47,7 @@ CROWD = 6
 """From so many measurements behind one question on, those that are not significant share a line."""
 
 
-@dataclass(frozen=True)
-class Stage:
+class Stage(msgspec.Struct, frozen=True):
     """One of the steps that a method took, in order."""
 
     name: str
@@ -55,8 +55,7 @@ class Stage:
     text: str
 
 
-@dataclass(frozen=True)
-class CheckRow:
+class CheckRow(msgspec.Struct, frozen=True):
     quantity: str
     """METHOD.KEY: what plots, break points, tables and comparisons call it."""
     mark: str
@@ -68,8 +67,7 @@ class CheckRow:
     name: str
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(msgspec.Struct, frozen=True):
     """The checks behind one question."""
 
     question: str
@@ -79,16 +77,14 @@ class Group:
     """Measurements that are not significant, of many."""
 
 
-@dataclass(frozen=True)
-class Fact:
+class Fact(msgspec.Struct, frozen=True):
     label: str
     text: str
     quantity: str = ""
     """METHOD.KEY where it can be plotted."""
 
 
-@dataclass(frozen=True)
-class Details:
+class Details(msgspec.Struct, frozen=True):
     """What a method did at a frame, in order."""
 
     uses: str

@@ -13,10 +13,10 @@ from ...engine.frame_record import INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ...engine.history.record import ExposureRecord
 from ...engine.verdict import alarming
 from ...presentation.decisions import sentence
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ..agents.agent_session import AgentSession
 from ..agents.tool import MOST_ROWS, Tool, brief
-from ..branches.state import Branches
 from .card import Card, cards
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,16 +16,15 @@ from ispom.io.whole import write_whole
 from ...engine.outputs import MARKER, claim_folder
 from ...engine.playback import Builder
 from ..experiments.command import Terminal, completed
-from ..experiments.options import Experiment
 from ..experiments.plan import Plan
 from ..experiments.plan_file import read_plan
-from ..experiments.results import by_plan
+from ..experiments.results import by_plan, read_rows
 from ..experiments.row import Row
 from .change import FAILED
 from .judge import Rules, judged, overall, rules_of, strictest_level
 from .options import Gate
 from .page import line_text, numbers, page, power_text, worst_text
-from .pairs import Pair, finished, paired
+from .pairs import Pair, paired
 from .power import Power, baseline_spread, power_of
 from .worst import worst_case
 
@@ -40,29 +40,20 @@ FIRST_PAIRS = 5
 def gate(options: Gate, builder: Builder = build) -> int:
     """Returns the exit code of the verdict. Raises InputError for what is wrong with the plan or the folders."""
     after = options.candidate.expanduser() if options.candidate is not None else options.out / AFTER
-    experiment = Experiment(
-        plan=options.plan,
-        out=after,
-        sources=options.sources,
-        seeds=options.seeds,
-        max_exposures=options.max_exposures,
-        workers=options.workers,
-        memory_gb=options.memory_gb,
-    )
-    plan, baseline = read_plan(experiment), options.baseline.expanduser()
+    plan, baseline = read_plan(options), options.baseline.expanduser()
     rules = rules_of(plan, options.quantities, options.effect, options.level, options.located, options.time)
-    before = finished(baseline, plan, "--baseline")
+    before = read_rows(baseline, plan, "--baseline")
     claim_folder(options.out, COMMAND)
     power = stated(plan, before, (), rules)
     _print(power_text(each) for each in power)
     if options.candidate is not None:
-        rows = finished(after, plan, "--candidate")
+        rows = read_rows(after, plan, "--candidate")
     else:
         if exists(after) or any(name != MARKER for name in names(options.out)):
             raise InputError(
                 f"{options.out} holds an earlier gate, whose runs may be of other code: give a new folder as --out"
             )
-        rows = by_plan(plan, completed(experiment, plan, builder, FirstPairs(plan, before, rules))[0])
+        rows = by_plan(plan, completed(replace(options, out=after), plan, builder, FirstPairs(plan, before, rules))[0])
     pairs = paired(before, rows, (baseline, after))
     judgements, after_runs = judged(plan, pairs, rules), stated(plan, before, pairs, rules)
     verdict, worst = overall(judgements), worst_case(pairs, judgements, rules)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
+from ..experiments.options import Runs
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gate:
-    """Runs a plan with the code as it is now, and compares each run with the same run of the code before: better,
-    worse, the same, or cannot tell. For pull requests: the exit code is 0 for better or the same, 1 for worse, 2 for a
-    mistake in what you gave, and 3 for cannot tell, with the number of runs that would decide."""
+class Gate(Runs):
+    """Runs a plan with the code as it is now, as `ispom experiment` does, and compares each run with the same run of
+    the code before: better, worse, the same, or cannot tell. For pull requests: the exit code is 0 for better or the
+    same, 1 for worse, 2 for a mistake in what you gave, and 3 for cannot tell, with the number of runs that would
+    decide."""
 
-    plan: tyro.conf.Positional[str]
-    """The plan, as for `ispom experiment`."""
     baseline: Path
     """Folder that `ispom experiment PLAN --out FOLDER` wrote with the code before the change."""
     out: Path
@@ -33,13 +32,3 @@ class Gate:
     """The margin of the share of localised frames: a line is worse where it fell by more [percentage points]."""
     time: float | None = None
     """A line is worse, too, whose time per frame grew by more than this [%]. Default: time is shown only."""
-    sources: tuple[str, ...] = ()
-    """Sources instead of the plan's, such as sim:tiny."""
-    seeds: str | None = None
-    """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
-    max_exposures: int | None = None
-    """Use only the first N frames of each source."""
-    workers: int | None = None
-    """Runs at the same time, as for `ispom experiment`."""
-    memory_gb: float = 4.0
-    """Memory of a worker [GB]."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.files import exists, is_folder
-from ispom.io.rows import read_text
 
-from ..experiments.plan import Plan, Run
-from ..experiments.results import ROWS_CSV
-from ..experiments.row import Row, milliseconds, row_of
+from ..experiments.plan import Run
+from ..experiments.row import Row, milliseconds
 from ..experiments.statistics import value_of
 from .change import FAILED
 
@@ -63,31 +58,6 @@ class Pair:
         return math.log(after / before) if before and after else None
 
 
-def finished(folder: Path, plan: Plan, option: str) -> list[Row]:
-    """Returns the rows of all runs of the plan, in its order, from a folder of `ispom experiment`.
-
-    Raises InputError where the folder, or a run in it, is not there or damaged; a run that failed is a row.
-    """
-    if not exists(folder) or not is_folder(folder):
-        raise InputError(f"{option} {folder} is no folder: give one that 'ispom experiment' wrote")
-    failures, rows = _failures(folder), []
-    for run in plan.runs():
-        try:
-            row = row_of(run, folder / run.folder)
-        except (KeyError, TypeError, ValueError, AttributeError):
-            raise InputError(
-                f"{folder / run.folder} is damaged: remove it, and run 'ispom experiment' on {folder} again"
-            ) from None
-        failure = failures.get(run.folder.as_posix())
-        if row is None and failure is None:
-            raise InputError(
-                f"{option} {folder} has no finished run of {run} (no {run.folder.as_posix()}): "
-                "run 'ispom experiment' with this plan and that folder as --out"
-            )
-        rows.append(row if row is not None else Row(run, failure))
-    return rows
-
-
 def paired(before: Sequence[Row], after: Sequence[Row], folders: tuple[Path, Path]) -> list[Pair]:
     """Returns the runs in pairs. Raises InputError where the two of a pair saw different images."""
     pairs = []
@@ -99,15 +69,3 @@ def paired(before: Sequence[Row], after: Sequence[Row], folders: tuple[Path, Pat
             )
         pairs.append(Pair(a, b, (folders[0] / a.run.folder, folders[1] / b.run.folder)))
     return pairs
-
-
-def _failures(folder: Path) -> dict[str, str]:
-    """By folder, the reasons of runs that failed, as the table of an experiment has them."""
-    table = folder / ROWS_CSV
-    if not exists(table):
-        return {}
-    try:
-        rows = list(csv.DictReader(StringIO(read_text(table))))
-        return {row["run"]: row["failure"] for row in rows if row["failure"]}
-    except (KeyError, csv.Error):
-        raise InputError(f"{table} is damaged: remove it, and run 'ispom experiment' on {folder} again") from None

@@ -21,14 +21,14 @@ from .job import Origin
 from .options import Fork, Run
 
 
-def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> int:
-    """Runs the fork; `arguments` are those of the command, read again with the settings of the run as defaults.
+def fork(options: Fork, words: Sequence[str], builder: Builder = build) -> int:
+    """Runs the fork; `words` are those of the command, read again with the settings of the run as defaults.
 
     Raises InputError where the run cannot be repeated, or as `ispom run`.
     """
     run = read_run_file(options.run)
     config = run.configs()
-    options = tyro.cli(Fork, prog="ispom fork", args=arguments, default=replace(options, settings=settings_of(config)))
+    options = tyro.cli(Fork, prog="ispom fork", args=words, default=replace(options, settings=settings_of(config)))
     if options.at < 0:
         raise InputError(f"--at is {options.at}: give a frame of the run, counted from 0")
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)

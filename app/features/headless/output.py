@@ -23,7 +23,7 @@ from ...engine.run_folder.statistics import RunStatistics
 from ...engine.run_folder.thumbnail import thumbnail
 from .job import Job
 
-_OPTIONS = ("frame", "seed", "stereo_every", "video_scale", "max_exposures", "until", "recording")
+_OPTIONS = ("frame", "seed", "stereo_every", "video_scale", "scale_calibration", "max_exposures", "until", "recording")
 
 
 def write_inputs(job: Job) -> None:

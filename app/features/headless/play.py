@@ -10,7 +10,7 @@ from ispom.errors import InputError
 from ispom.stop import LOOK_S
 
 from ...engine.events import Event, Finished
-from ...engine.memory import release_library_pages
+from ...engine.memory import peak_mb, reset_peak
 from ...engine.model.corrections import CorrectionMemory
 from ...engine.model.map_memory import MapCollectors
 from ...engine.run_folder.journal import PoseJournal
@@ -84,16 +84,18 @@ class Steps:
 
     def step(self) -> None:
         event = self._playback.step()
+        if event.steps:
+            self.statistics.cpu_ms.append(1000 * self._playback.cpu_s)
         self.maps.add(event.steps)
         self.corrections.add(event.steps)
         for consumer in self._consumers:
             consumer.add(event)
-        release_library_pages(self._playback.position)
 
 
 def play(job: Job, signals: Signals) -> Played:
     """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
     playback, folder = job.playback, job.folder
+    reset_peak()
     with ExitStack() as stack:
         steps = Steps(job, signals, stack)
         if playback.sequence.prepare:
@@ -115,7 +117,7 @@ def play(job: Job, signals: Signals) -> Played:
             signals.hold()
             finished = playback.finish()
             steps.record.add(finished)
-            release_library_pages(1)  # the peak of a run is at its end
+            steps.statistics.peak_mb = peak_mb()
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
             steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
     signals.check()

@@ -16,6 +16,10 @@ from .integration import Integration
 class IntegrationSteps(FeatureState):
     shown: Integration | None = None
 
+    @property
+    def in_the_way(self) -> frozenset[str]:
+        return frozenset() if self.shown is None else frozenset({"key_frames", "cameras", "error"})
+
     def page(self, state: State) -> dict[str, Any]:
         return {"integration": None if self.shown is None else [self.shown.method, self.shown.stage]}
 

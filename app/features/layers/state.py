@@ -7,7 +7,8 @@ from typing import Any
 
 from ...engine.inspection.colouring import Colouring
 from ...session.state import FeatureState, State
-from ...views.rerun.layers import OPTIONAL
+from ...views.rerun.blueprint import hidden_paths, words_to_hide
+from ...views.rerun.layers import MEASURES, OPTIONAL
 
 
 @dataclass(frozen=True)
@@ -27,5 +28,16 @@ class Layers(FeatureState):
     def reduce(self, event: object) -> Layers:
         return self  # also over another source
 
+    def address(self) -> dict[str, list[str]]:
+        return {"hidden": sorted(self.hidden), "layers": sorted(self.chosen)}
+
     def page(self, state: State) -> dict[str, Any]:
-        return {"colour_by": self.colour_by}
+        hidden = hidden_paths(state.methods, hidden_now(state), self.colour_by, state.cameras)
+        return {"colour_by": self.colour_by, "hidden": hidden, "words": words_to_hide(self.colour_by)}
+
+
+def hidden_now(state: State) -> frozenset[str]:
+    """Layers and methods that the views do not show: those that a person chose, and what is in the way of what is
+    looked at."""
+    found = state[Layers].undrawn | (frozenset({MEASURES}) if state.covers else frozenset())
+    return found.union(*(value.in_the_way for value in state.features.values()))

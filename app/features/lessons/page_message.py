@@ -14,8 +14,10 @@ from ispom.types import Sequence
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.drawing import in_view, picture
-from ...views.web.answers import Answers
+from ...views.web.messages import PageLink, PageMessage
+from ...views.web.news import Look, News
 from ..tracks.track_picture import image_of
+from .answers import Answers
 from .lesson import Ask, Choose, Draw, Number, Point
 from .reveal import Revealed, places, true_heights
 from .state import Learning, Lessons
@@ -39,11 +41,26 @@ NOT_SO = (
 )
 
 
-class LessonNews:
+class Answer(PageMessage, frozen=True):
+    """An answer to the question of a lesson, from whomever it comes."""
+
+    given: Any
+    """As it was sent."""
+
+    def heard(self, page: PageLink) -> None:
+        learning = page.session.state[Lessons].now
+        if page.session.extra(Answers).put(page.person.key, learning, self.given):
+            page.ring()
+
+
+class LessonNews(News):
     """What a page has been sent of lessons."""
 
     def __init__(self) -> None:
         self._sent: tuple[object, ...] = (None, 0)
+
+    def of(self, look: Look) -> Mapping[str, Any]:
+        return self.since(look.state, look.run, look.session.extra(Answers), look.person)
 
     def since(self, state: State, run: CurrentRun | None, answers: Answers, person: str) -> dict[str, Any]:
         """The lesson, where there is something new of it: None for none any more."""
@@ -112,3 +129,6 @@ def _truth(ask: Ask, found: Revealed) -> Any:
             return found.values[value]
         case Draw():
             return true_heights(found, ask).tolist()
+
+
+NEWS = (LessonNews,)

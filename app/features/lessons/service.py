@@ -10,11 +10,11 @@ from functools import partial
 from ispom.errors import InputError
 
 from ...session import commands as do
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..layers.commands import ColourBy
 from ..layers.state import Layers
 from ..plots.commands import Plots

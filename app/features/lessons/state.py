@@ -9,9 +9,6 @@ from typing import Literal
 from ispom.types import Tracks
 
 from ...session.state import FeatureState, State
-from ..branches.state import Branches
-from ..plots.commands import Plots
-from ..sweep.sweep import SweepState
 from .lesson import Lesson, Step
 from .reveal import Revealed
 
@@ -60,16 +57,14 @@ class Lessons(FeatureState):
         """Whether numbers, checks and settings are hidden."""
         return self.now is not None and self.now.covers
 
+    def cover(self, state: State) -> State:
+        learning = self.now
+        if learning is None:
+            return state
+        record = state.displayed and replace(state.displayed, steps=(), errors_m={}, statuses={})
+        doing = "running" if learning.phase == "running" else "getting the question ready"
+        activity = state.activity and replace(state.activity, text=doing)
+        return replace(state, source="", name=learning.lesson.title, notes=(), displayed=record, activity=activity)
 
-def covered(state: State) -> State:
-    """The state as people may see it: while a question is open, nothing in it gives the answer away."""
-    learning = state[Lessons].now
-    if learning is None or not learning.covers:
-        return state
-    record = state.displayed and replace(state.displayed, steps=(), errors_m={}, statuses={})
-    activity = state.activity and replace(state.activity, text="getting the question ready")
-    if learning.phase == "running":
-        activity = state.activity and replace(state.activity, text="running")
-    hidden = replace(state, source="", name=learning.lesson.title, notes=(), displayed=record, activity=activity)
-    branches = state[Branches]
-    return hidden.having(Plots(()), SweepState(), replace(branches, all=branches.all[:1], comparison=None))
+    def address(self) -> dict[str, str]:
+        return {"lesson": f"{self.now.lesson.name}:{self.now.place + 1}" if self.now else ""}

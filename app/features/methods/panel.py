@@ -10,10 +10,10 @@ from ispom.methods import Config, method, names, possible_methods
 
 from ...presentation import colours
 from ...session import commands as do
+from ...session.branches.branches import differences
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
 from ...views.viser.panels import Panel
-from ..branches.branches import differences
 from ..branches.commands import Fork
 
 if TYPE_CHECKING:

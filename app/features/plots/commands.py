@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ispom.errors import InputError
 
@@ -10,13 +11,15 @@ from ...engine.history.quantities import STEP_QUANTITIES
 from ...session.commands import PageCommand
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.state import FeatureState
+from ...session.state import Event, FeatureChanged, FeatureState, State
 
 ERROR = "error"
 """The position errors after alignment, of all methods."""
 DEFAULT_PLOTS = (ERROR, "inliers")
 """What is plotted for every method until a person chooses otherwise."""
 MOST_PLOTS = 12
+NO_PLOTS = "none"
+"""In an address: nothing is plotted."""
 
 
 def toggled(plots: tuple[str, ...], run: CurrentRun | None, name: str) -> tuple[str, ...]:
@@ -56,21 +59,43 @@ class Plots(FeatureState):
     def reduce(self, event: object) -> Plots:
         return self  # also over another source
 
+    def covered(self) -> Plots:
+        return Plots(())
 
-class Plot(PageCommand, frozen=True):
+    def address(self) -> dict[str, str]:
+        return {"plots": "" if self.names == DEFAULT_PLOTS else ",".join(self.names) or NO_PLOTS}
+
+
+class PlotCommand(PageCommand, frozen=True):
+    only_looks: ClassVar[bool] = True
+
+    def look(self, state: State, run: CurrentRun) -> tuple[Event, ...]:
+        if state.covers:
+            raise InputError("a question of the lesson is open: plots are there when it is answered")
+        return (FeatureChanged(self.after(state, run)),)
+
+    def execute(self, session: Controller) -> None:
+        session.store.put(self.after(session.state, session.run))
+
+    def after(self, state: State, run: CurrentRun | None) -> Plots:
+        """What is plotted then. InputError if that is not possible."""
+        raise NotImplementedError(type(self).__name__)
+
+
+class Plot(PlotCommand, frozen=True):
     """Plot a quantity over the frames, or stop plotting it."""
 
     name: str
     """METHOD.KEY, or the KEY of Steps for all methods."""
 
-    def execute(self, session: Controller) -> None:
-        session.store.put(Plots(toggled(session.state[Plots].names, session.run, self.name)))
+    def after(self, state: State, run: CurrentRun | None) -> Plots:
+        return Plots(toggled(state[Plots].names, run, self.name))
 
 
-class SetPlots(PageCommand, frozen=True):
+class SetPlots(PlotCommand, frozen=True):
     """Plot just these quantities; None for the usual ones."""
 
     names: tuple[str, ...] | None
 
-    def execute(self, session: Controller) -> None:
-        session.store.put(Plots(chosen(session.run, self.names)))
+    def after(self, state: State, run: CurrentRun | None) -> Plots:
+        return Plots(chosen(run, self.names))

@@ -20,10 +20,11 @@ from ...engine.history.quantities import STEP_QUANTITIES
 from ...engine.history.quantity import Quantity
 from ...engine.history.series import Series
 from ...presentation import colours
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
-from ...session.state import State
-from ..branches.state import Branches
-from ..external_paths.state import ExternalPaths
+from ...session.external_paths import ExternalPaths
+from ...session.state import State, covered
+from ...views.web.news import Look, News
 from .commands import ERROR, Plots
 
 SLICE = 4000
@@ -61,7 +62,7 @@ class Plot:
     curves: tuple[Curve, ...]
 
 
-class PlotNews:
+class PlotNews(News):
     """What one page has of the plots so far."""
 
     def __init__(self) -> None:
@@ -71,8 +72,10 @@ class PlotNews:
         """By curve: the number of frames whose values the page has."""
         self._errors: list[tuple[Curve, ErrorCurve]] = []
         """What the curves of errors that the page has are from."""
-        self.behind = False
-        """Whether more values are known than the last message could hold."""
+
+    def of(self, look: Look) -> dict[str, Any]:
+        found = self.since(covered(look.local), look.run)
+        return {} if found is None else {"plots": found}
 
     def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
         """What is new to the page; None if nothing is.
@@ -105,7 +108,7 @@ class PlotNews:
         return news | ({"values": values} if values else {}) or None
 
     def _values(self, series: Series, curves: set[str]) -> Iterator[tuple[str, list[int], list[float | None]]]:
-        computed, self.behind = len(series), False
+        computed = len(series)
         self._sent = {curve: count for curve, count in self._sent.items() if curve in curves}
         for curve in sorted(curves):
             first = self._sent.get(curve, 0)
@@ -113,7 +116,6 @@ class PlotNews:
             if last == first:
                 continue
             self._sent[curve] = last
-            self.behind |= last < computed
             frames, values = series.values_of(curve, last, first)
             yield curve, frames.tolist(), [_rounded(value) for value in values.tolist()]
 
@@ -215,3 +217,6 @@ def _once(pairs: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
 
 def _rounded(value: float) -> float | None:
     return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+
+
+NEWS = (PlotNews,)

@@ -77,15 +77,15 @@ def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[
     stage = writer.fitting(int(most_bytes - rest))
     message["stage"] = {"recording": stage.recording, "frames": stage.frames}
     message["message"]["recording_id"] = stage.recording
-    message["panels"]["notes"].append(f"Images: {stage.images}.")
+    message["panels"]["first"]["explain"]["notes"].append(f"Images: {stage.images}.")
     return found | {"data/run.bin": packed(message), "data/stage.bin": stage.content}, stage
 
 
 def _panels(state: State, run: CurrentRun, plain: Plain) -> Iterator[tuple[str, list[Any]]]:
     chunk: list[Any] = []
     number = 0
-    for html in frame_panels(state, run):
-        chunk.append(plain.message(html))
+    for values in frame_panels(state, run):
+        chunk.append(plain.message(values))
         if len(chunk) == CHUNK:
             yield f"data/panels-{number}.bin", chunk
             chunk, number = [], number + 1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ispom.errors import InputError
 
+from ...session.branches.service import BranchService
 from ...session.commands import Command
 from ...session.controller import Controller
-from ..branches.service import BranchService
 
 
 class AddRun(Command, frozen=True):

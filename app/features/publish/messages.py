@@ -83,9 +83,9 @@ def _eyes(state: State, run: CurrentRun, news: StageNews | None = None) -> dict[
 
 def _all_of(news: AxisNews | PlotNews, state: State, run: CurrentRun) -> dict[str, Any]:
     """The whole of what comes to a page in increments."""
-    found = news.since(state, run) or {}
-    while news.behind:
-        for key, value in (news.since(state, run) or {}).items():
+    found: dict[str, Any] = {}
+    while more := news.since(state, run):
+        for key, value in more.items():
             found[key] = [*found.get(key, []), *value] if isinstance(value, list) else value
     return found
 

@@ -1,4 +1,4 @@
-"""The left pane of a published page as HTML: the tab Explain at each frame, and what is the same at all of them."""
+"""The left pane of a published page: the view values of each frame, and what is the same at all of them."""
 
 from __future__ import annotations
 
@@ -10,38 +10,37 @@ from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
-from ..explain.panel import FOLDERS, Latest, event_values, latest_records, ongoing, render, report_values
+from ...views.web.view_values import listed, value_of, views
 from ..layers.panel import METHOD_HINT, legend
 
 CHUNK = 100
-"""Frames whose HTML is in one file: the page loads those around the frame that it shows."""
-MOST_EVENTS = 1000
-"""Events that are listed."""
+"""Frames whose values are in one file: the page loads those around the frame that it shows."""
 
 
-def frame_panels(state: State, run: CurrentRun) -> Iterator[dict[str, str]]:
-    """Of each frame the HTML of its parts: the verdicts, and what is folded below them."""
-    latest: Latest = {}
+def values_at(state: State, run: CurrentRun, index: int) -> dict[str, dict[str, Any]]:
+    """By name of the view: its value at a frame."""
+    at = replace(state, displayed=run.history[index])
+    return {view.name: value_of(view, at, run) for view in views()}
+
+
+def frame_panels(state: State, run: CurrentRun) -> Iterator[dict[str, dict[str, Any]]]:
+    """Of each frame, by name of the view: the fields that differ from those of the first frame."""
+    first = values_at(state, run, 0)
     for index in range(len(run.history)):
-        at = replace(state, displayed=run.history[index])
-        latest = latest_records(run, at, latest)
-        before = {method: record for (_, _, method), record in latest.items()}
-        values = report_values(at, before, at.methods) | {"notes": ()}
-        parts = {"verdicts.html": render("verdicts.html", **values, ongoing=ongoing(run, index))}
-        parts |= {template: render(template, **values) for template in FOLDERS}
-        yield {template.removesuffix(".html"): text for template, text in parts.items()}
+        yield {
+            name: {field: found for field, found in value.items() if found != first[name][field]}
+            for name, value in values_at(state, run, index).items()
+        }
 
 
 def fixed_panels(state: State, run: CurrentRun) -> dict[str, Any]:
-    """What is the same at every frame: the events, the legend, the layers, and the notes about the source."""
-    first = replace(state, displayed=run.history[0])
+    """The views and their values at the first frame, the legend, and the layers."""
     return {
-        "folded": {template.removesuffix(".html"): label for template, label in FOLDERS.items()},
-        "events": render("events.html", **event_values(first, run, MOST_EVENTS)),
+        "listed": listed(),
+        "first": values_at(state, run, 0),
         "legend": legend(),
         "layers": [[m, colours.label(m), METHOD_HINT] for m in state.methods]
         + [[name, label, HINTS[name]] for name, label in LAYERS.items() if name not in OPTIONAL],
-        "notes": list(state.notes),
         "chunk": CHUNK,
         "count": len(run.history),
     }

@@ -17,11 +17,11 @@ from ispom.types import Sequence
 
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN
+from ...session.branches.branches import NOTHING
+from ...session.branches.comparison import Comparison
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.session import Session
-from ..branches.branches import NOTHING
-from ..branches.comparison import Comparison
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..runs.compare import comparison_message
 from ..runs.live import live_rows
 from .commands import AddRun

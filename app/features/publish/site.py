@@ -1,9 +1,10 @@
 """The files of a published folder: the page of `ispom app` with its scripts, the Rerun viewer, and the run's data.
 
     index.html   web/      the page, which knows by `data-published` that it has no server
+    panels/                components of the left pane
     rerun/                 the viewer; its WebAssembly is compressed, and the page unpacks it
     data/run.bin           messages of the session (messages.py), JSON
-    data/panels-N.bin      HTML of the left pane (panels.py), JSON
+    data/panels-N.bin      what the left pane says (panels.py), JSON
     data/stage.bin         what Rerun draws (stage.py)
     data/numbers.bin       all quantities over the frames, JSON
     data/comparisons.bin   of the first run with each of the others
@@ -25,9 +26,12 @@ from ispom.io.whole import require_no_links, write_whole
 
 from ...views.web.files import SECURITY, STATIC
 from ...views.web.rerun_assets import NAMES
+from ...views.web.view_values import scripts
 
 LEFT_OUT = frozenset({"calibration.html", "calibration.js", "calibration.css"})
 """Files of the page that need a server."""
+TYPES = ".d.ts"
+"""How files end that only a type checker reads."""
 WASM_BYTES = 256 << 20
 """More than any viewer's."""
 DATA = "data"
@@ -41,9 +45,9 @@ def page_files(runs: int) -> dict[str, bytes]:
     for path in sorted(STATIC.iterdir()):
         if path.name == "index.html":
             found["index.html"] = published_page(path.read_text(encoding="utf-8"), runs).encode()
-        elif path.name not in LEFT_OUT:
+        elif path.name not in LEFT_OUT and not path.name.endswith(TYPES):
             found[f"web/{path.name}"] = path.read_bytes()
-    return found
+    return found | {f"panels/{name}": path.read_bytes() for name, path in scripts().items()}
 
 
 def published_page(html: str, runs: int) -> str:

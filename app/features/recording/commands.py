@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.sources.folders import run_name
@@ -13,6 +15,7 @@ class OpenNamed(PageCommand, frozen=True):
     """Open the run of this name, if it is one that is known here. A name, never a path."""
 
     name: str
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         source = self._source(session)

@@ -12,6 +12,7 @@ from ispom.io.whole import whole_of
 
 from ...engine.events import Stepped
 from ...engine.run_folder.run_folder import is_locked
+from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
@@ -19,7 +20,6 @@ from ...session.state import NoticeAdded
 from ...views.rerun.repair import finish, unfinished
 from ..bookmarks.notes import notes_of, put
 from ..bookmarks.service import Bookmarks
-from ..branches.state import Branches
 from ..layers.state import Layers
 from .listing import list_recordings
 from .state import Recordings
@@ -107,8 +107,8 @@ class RecordingService(Service):
         self.recorded = set()
 
     @property
-    def keeps_run(self) -> bool:
-        return 0 in self.recorded
+    def kept_branches(self) -> frozenset[int]:
+        return frozenset(self.recorded)
 
     def computed(self, event: Stepped) -> None:
         self._writers.offer(event)
@@ -168,6 +168,8 @@ class RecordingService(Service):
             finished = self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None
             self._writers.stop(finished, self.state[Bookmarks].marks)
             self._writers.close(0.6 * CLOSE_S)
+            if (current := self.state[Recordings].current) is not None:
+                log.warning("The worker was still busy: %s ends with what was written so far.", current.name)
 
     def _has_depth(self) -> bool:
         return "depth" in self.state[Layers].chosen

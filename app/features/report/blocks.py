@@ -31,7 +31,6 @@ class Compared:
     value: Any
     difference: float | None = None
     """To the first run's; None where it is the first, or no number."""
-    best: bool = False
 
 
 @dataclass(frozen=True)

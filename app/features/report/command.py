@@ -17,7 +17,7 @@ from ispom.errors import InputError, printable
 
 from ...engine.outputs import require_own, write_file
 from ...engine.run_folder.run_folder import MARKER
-from ..report import plots, tables
+from . import plots, tables
 from .blocks import Block, Details, Grid, Heading, Moments, Paragraph, Plot, Section, Shown
 from .folder import Run, read_run
 from .html import own_text, rendered

@@ -7,13 +7,11 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from ...presentation.texts import Unit, length_unit
 from .blocks import Block, Compared, Details, Group, MethodName, Paragraph, Table
 from .folder import Run
-
-Best = Literal["most", "least", "nearest to 1", ""]
 
 
 @dataclass(frozen=True)
@@ -23,34 +21,29 @@ class Score:
     path: tuple[str, ...]
     """Where the value is in a method's part of metrics.json."""
     title: str
-    best: Best = ""
     metres: bool = False
     """Whether it is a length, whose unit is that of the row."""
-    wall_time: bool = False
-    """Whether it differs from run to run of the same: then none is the best."""
 
 
-ROUNDING = 1e-9
-"""Values that differ by less than this, relatively, are equal."""
 SCORES = (
-    Score(("poses",), "poses", "most"),
-    Score(("lost",), "frames lost", "least"),
+    Score(("poses",), "poses"),
+    Score(("lost",), "frames lost"),
     Score(("aligned",), "aligned by"),
-    Score(("ate_m",), "ATE (RMS)", "least", metres=True),
-    Score(("rpe_m",), "RPE, pose to pose", "least", metres=True),
-    Score(("rpe_deg",), "RPE, pose to pose [deg]", "least"),
-    Score(("t_err_percent",), "KITTI drift [%]", "least"),
-    Score(("r_err_deg_per_100m",), "KITTI drift [deg / 100 m]", "least"),
-    Score(("between_stereo_rmse_m",), "between stereo poses, RMS", "least", metres=True),
+    Score(("ate_m",), "ATE (RMS)", metres=True),
+    Score(("rpe_m",), "RPE, pose to pose", metres=True),
+    Score(("rpe_deg",), "RPE, pose to pose [deg]"),
+    Score(("t_err_percent",), "KITTI drift [%]"),
+    Score(("r_err_deg_per_100m",), "KITTI drift [deg / 100 m]"),
+    Score(("between_stereo_rmse_m",), "between stereo poses, RMS", metres=True),
     Score(("spline_between_stereo_rmse_m",), "– of a spline through them", metres=True),
-    Score(("step_scale_end_over_start",), "step scale, end / start [1]", "nearest to 1"),
-    Score(("ms_per_exposure", "median"), "time per frame, median [ms]", "least", wall_time=True),
-    Score(("ms_per_exposure", "p95"), "time per frame, 95th percentile [ms]", "least", wall_time=True),
+    Score(("step_scale_end_over_start",), "step scale, end / start [1]"),
+    Score(("ms_per_exposure", "median"), "time per frame, median [ms]"),
+    Score(("ms_per_exposure", "p95"), "time per frame, 95th percentile [ms]"),
 )
 
 
 def results(runs: list[Run]) -> list[Block]:
-    """A column per run and method. With several runs, differences to the first of a kind, and the best of it marked."""
+    """A column per run and method; with several runs, differences to the first of a kind."""
     columns = list(_columns(runs))
     rows: list[list[Any]] = []
     for score in SCORES:
@@ -58,16 +51,15 @@ def results(runs: list[Run]) -> list[Block]:
         if any(value is not None for value in values):
             unit = length_unit(values) if score.metres else None
             values = [v if unit is None or v is None else v / unit.size for v in values]
-            rows.append([_title(score, len(runs), unit), *_compared(score, values, [kind for kind, _, _ in columns])])
+            rows.append([_title(score, unit), *_compared(values, [kind for kind, _, _ in columns])])
     if len(runs) == 1:
         return [Table(["", *(MethodName(method) for _, _, method in columns)], rows)]
     kinds = dict.fromkeys(kind for kind, _, _ in columns)
     groups = [Group("", 1), *(Group(_head(columns, kind), sum(c[0] == kind for c in columns)) for kind in kinds)]
     head = ["", *(run.label if _alone(columns, kind) else f"{run.label}: {m}" for kind, run, m in columns)]
     legend = (
-        "Small figures: difference to the first column of the same kind of method. ★: the best value of that kind of "
-        "method, where the values differ; what counts as best stands behind the row's name. Times have none: they "
-        "differ from run to run. Errors compare only between runs over the same images."
+        "Small figures: difference to the first column of the same kind of method. Times differ from run to run of the "
+        "same. Errors compare only between runs over the same images."
     )
     return [Table(head, rows, groups=groups), Paragraph(legend, "quiet")]
 
@@ -95,34 +87,22 @@ def _value(entry: Mapping[str, Any], path: tuple[str, ...]) -> Any:
     return found if isinstance(found, int | float | str) else None
 
 
-def _title(score: Score, runs: int, unit: Unit | None) -> str:
-    title = score.title if unit is None else f"{score.title} [{unit.name}]"
-    return f"{title} – best: {score.best}" if score.best and not score.wall_time and runs > 1 else title
+def _title(score: Score, unit: Unit | None) -> str:
+    return score.title if unit is None else f"{score.title} [{unit.name}]"
 
 
-def _compared(score: Score, values: list[Any], kinds: list[str]) -> Iterator[Any]:
+def _compared(values: list[Any], kinds: list[str]) -> Iterator[Any]:
+    """Numbers with their difference to the first of their kind, where a kind has several."""
     for i, (value, kind) in enumerate(zip(values, kinds, strict=True)):
-        others = [v for v, k in zip(values, kinds, strict=True) if k == kind and _number(v)]
-        if not score.best or not _number(value) or len(others) < 2:
+        if not _number(value) or sum(k == kind and _number(v) for v, k in zip(values, kinds, strict=True)) < 2:
             yield value
             continue
         first = values[kinds.index(kind)]
-        difference = value - first if i != kinds.index(kind) and _number(first) else None
-        badness = {other: _badness(score.best, other) for other in others}
-        least, most = min(badness.values()), max(badness.values())
-        differ = most - least > ROUNDING * max(abs(least), abs(most)) and not score.wall_time
-        best = differ and badness[value] - least <= ROUNDING * abs(least)
-        yield Compared(value, difference, best)
+        yield Compared(value, value - first if i != kinds.index(kind) and _number(first) else None)
 
 
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _badness(best: Best, value: float) -> float:
-    if best == "nearest to 1":
-        return abs(math.log(value)) if value > 0 else math.inf
-    return -value if best == "most" else value
 
 
 def provenance(runs: list[Run]) -> list[Block]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ispom.sequences.address import without_secrets
 
 from ...session.commands import PageCommand
@@ -13,6 +15,7 @@ class OpenSource(PageCommand, frozen=True):
     """Open another source with the options of the command line, and play it: `sim:NAME`, an address, or a path."""
 
     source: str
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         if session.open(self.source.strip(), None):
@@ -22,12 +25,27 @@ class OpenSource(PageCommand, frozen=True):
         return f"Opening {without_secrets(self.source)}"
 
 
+class ShowKept(PageCommand, frozen=True):
+    """Show a run again that was closed when another source was opened."""
+
+    key: str
+    """As the runs table has it."""
+    keeps: ClassVar[bool] = True
+
+    def execute(self, session: Controller) -> None:
+        session.service(RunsService).show_kept(self.key)
+
+    def closing(self, session: Controller) -> str:
+        return "Opening another run"
+
+
 class CompareRuns(PageCommand, frozen=True):
     """Show one run and compare it with another one. Those of the recordings folder are opened for that."""
 
     a: str
     """As the runs table has it: `live:` and the number of a branch, or a name in the recordings folder."""
     b: str
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         session.service(RunsService).compare(self.a, self.b)

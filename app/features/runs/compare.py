@@ -1,37 +1,37 @@
-"""The mode Compare, of two runs of the session: errors, first differences, and distances of their positions."""
+"""The mode Compare, of two runs of the session: the verdict, and in detail what differs from which frame on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.methods import names
-from ispom.types import Trajectory
+from ispom.types import Status
 
 from ...engine.differences.compare import DIGEST, POSITION, Difference, Divergence
+from ...engine.differences.paths import Path
+from ...engine.history.quantities import POSE
 from ...engine.history.series import Series
 from ...presentation import colours
-from ...presentation.texts import ALIGNED, length
+from ...presentation.texts import length
+from ...session.branches.branches import Branch
+from ...session.branches.comparison import Comparison
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ..branches.accuracy import over_common_frames
-from ..branches.branches import Branch
-from ..branches.comparison import Comparison
-from ..branches.state import Branches
 from ..diff.text import distinct
-from .table import Row, table_message
+from .compared_method import MethodRun
+from .comparison_view import ComparedRun, comparison_view
+from .table import Row, alarms, table_message
 
 WORDS = {"new": "new tracks", "alive": "tracks that go on", "revised": "revised poses", "seconds": "computing time"}
 """What quantities are called, where their key says too little."""
 MOST_LINES = 4
 """Differences that are listed of one frame."""
-MOST_POINTS = 600
-"""Of a curve; of more frames each point is the largest of several."""
 
 
 def comparison_message(
@@ -39,32 +39,45 @@ def comparison_message(
 ) -> dict[str, Any]:
     """`rows` has the rows of the session's runs by the number of their branch."""
     numbers = (comparison.shown, comparison.other)
-    runs = [run_of(number) for number in numbers]
     branches = [b for number in numbers for b in state[Branches].all if b.number == number]
-    common = over_common_frames(branches)
-    found = [{"label": colours.label(m), "a": _text(common, numbers[0], m), "b": _text(common, numbers[1], m)}
-             for m in comparison.methods if (numbers[0], m) in common]  # fmt: skip
-    there = [run for run in runs if run is not None]
-    curves = (
-        list(distances(branches[0], branches[1], there, comparison.methods)) if len(branches) == len(there) == 2 else []
-    )
+    runs = [run for number in numbers if (run := run_of(number)) is not None]
+    view = None
+    if len(branches) == len(runs) == 2:
+        a, b = (compared_run(run, branch) for run, branch in zip(runs, branches, strict=True))
+        view = comparison_view(a, b, runs[0].playback.sequence.times_ns, comparison.start)
     return table_message(list(rows.values())) | {
         "branches": {number: row.key for number, row in rows.items()},
         "numbers": numbers,
-        "common": found,
+        "view": msgspec.to_builtins(view),
         "first": [divergence_message(each) for each in comparison.first if plain(each)],
         "frames": [comparison.start, comparison.stop - 1],
         "done": comparison.done - comparison.start,
         "finished": comparison.finished,
         "apart": comparison.differing_frames,
         "thinned": comparison.thinned,
-        "curves": curves,
         "total": state.total,
     }
 
 
-def _text(common: Any, number: int, method: str) -> str:
-    return length(common[number, method].ate_m)
+def compared_run(run: CurrentRun, branch: Branch) -> ComparedRun:
+    """What is compared of a run, as far as it is computed."""
+    count = len(run.series)
+    methods = {
+        method: _method_run(run.series, method, count, branch)
+        for method in run.opened.methods
+        if f"{method}.status" in run.series.quantities
+    }
+    return ComparedRun(methods, count, sum(alarms(event.severity for event in run.events.events).values()))
+
+
+def _method_run(series: Series, method: str, count: int, branch: Branch) -> MethodRun:
+    frames, statuses = series.values_of(f"{method}.status", count)
+    poses = np.stack([series.values_of(f"{method}.{key}", count)[1] for key in POSE], axis=1)
+    known = np.isfinite(poses).all(axis=1)
+    path = Path(frames[known], poses[known, :3], poses[known, 3:])
+    measured = branch.measured
+    localised = statuses == tuple(Status).index(Status.TRACKING)
+    return MethodRun(path, frames, localised, measured.errors.get(method), measured.seconds.get(method))
 
 
 def plain(divergence: Divergence) -> list[Difference]:
@@ -98,52 +111,3 @@ def _prefixes(name: str) -> Iterator[str]:
     while "." in name:
         name = name.rpartition(".")[0]
         yield name
-
-
-def distances(a: Branch, b: Branch, runs: Sequence[CurrentRun], methods: Iterable[str]) -> Iterator[dict[str, Any]]:
-    """By method, the distance between the positions of the two runs [m] over the frames at which both have one.
-
-    Where there is ground truth, both trajectories are aligned to it, as for the ATE. Without it, positions are compared
-    as they were given, and those of methods without a metric unit are not.
-    """
-    for method in methods:
-        errors = [branch.measured.errors.get(method) for branch in (a, b)]
-        if errors[0] is not None and errors[1] is not None:
-            frames, distances_m = _between(errors[0].aligned, errors[1].aligned, runs[0].playback.sequence.times_ns)
-            how = ALIGNED[errors[0].alignment]
-        elif registered(method).unit == "metric":
-            count = min(len(run.series) for run in runs)
-            xyz = [_positions(run.series, method, count) for run in runs]
-            distances_m = np.linalg.norm(xyz[0] - xyz[1], axis=1)
-            frames, how = np.flatnonzero(np.isfinite(distances_m)), ALIGNED["none"]
-            distances_m = distances_m[frames]
-        else:
-            continue
-        if len(frames):
-            width = -(-len(frames) // MOST_POINTS)
-            starts = np.arange(0, len(frames), width)
-            yield {
-                "label": colours.label(method),
-                "colour": colours.css(colours.of(method)),
-                "how": how,
-                "frames": frames[starts].tolist(),
-                "values": [float(f"{value:.6g}") for value in np.maximum.reduceat(distances_m, starts).tolist()],
-            }
-
-
-def _between(a: Trajectory, b: Trajectory, times_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-    """(N,) the frames at which both have a pose, and (N,) the distances between them."""
-    common, in_a, in_b = np.intersect1d(a.times_ns, b.times_ns, return_indices=True)
-    distances_m = np.linalg.norm(a.translations[in_a] - b.translations[in_b], axis=1)
-    known = np.isin(common, times_ns)
-    return np.searchsorted(times_ns, common[known]), distances_m[known]
-
-
-def _positions(series: Series, method: str, count: int) -> Array:
-    """(N, 3) at the frames at which the method stepped, else NaN."""
-    found = np.full((count, 3), np.nan)
-    for i, key in enumerate("xyz"):
-        if f"{method}.{key}" in series.quantities:
-            frames, values = series.values_of(f"{method}.{key}", count)
-            found[frames, i] = values
-    return found

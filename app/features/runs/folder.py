@@ -6,15 +6,18 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from urllib.parse import quote
 
 from ispom.errors import InputError
+from ispom.evaluation.trajectory_error import Alignment, trajectory_error
 from ispom.io.files import bounded, read_bytes
 from ispom.io.mapping import read_mapping
+from ispom.io.trajectories import read_tum
 
 from ...engine.run_events.table import read_events
-from ...engine.run_folder.run_folder import EVENTS, METRICS, RUN
+from ...engine.run_folder.run_file import RunFile
+from ...engine.run_folder.run_folder import EVENTS, METRICS, RUN, TRUTH, trajectory_file
 from ...presentation.texts import size
 from ..experiments.command import PLAN
 from ..recording.listing import described, list_recordings
@@ -81,9 +84,28 @@ def _read(path: Path, listed: ListedRun, when_s: float) -> Row:
             row = replace(row, name=f"{path.name}: fork at frame {origin.get('at')}", parent=str(origin.get("run", "")))
         report = _json(path / METRICS)
         row = replace(row, errors=table.ates(report), located=table.located(report, run.exposures))
+        row = replace(row, curves={error.method: curve for error in row.errors if (curve := _curve(path, run, error))})
         return replace(row, events=table.alarms(event.severity for event in read_events(path / EVENTS)))
     except InputError:
         return row
+
+
+def _curve(path: Path, run: RunFile, error: table.Ate) -> tuple[float, ...]:
+    """The position error of a method, against the truth as the run has it beside it; empty where that is not there."""
+    estimate, truth = path / trajectory_file(error.method), path / TRUTH
+    files = [_size(file) for file in (estimate, truth)]
+    if not all(files) or sum(files) > MOST_BYTES or error.alignment not in get_args(Alignment):
+        return ()
+    kind: Alignment = error.alignment  # type: ignore[assignment]
+    found = trajectory_error(read_tum(estimate, run.frame), read_tum(truth, run.frame), kind)
+    return () if found is None else table.small_curve(found.position_errors_m)
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.lstat().st_size
+    except OSError:
+        return 0
 
 
 def _group(path: Path, rows: list[Row]) -> Row | None:

@@ -14,11 +14,11 @@ from ispom.io.files import bounded
 
 from ...engine.differences.compare import divergences
 from ...engine.run_folder.run_file import read_run_file
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.session import Session
 from ...session.state import State
 from ...views.web.files import NOT_KEPT, SECURITY, found, number_of, send_json
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..diff.command import differing, run_rows
 from ..diff.text import shown
 from ..lessons.library import Library
@@ -26,13 +26,18 @@ from ..lessons.state import Lessons
 from .compare import comparison_message, divergence_message
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
-from .live import live_rows, merged
+from .live import kept_rows, live_rows, merged
 from .table import table_message
 
 WIDTHS = range(40, 641)
 """Of a picture of a frame [px]."""
 ROUNDING = 1e-9
 """As of a comparison of branches."""
+
+
+def routes(session: Session, may_drive: Callable[[web.Request], bool], base: str) -> list[web.RouteDef]:
+    """Those of this feature, below the page's base."""
+    return RunsRoutes(session, may_drive).at(base)
 
 
 class RunsRoutes:
@@ -43,7 +48,7 @@ class RunsRoutes:
         self._recorded: RecordedRuns | None = None
         self._reading = asyncio.Lock()
 
-    def routes(self, base: str) -> list[web.RouteDef]:
+    def at(self, base: str) -> list[web.RouteDef]:
         return [
             web.get(f"{base}runs", self._runs),
             web.get(f"{base}folders", self._folders),
@@ -55,11 +60,14 @@ class RunsRoutes:
     async def _runs(self, request: web.Request) -> web.StreamResponse:
         """The runs table, the sources that were opened before, and the lessons with their progress."""
         session, state = self._session, self._session.state
-        live = {} if _covers(state) else live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
+        live = {} if state.covers else live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
         async with self._reading:  # one thread at a time
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
-        message = table_message(merged(live.values(), recorded))
+        branches = session.service(BranchService)
+        open_runs = [run for each in state[Branches].all if (run := branches.run_of(each.number)) is not None]
+        kept = [] if state.covers else kept_rows(branches.kept, open_runs, session.recordings_dir)
+        message = table_message(merged([*live.values(), *kept], recorded))
         return send_json(message | {"recent": state.recent, "lessons": self._lessons(state)})
 
     def _lessons(self, state: State) -> list[dict[str, Any]]:
@@ -93,10 +101,12 @@ class RunsRoutes:
 
     async def _frame(self, request: web.Request) -> web.StreamResponse:
         """The image of a frame of a branch; without `at`, of the newest one."""
-        if _covers(self._session.state):
+        if self._session.state.covers:
             raise web.HTTPForbidden(text="A question of the lesson is open.")
         branch, width = number_of(request, "branch", 0), number_of(request, "width", WIDTHS.stop - 1)
-        run = self._session.service(BranchService).run_of(branch)
+        branches, group = self._session.service(BranchService), number_of(request, "kept", 0)
+        runs = next((each.runs for each in branches.kept if each.number == group), {})
+        run = runs.get(branch) if group else branches.run_of(branch)
         if run is None or width not in WIDTHS:
             raise web.HTTPNotFound
         at = number_of(request, "at", len(run.history) - 1)
@@ -110,7 +120,7 @@ class RunsRoutes:
         """Of the two branches that the session compares."""
         session, state = self._session, self._session.state
         compared = state[Branches].comparison
-        if compared is None or _covers(state):
+        if compared is None or state.covers:
             raise web.HTTPNotFound
         run_of = session.service(BranchService).run_of
         rows = live_rows(state, run_of, session.recordings_dir)
@@ -125,7 +135,7 @@ class RunsRoutes:
         folder = self._session.recordings_dir
         known = self._recorded.known if self._recorded is not None else frozenset[str]()
         if not {a, b} <= known:
-            raise InputError("one of these runs is not in the recordings folder any more: choose another one")
+            raise InputError("only runs of the recordings folder can be on different sources: choose two on one source")
         with bounded((folder,)):
             runs = read_run_file(folder / a), read_run_file(folder / b)
             methods = tuple(method for method in runs[0].config if method in runs[1].config)
@@ -137,7 +147,3 @@ class RunsRoutes:
             "first": None if first is None else divergence_message(first),
             "methods": methods,
         }
-
-
-def _covers(state: State) -> bool:
-    return state[Lessons].covers

@@ -10,13 +10,15 @@ import numpy as np
 from ispom.errors import InputError
 
 from ...session import moves
+from ...session.branches.kept import Kept
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.service import Service
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..recording.listing import Known
 from ..recording.service import RecordingService
 from ..recording.state import Recordings
+from .live import kept_of
 
 
 class RunsService(Service):
@@ -33,9 +35,13 @@ class RunsService(Service):
             raise InputError(f"{a} is a run on {named[a]}, and {b} on {named[b]}: choose two runs on one source")
         numbers = [self.branch_of(key) for key in (a, b)]
         if numbers == [None, None]:
-            self.session.open(self._source(a), None)
-            numbers[0] = 0
-        shown, other = (self._with_recorded(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
+            if (kept := self._kept(a)) is not None:
+                self.show_kept(a)
+                numbers[0] = kept[1]
+            else:
+                self.session.open(self._source(a), None)
+                numbers[0] = 0
+        shown, other = (self._with_run(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
         branches = self.session.service(BranchService)
         first, count = shown, _computed(branches.run_of(other))
         if _computed(branches.run_of(shown)) > count:
@@ -45,6 +51,16 @@ class RunsService(Service):
             self._show(first)
             self.session.player.move(*moves.seek(run, count - 1))
         self._waiting = shown, other
+
+    def show_kept(self, key: str) -> None:
+        """InputError for a run that is not kept any more."""
+        kept = self._kept(key)
+        if kept is None:
+            raise InputError("this run is not in the session any more: choose another one")
+        self.session.service(BranchService).show_again(*kept)
+
+    def _kept(self, key: str) -> tuple[Kept, int] | None:
+        return kept_of(key, self.session.service(BranchService).kept)
 
     def _show(self, number: int) -> None:
         """The views load a run again when it is shown: not for nothing."""
@@ -67,12 +83,14 @@ class RunsService(Service):
         return self._waiting is not None and self.state.target is None
 
     def branch_of(self, key: str) -> int | None:
-        """The number of the branch that a row of the runs table is; None if it is to be read from its folder.
+        """The number of the branch that a row of the runs table is; None if it is kept, or to be read from its folder.
 
         InputError for a branch that was deleted.
         """
         kind, _, number = key.partition(":")
         run_of = self.session.service(BranchService).run_of
+        if self._kept(key) is not None:
+            return None
         if kind == "live":
             if not number.isdecimal() or run_of(int(number)) is None:
                 raise InputError("this run is not in the session any more: choose another one")
@@ -81,10 +99,14 @@ class RunsService(Service):
         runs = ((b.number, run_of(b.number)) for b in self.state[Branches].all)
         return next((n for n, run in runs if run and run.stored and abspath(run.stored.path) == path), None)
 
-    def _with_recorded(self, name: str) -> int:
-        """The number of the branch that a run of the recordings folder becomes."""
-        found = self.session.opener.stored(self._source(name), self.session.history_bytes)
-        run = self.run
+    def _with_run(self, name: str) -> int:
+        """The number of the branch that a run which was closed, or one of the recordings folder, becomes."""
+        kept, run = self._kept(name), self.run
+        if kept is not None:
+            found: CurrentRun | None = kept[0].runs[kept[1]]
+            name = next(b.name for b in kept[0].branches if b.number == kept[1])
+        else:
+            found = self.session.opener.stored(self._source(name), self.session.history_bytes)
         if found is None or run is None:
             raise InputError(f"{name} holds no run: choose another one")
         times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import Any, Literal
 
+import numpy as np
+
+from ispom.geometry import Array
 from ispom.methods import Config, in_order, method, names
 
 from ...engine.options import SourceOptions
 from ...engine.verdict import Severity
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, length, length_unit
-from ..branches.branches import changes
+from ...session.branches.branches import changes
 
 Kind = Literal["live", "run", "recording", "sweep", "experiment"]
 LIVE = "live:"
 """Before the number of a branch as the key of its row; other keys are names in the recordings folder."""
 MOST = 500
 """Rows that are sent to a page."""
+CURVE_POINTS = 40
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,8 @@ class Row:
     """On disk."""
     shown: bool = False
     """Whether the stage shows it."""
+    curves: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """By method: its position error over the frames [m], as few points as a small picture has."""
 
 
 def differing_settings(methods: Iterable[str], config: Config, options: Mapping[str, Any]) -> tuple[str, ...]:
@@ -80,6 +86,14 @@ def ates(report: Mapping[str, Any]) -> tuple[Ate, ...]:
         if isinstance(metres, int | float) and not isinstance(metres, bool) and alignment in ALIGNED:
             found.append(Ate(name, float(metres), str(alignment)))
     return tuple(found)
+
+
+def small_curve(metres: Array) -> tuple[float, ...]:
+    """The largest value of each of CURVE_POINTS parts of a curve (N,), or all of fewer values."""
+    if not len(metres):
+        return ()
+    starts = np.arange(0, len(metres), -(-len(metres) // CURVE_POINTS))
+    return tuple(float(f"{value:.3g}") for value in np.maximum.reduceat(metres, starts).tolist())
 
 
 def located(report: Mapping[str, Any], frames: Mapping[str, int]) -> dict[str, float]:
@@ -161,11 +175,25 @@ def table_message(rows: Sequence[Row]) -> dict[str, Any]:
         used = {e.alignment for row in rows for e in row.errors if e.method.partition(".")[0] == family}
         only = ALIGNED[used.pop()] if len(used) == 1 else ""
         columns.append({"family": family, "label": colours.label(family), "alignment": only})
-    entries = [_message(row, depth, columns) for row, depth in placed[:MOST]]
+    best = _best(rows)
+    entries = [_message(row, depth, columns, best) for row, depth in placed[:MOST]]
     return {"columns": columns, "rows": entries, "omitted": max(len(placed) - MOST, 0)}
 
 
-def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+Alike = tuple[str, str, str]
+"""Source, method and alignment: errors that can be compared."""
+
+
+def _best(rows: Iterable[Row]) -> dict[Alike, float]:
+    """The smallest error of those of several runs that can be compared [m]."""
+    found: dict[Alike, list[float]] = {}
+    for row in rows:
+        for error in row.errors if row.kind in ("live", "run") else ():
+            found.setdefault((row.source, error.method, error.alignment), []).append(error.metres)
+    return {alike: min(metres) for alike, metres in found.items() if len(metres) > 1}
+
+
+def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]], best: Mapping[Alike, float]) -> dict[str, Any]:
     shares, events = row.located, row.events
     return {
         "key": row.key,
@@ -175,7 +203,12 @@ def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]]) -> dict
         "source": row.source,
         "name": row.name,
         "differs": row.differs,
-        "ate": [_cells(row, column["family"], bool(column["alignment"])) for column in columns],
+        "ate": [_cells(row, column["family"], bool(column["alignment"]), best) for column in columns],
+        "curves": [
+            {"label": colours.label(name), "colour": colours.css(colours.of(name)), "values": row.curves[name]}
+            for name in in_order(row.curves)
+            if row.curves[name]
+        ],
         "located": [[colours.label(name), round(shares[name], 4)] for name in in_order(shares)] if shares else [],
         "events": None if events is None else sum(events.values()),
         "worst": str(max(events, key=list(Severity).index)) if events else "",
@@ -189,7 +222,7 @@ def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]]) -> dict
     }
 
 
-def _cells(row: Row, family: str, aligned_alike: bool) -> list[dict[str, str]]:
+def _cells(row: Row, family: str, aligned_alike: bool, best: Mapping[Alike, float]) -> list[dict[str, Any]]:
     """The errors of the methods of a family in a row; of a group, from the least to the largest."""
     found = []
     for name in in_order({e.method for e in row.errors if e.method.partition(".")[0] == family}):
@@ -202,7 +235,8 @@ def _cells(row: Row, family: str, aligned_alike: bool) -> list[dict[str, str]]:
         alignments = dict.fromkeys(ALIGNED[e.alignment] for e in errors)
         variant = name.partition(".")[2]
         alignment = "" if aligned_alike else ", ".join(alignments)
-        found.append({"variant": variant, "text": text, "alignment": alignment})
+        is_best = any(e.metres <= best.get((row.source, name, e.alignment), -1.0) for e in errors)
+        found.append({"variant": variant, "text": text, "alignment": alignment, "best": is_best and len(errors) == 1})
     return found
 
 

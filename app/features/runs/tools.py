@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from ispom.errors import InputError
 from ispom.methods import method as registered
 
+from ...session.branches.accuracy import measured
+from ...session.branches.state import Branches
 from ..agents.agent_session import AgentSession
 from ..agents.tool import Picture, Tool, brief, page_of
-from ..branches.accuracy import measured
-from ..branches.state import Branches
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
 from .table import Row, arranged

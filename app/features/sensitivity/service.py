@@ -16,11 +16,11 @@ from ispom.types import Sequence
 
 from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.playback import Playback, truth_from_start
+from ...session.branches.service import BranchService
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ...session.state import FeatureState, State
-from ..branches.service import BranchService
 from .predictor import Prediction, Predictor
 from .ran import Ran, ran_here, ran_in
 from .rerun import Compared, at_own_stamps, compared

@@ -7,10 +7,10 @@ from ispom.settings import check
 from ispom.simulation.scenario.scenario import scenario_of_words, with_sensors
 from ispom.simulation.scenario.sensors import SimulatedSensor
 
+from ...session.branches.branches import differences
+from ...session.branches.service import BranchService
 from ...session.commands import Command
 from ...session.controller import Controller
-from ..branches.branches import differences
-from ..branches.service import BranchService
 
 SIMULATION = "sim:"
 

@@ -33,8 +33,9 @@ EARLIEST_DATE_NS = 1_000_000_000_000_000_000
 """Times from here on (2001) are dates; smaller ones count from the recording's own zero."""
 
 
-def print_description(sequence: Sequence) -> int:
+def sources(options: Sources) -> int:
     """Prints the description; the exit code is 0. A live source is let go."""
+    sequence = options.open(options.source)
     if sequence.stop is not None:
         sequence.stop()
     sys.stdout.write("\n".join(map(printable, described(sequence))) + "\n")

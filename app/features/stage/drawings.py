@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from functools import cache
 
 from ...engine.inspection.looked import Looked
+from ...session.branches.state import Branches
 from ...session.current_run import CurrentRun
 from ...session.session import Session
-from ...session.state import State
+from ...session.state import State, covered
 from ...views.rerun.batch import Entry
-from ...views.rerun.layers import MEASURES
 from ..branches.stage import trajectories, visible_branches
-from ..branches.state import Branches
 from ..external_paths.stage import paths_of_others, shows_recording
 from ..integration.commands import IntegrationSteps
 from ..integration.drawing import entries
 from ..integration.integration import Integration, latest_fit
 from ..layers.stage import depth_of, pair_shown
 from ..layers.state import Layers
-from ..lessons.state import covered
 from ..tracks.commands import Inspection
 from ..tracks.panel import looked_at
 from ..tracks.stage import in_images, in_world
@@ -85,12 +83,3 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
 def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable[Entry]:
     found = latest_fit(run, step.method, state.index) if step is not None else None
     return entries(found[1], step.stage) if found is not None and step is not None else ()
-
-
-def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
-    """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
-    `covers`: a question of a lesson is open."""
-    found = state[Layers].undrawn | ({MEASURES} if covers else set())
-    if state[IntegrationSteps].shown is not None:
-        found |= {"key_frames", "cameras", "error"}
-    return found

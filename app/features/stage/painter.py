@@ -66,3 +66,6 @@ class StagePainter:
                     self._fault = text
                     log.exception("painting failed")
                     self._session.post(do.Notify(f"Some drawings could not be updated ({text}); the run continues."))
+
+
+PAINTER = StagePainter

@@ -12,7 +12,7 @@ from ispom.geometry import Array, Similarity
 from ispom.types import FrameName
 
 from ...engine.inspection.selection import Selection
-from ...engine.inspection.sightings import camera_pose, nearest, seen_by
+from ...engine.inspection.sightings import camera_pose, missing_tracks, nearest, seen_by
 from ...session.current_run import CurrentRun
 from ...views.rerun import entities
 from ...views.rerun.parts import latest_of_each_camera
@@ -57,6 +57,8 @@ def _in_image(run: CurrentRun, camera: str, index: int, shown_uv: Array) -> Sele
     seen = seen_by(run.history[frame], camera=name) if frame is not None else None
     shape = run.opened.sequence.rig.camera(name)
     uv = shown_uv / entities.shown_scale(shape.width, shape.height) - 0.5
+    if seen is None and frame is not None and run.is_recorded(frame):
+        raise InputError(missing_tracks(run.history[frame], recorded=True))
     if seen is not None and camera == "right":
         seen = replace(seen, tracks=entities.in_right(seen.tracks))
     number = nearest(seen, uv) if seen is not None else None

@@ -10,13 +10,13 @@ from ispom.sequences.address import is_address, is_device
 
 from ...engine.options import SourceOptions
 from ...engine.run_folder.run_file import read_run_file
+from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.review.stored import stored_source
 from ...session.service import Service
 from ...session.sources.opening import stored_at
-from ..branches.service import BranchService
-from ..branches.state import Branches
 from ..recording.service import RecordingService
 from .process import SweepProcess
 from .sweep import Sweep, SweepState, workers

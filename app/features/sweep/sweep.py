@@ -92,6 +92,9 @@ class SweepState(FeatureState):
     def reduce(self, event: object) -> SweepState:
         return self  # also over another source
 
+    def covered(self) -> SweepState:
+        return SweepState()
+
     def page(self, state: State) -> dict[str, Any]:
         """Its folder, how far it is, and the errors of the runs that are over, by value."""
         sweep = self.sweep

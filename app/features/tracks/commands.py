@@ -29,7 +29,9 @@ def picked(run: CurrentRun | None, camera: str, index: int, u: float, v: float) 
         record = run.history[index]
         seen = seen_by(record, camera=camera)
         unavailable = run.stored.unavailable if run.stored is not None else ""
-        if (seen is None or not len(seen.tracks)) and (missing := missing_tracks(record, unavailable)):
+        if (seen is None or not len(seen.tracks)) and (
+            missing := missing_tracks(record, unavailable, run.is_recorded(index))
+        ):
             raise InputError(missing)
     number = None if seen is None else nearest(seen, np.array([u, v]))
     if seen is None or number is None:

@@ -120,6 +120,7 @@ def looked_at(session: Session, state: State) -> Looked | None:
         state[Inspection].camera,
         state[Layers].colour_by,
         run.stored.unavailable if run.stored is not None else "",
+        run.is_recorded(state.displayed.index),
     )
 
 

@@ -52,6 +52,7 @@ _KINDS = {
     "seed": int,
     "stereo_every": int,
     "video_scale": (float, int),
+    "scale_calibration": bool,
     "max_exposures": int,
     "camera": str,
     "sensors": str,

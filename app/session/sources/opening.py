@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+import logging
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
-from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
+from ispom.methods import Config, Variant, default_methods, in_order, possible_methods, with_dependencies
 from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
@@ -16,12 +18,15 @@ from ispom.types import Sequence
 from ...engine.external_trajectories.placed import ExternalTrajectory, TrajectoryOption, external_trajectory
 from ...engine.options import SourceOptions
 from ...engine.playback import Builder, Playback, truth_from_start
+from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import RECORDING, RUN
 from ..current_run import CurrentRun
 from ..review.folder import read_stored
 from ..review.recording import read_recording
-from ..review.stored import Stored
+from ..review.stored import Stored, source_options
 from .folders import Folders
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,9 @@ class SourceOpener:
     """Where somebody at the page may look for runs and recordings."""
     named: str = ""
     """What the command line named may be opened wherever it is."""
+    beginnings: Mapping[str, Path] = field(default_factory=dict)
+    """By source: the folder of a run over its first frames, which are shown as they were recorded until they are
+    computed."""
     compare: bool = False
     """Whether images of stored runs are compared with those of the run before any is given: an agent sees them."""
     _asked: set[str] = field(default_factory=set)
@@ -94,6 +102,29 @@ class SourceOpener:
         chosen = candidates if strict else tuple(m for m in candidates if m in possible) or usual
         sequence, externals = with_external_trajectories(self.trajectory_options, sequence)
         return Playback(sequence, chosen, config, self.builder, external_trajectories=externals)
+
+    def begun(self, playback: Playback, source: str, options: SourceOptions, memory_bytes: int) -> CurrentRun | None:
+        """The run that this playback is about to compute, with its first frames as they were recorded; None where none
+        were, of this source, opened so, with these methods and settings."""
+        folder = self.beginnings.get(source)
+        if folder is None or playback.external_trajectories:
+            return None
+        try:
+            stored, run = read_stored(folder, lambda *_: playback.sequence, self.builder), read_run_file(folder)
+            fits = (
+                not stored.unavailable
+                and stored.recording is not None
+                and run.sequence == playback.sequence.name
+                and replace(source_options(run), max_exposures=None) == options
+                and stored.playback.methods == playback.methods
+                and all(
+                    stored.playback.config.of(m) == playback.config.of(m) for m in with_dependencies(stored.methods)
+                )
+            )
+            return CurrentRun.begun_by(replace(stored, playback=playback), memory_bytes) if fits else None
+        except InputError as fault:
+            log.warning("the recorded beginning of %s is not shown: %s", source, fault)
+            return None
 
     def again(self, before: Playback, methods: tuple[str, ...], config: Config) -> Playback:
         """The same sequence from its first frame on. InputError where the methods do not fit."""

@@ -27,7 +27,7 @@ from . import entities
 from .coloured import path_of
 from .eye import extent, eye_on
 from .layers import IMAGE_LAYERS, MEASURES
-from .parts import image_root
+from .parts import CAMERAS, image_root
 from .plots import NO_ERROR, why_no_error
 
 PLOTS = {
@@ -52,17 +52,19 @@ GRID_COLOUR = (128, 128, 128, 50)
 
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
     """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
-    page's curves and verdicts, so that a row of these stands below."""
+    page, so that curves and verdicts stand below, then the time. Such a viewer begins at the first frame: there is no
+    documented way to give it another one, therefore the image is one that the first frame has."""
     rig = opened.sequence.rig
     hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras)
     cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
     cameras |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
     cameras = {name: camera for name, camera in cameras.items() if camera is not None}
     images = [_image(name, each, hidden_in[f"/{image_root(name)}"]) for name, each in cameras.items()]
-    world = _world(opened, hidden_in["/world"])
+    world = _world(opened, hidden_in["/world"], is_alone)
+    first = _first_camera(opened, tuple(cameras), is_alone)
     stage = rrb.Horizontal(
         world,
-        *([rrb.Tabs(*images, active_tab=_first_tab(opened, tuple(cameras)))] if images else []),
+        *([rrb.Tabs(*images, active_tab=list(cameras).index(first))] if images else []),
         column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)],
     )
     return rrb.Blueprint(
@@ -75,10 +77,15 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
     )
 
 
-def _first_tab(opened: Opened, cameras: tuple[str, ...]) -> int:
-    """The image shown first: the left one where methods use the pair and none the video camera, else the first."""
+def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> str:
+    """The camera whose image is shown first: the left one where methods use the pair and none the video camera, else
+    the first; in a viewer that `is_alone`, of those in the first frame, where it has any."""
     used = frozenset().union(*(method(name).sensors for name in opened.methods))
-    return cameras.index("left") if used >= STEREO and not VIDEO & used and "left" in cameras else 0
+    wanted = ["left"] if used >= STEREO and not VIDEO & used else []
+    kinds = opened.sequence.kinds[:1] if is_alone else ()
+    now = [name for kind in kinds for name in cameras if image_root(name).partition("/")[0] in CAMERAS.get(kind, ())]
+    usable = now or cameras
+    return next((name for name in wanted if name in usable), next(iter(usable), ""))
 
 
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
@@ -193,13 +200,15 @@ def _legend(camera: str, by: str) -> str:
     return f"{camera}/legend" if by == "state" else f"{camera}/coloured/{by}/legend"
 
 
-def _world(opened: Opened, hidden: list[str]) -> rrb.View:
+def _world(opened: Opened, hidden: list[str], is_alone: bool) -> rrb.View:
     truth = drawn_truth(opened.truth, opened.methods)
     path = truth.translations if truth is not None else np.zeros((0, 3))
     eye = eye_on(path, least_size(opened))
     controls = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital, position=eye.position, look_target=eye.target, eye_up=eye.up
     )
+    if is_alone and truth is None:  # how far the paths will go is not known; the viewer frames what there is
+        controls = None
     unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
     if opened.truth is not None and truth is None:
         unit += f"; true path aligned by {'SE(3)' if unit == 'm' else 'Sim(3)'}"

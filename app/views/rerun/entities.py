@@ -99,6 +99,16 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
+NAME_STEP = np.array([0.0, -1.5, 1.5])
+"""From the end of one path to its name, and from one name to the next where paths end together, in the shared world and
+in depths of a camera: apart from each other seen from above as from the side."""
+
+
+def name(text: str, place: Array, colour: colours.Rgb) -> rr.Points3D:
+    """The name of a line, at a place (3,) beside its end."""
+    return rr.Points3D([place], labels=[text], colors=colours.packed(colour), radii=[0.0], show_labels=True)
+
+
 LINE_PX = 1.0
 """Half width on the screen of the lines that a method found."""
 MOVING = len(TrackStatus)

@@ -74,6 +74,10 @@ class ExternalTrajectoryLog:
         place, pose = f"world/beside/{external.name}/rig", placed.pose(index)
         if pose is not None:
             yield Entry(place, entities.transform(pose))
+            size = float(np.ptp(outlines.reshape(-1, 3), axis=0).max())
+            end = pose.translation - (1 + external.number) * size * entities.NAME_STEP  # not where those of methods are
+            colour = colours.colour_of_external(external.number)
+            yield Entry(f"world/beside/{external.name}/name", entities.name(external.name, end, colour))
             if external.name not in self._seen:
                 self._seen.add(external.name)
                 yield Entry(place, entities.lines(outlines, colours.colour_of_external(external.number), 1.5))

@@ -28,7 +28,7 @@ from .batch import Batch, Entry
 from .parts import columns_of, is_part
 from .recorder import Recorder
 from .rrd import messages
-from .stored_tape import AnyTape, StoredTape
+from .stored_tape import AnyTape, BegunTape, StoredTape
 from .streams import APPLICATION, release_streams, send
 from .tape import Tape
 
@@ -56,20 +56,29 @@ class LiveStream:
         """Frames of this run whose images the viewers miss, because this thread lagged."""
         return self._feed.dropped if self._feed is not None else 0
 
-    def open(self, opened: Opened, history: History) -> None:
-        """Begins another run, in place of the one before. What its `history` holds already comes without images.
+    @property
+    def watched(self) -> bool:
+        """Whether somebody has seen more than one frame of a run that began with a recording."""
+        return isinstance(self.tape, BegunTape) and self.tape.frames_seen > 1
 
-        OSError where the user's cache cannot be written.
+    def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
+        """Begins another run, in place of the one before. What was computed in its `history` comes without images; its
+        other frames are those of a recording, its `beginning`.
+
+        OSError where the user's cache cannot be written, InputError as `replay`.
         """
+        kinds = opened.sequence.kinds[: len(history)]
+        recorded = None if beginning is None else StoredTape(beginning, kinds=kinds)
         self.close()
         self._failure = None
         feed = self._feed = Feed(opened, history, rereads=False)
-        tape = self.tape = Tape(
+        tape = Tape(
             recording_id=opened.recording_id,
             kinds=lambda: opened.sequence.kinds,
-            expected=lambda: len(history),
+            expected=lambda: history.computed,
             request=feed.request,
         )
+        self.tape = tape if recorded is None else BegunTape(tape, recorded)
         arguments = (Recorder(opened), feed, tape)
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
         self.grown.notify()
@@ -119,12 +128,12 @@ class LiveStream:
         try:
             tape.open(_opening(recorder))
             self.grown.notify()
-            if len(feed.history):
+            if feed.history.computed:
                 feed.pause(SETTLE_S)
             while (event := feed.take()) is not None:
                 self._draw(tape, recorder, event)
         except Exception as fault:
-            if self.tape is tape:  # else the run is over, and its files are closed
+            if self._feed is feed:  # else the run is over, and its files are closed
                 log.exception("the live stream failed")
                 self._failure = f"{type(fault).__name__}: {fault}"
 

@@ -2,15 +2,15 @@
 
 Entities, below the shared world (the rig at the first stereo frame: x right, y down, z forward):
 
-    /world/truth/{path,rig}                  the whole true path (static); the true pose now. Of a single camera
+    /world/truth/{path,rig,name}             the whole true path (static); the true pose now. Of a single camera
                                              /world/truth brings them to its path, by Sim(3)
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
     /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it
                                              changed (keyframes and clouds: every MAP_EVERY frames)
-    /world/METHOD/camera                     the pose now
+    /world/METHOD/{camera,name}              the pose now; the method's name at the end of its path
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its frame; path/final is their line
-    /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
+    /world/beside/NAME/{path,rig,name}       trajectory of another program, up to now, and its pose now
     /world/METHOD/depth                      points of the latest stereo pair, while that layer is drawn
     /world/METHOD/error                      line from its position to the true one
     /world/view/METHOD[/CAMERA]              of one method: pose and pinhole of its latest frame of CAMERA; its image

@@ -155,11 +155,13 @@ class StoredTape:
         if recording is None:
             return set()
         self.recording_id = self.recording_id or recording.recording_id
+        # No public call says where in the file a chunk is; LazyStore.stream() reads all chunks of an entity.
         _, index = RrdReader(path).store()._internal._chunk_index()
         names = set(index.schema.names)
         if f"{TIMELINE}:start" not in names:
             return set()
-        paths, offsets = index.column("chunk_entity_path").to_pylist(), index.column("chunk_byte_offset").to_pylist()
+        paths = [path.removeprefix("/") for path in index.column("chunk_entity_path").to_pylist()]  # as a Tape has them
+        offsets = index.column("chunk_byte_offset").to_pylist()
         firsts, lasts = (index.column(f"{TIMELINE}:{end}").to_pylist() for end in ("start", "end"))
         suffix = ":num_rows"
         rows = {
@@ -225,4 +227,52 @@ class StoredTape:
         return found
 
 
-AnyTape = Tape | StoredTape
+class BegunTape:
+    """The tape of a run whose first frames are those of a recording until their own are there. A viewer sees one run:
+    what differs of a frame takes the place of what was recorded of it."""
+
+    def __init__(self, tape: Tape, recorded: StoredTape) -> None:
+        self._tape, self._recorded = tape, recorded
+        self.run, self.recording_id, self.overlay = tape.run, tape.recording_id, tape.overlay
+        self.frames_seen, self._index = 0, -1
+        """How often a viewer was given another frame."""
+
+    @property
+    def end(self) -> int:
+        """Frames that can be shown so far."""
+        return max(self._tape.end, self._recorded.end) if self.opening() else 0
+
+    @property
+    def expected(self) -> int:
+        return max(self._tape.expected, self._recorded.end)
+
+    def opening(self) -> bytes:
+        return self._tape.opening()
+
+    def scene(self, index: int) -> Scene:
+        """What is to be shown of a frame: as it was recorded until its own images are there."""
+        if index != self._index:
+            self.frames_seen, self._index = self.frames_seen + 1, index
+        scene = self._tape.scene(index) if index < self._tape.end else None
+        if scene is None or (scene.missing and index < self._recorded.end):
+            return self._recorded.scene(index)
+        return scene
+
+    def request(self, index: int) -> None:
+        """Asks for the images that a frame misses."""
+        self._tape.request(index)
+
+    def value(self, part: Part, version: object) -> pa.RecordBatch | None:
+        """The part's columns, of one row; None where they are lost."""
+        return (self._recorded if isinstance(version, tuple) else self._tape).value(part, version)
+
+    def any_of_each_part(self) -> dict[Part, object]:
+        return {**self._recorded.any_of_each_part(), **self._tape.any_of_each_part()}
+
+    def close(self) -> None:
+        """It reads as empty from now on."""
+        self._tape.close()
+        self._recorded.close()
+
+
+AnyTape = Tape | StoredTape | BegunTape

@@ -25,8 +25,8 @@ from .external_trajectories import ExternalTrajectoryLog
 
 MAP_EVERY = 10
 """Frames between two drawings of a method's keyframes and points: they are most of what a viewer has to hold."""
-PATH_PX, POINT_PX, ERROR_PX = 1.0, 1.25, 1.25
-"""Half widths on the screen."""
+PATH_PX, POINT_PX, ERROR_PX, CAMERA_PX, KEY_FRAME_PX = 1.0, 1.25, 1.25, 0.6, 0.3
+"""Half widths on the screen: of a path more than of the cameras on it."""
 
 
 class World:
@@ -73,6 +73,7 @@ class World:
         if truth is not None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 0.75), static=True)
             yield Entry("world/truth/rig", self._true_frusta(truth), static=True)
+            yield Entry("world/truth/name", _name_of_truth(truth), static=True)
         yield from self._external_log.opening()
 
     def stepped(self, event: Stepped) -> Iterator[Entry]:
@@ -153,6 +154,7 @@ class World:
         if before is None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 0.75))
             yield Entry("world/truth/rig", self._true_frusta(truth))
+            yield Entry("world/truth/name", _name_of_truth(truth))
         if found is not before:
             self._truth_placed = found
             yield Entry("world/truth", entities.placement(found))
@@ -169,6 +171,7 @@ class World:
         method, frame = step.method, self.model.methods[step.method].poses.frame
         if step.world_from_frame is not None:
             yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
+            yield self._name(method, step.world_from_frame)
             marked = step.provisional != (method in self._provisional)
             (self._provisional.add if step.provisional else self._provisional.discard)(method)
             if resized or marked or self._drawn_frames.get(method) != frame:
@@ -176,6 +179,13 @@ class World:
                 yield self._camera(method)
         elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
             yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
+
+    def _name(self, method: str, pose: Pose) -> Entry:
+        """Of the method, at the end of its path: it stays there when there is no pose."""
+        placed = self.placements.get(method, Similarity())
+        step = (1 + self._opened.methods.index(method)) * placed.scale * self._size(method).camera * entities.NAME_STEP
+        place = placed.inverse().apply(placed.apply(pose.translation) + step)
+        return Entry(f"world/{method}/name", entities.name(colours.label(method), place, colours.of(method)))
 
     def _uncertainty(self, step: Step) -> Iterator[Entry]:
         found, place = uncertainty.of_step(step), f"world/{step.method}/uncertainty"
@@ -248,7 +258,9 @@ class World:
         for block in sorted(poses.changed_blocks(before)):
             keys = poses.key_frames(block, outlines)
             if len(keys):
-                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), 0.4))
+                yield Entry(
+                    f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), KEY_FRAME_PX)
+                )
         yield from self._cloud(method)
 
     def _cloud(self, method: str) -> Iterator[Entry]:
@@ -281,4 +293,9 @@ class World:
         return self._frustum_lines[key]
 
     def _frusta(self, frame: FrameName, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
-        return entities.lines(self._outlines(frame, size, main_camera), colour, 1.0)
+        return entities.lines(self._outlines(frame, size, main_camera), colour, CAMERA_PX)
+
+
+def _name_of_truth(truth: Trajectory) -> rr.Points3D:
+    """At the end of its path, which is drawn whole."""
+    return entities.name("ground truth", truth.translations[-1], colours.TRUTH)

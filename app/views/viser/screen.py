@@ -9,10 +9,10 @@ from threading import Event, Thread
 import rich
 import viser
 
-from ...features.lessons.state import covered
 from ...session import commands as do
 from ...session.actions import Action, actions
 from ...session.session import Session
+from ...session.state import covered
 from .panels import PanelView, panels
 from .portless import PortlessViser
 

@@ -12,29 +12,23 @@ from pathlib import Path
 
 from aiohttp import web
 
-from ispom.io.files import bounded
-from ispom.sequences.policy import SourcePolicy
-
 from ...engine.model.corrections import corrected_by
 from ...engine.run_folder.run_folder import CORRECTED_RIG
-from ...features.calibration.job import Job
-from ...features.calibration.page_routes import CalibrationPage
-from ...features.lessons.state import Lessons
-from ...features.runs.routes import RunsRoutes
 from ...session.people import People, Person
+from ...session.registry import modules
 from ...session.session import Session
 from ...session.sources.folders import run_name
 from ..rerun.live import LiveStream
 from ..viser.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
-from .answers import Answers
 from .connections import Connections
 from .files import SECURITY, STATIC, VISER_SECURITY, number_of, pictures, recordings, send_file, send_one_of
 from .messages import Pane
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
 from .tape_reader import TapeReader
+from .view_values import scripts
 from .wakeup import Wakeup
 
 log = logging.getLogger(__name__)
@@ -57,12 +51,11 @@ class Backends:
     """Called with the tabs of viser that anybody has open."""
 
 
-CALIBRATIONS = "calibrations"
-"""Folder of the results of the calibration page, among the recordings."""
-
-
 class Gateway:
-    """The aiohttp application. `connections`, set when there is a server for it, hears who has access."""
+    """The aiohttp application. `connections`, set when there is a server for it, hears who has access.
+
+    A feature's addresses are in `features/NAME/routes.py`: `routes(session, may_drive, base)`.
+    """
 
     def __init__(self, backends: Backends, access: Access, cookie: str) -> None:
         """`cookie` is the name under which browsers keep the token."""
@@ -74,26 +67,23 @@ class Gateway:
         self.app.cleanup_ctx.append(self._listen)
         self.app.on_shutdown.append(self._close_sockets)
         base = access.base
-        calibration = CalibrationPage(
-            Job(self._check, self._to.recordings / CALIBRATIONS, lambda: bounded(self._policy.places)),
-            lambda request: self._person(request).may_drive,
-        )
         self.app.add_routes(
             [
                 web.get(base, self._page),
                 web.get(f"{base}ws", self._talk),
                 web.get(f"{base}live", self._live),
                 web.get(f"{base}web/{{name}}", self._page_file),
+                web.get(f"{base}panels/{{name}}", self._panel_file),
                 web.get(f"{base}rerun/{{name}}", self._viewer_file),
                 web.get(f"{base}recordings/{{name:.+}}", self._recording),
                 web.get(f"{base}pictures/{{name:.+}}", self._picture),
                 web.get(f"{base}numbers/{{what}}", self._numbers),
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
-                *calibration.routes(base),
-                *RunsRoutes(self._to.session, lambda request: self._person(request).may_drive).routes(base),
             ]
         )
+        for module in modules("routes"):
+            self.app.add_routes(module.routes(self._to.session, self._may_drive, base))
         if base != "/":
             self.app.router.add_get(base.rstrip("/"), self._to_base)
 
@@ -101,7 +91,7 @@ class Gateway:
         """Hears of what happens in other threads, as long as the server runs."""
         self._assets = self._unpacking()
         self._states, self._grown = Wakeup(), Wakeup()
-        self._people, self._answers = People(self._states.ring), Answers(self._states.ring)
+        self._people = People(self._states.ring)
         self._to.session.changes.add(self._states.ring)
         self._to.live.grown.add(self._grown.ring)
         yield
@@ -145,14 +135,6 @@ class Gateway:
         cookies = (f"{name}={value}{rest}" for name, value in cookie_values.items())
         return await send_file(request, STATIC / "index.html", SECURITY, cookies)
 
-    def _check(self, path: str) -> None:
-        """InputError for images where nobody at the page may look."""
-        self._policy.check(path)
-
-    @property
-    def _policy(self) -> SourcePolicy:
-        return SourcePolicy(self._to.session.folders.root)
-
     @property
     def _person_cookie(self) -> str:
         return f"{self._cookie}-person"
@@ -162,8 +144,18 @@ class Gateway:
         may_drive = any(self._access.may_drive(token) for token in tokens)
         return Person(request.cookies.get(self._person_cookie, "")[:32], may_drive)
 
+    def _may_drive(self, request: web.Request) -> bool:
+        return self._person(request).may_drive
+
     async def _page_file(self, request: web.Request) -> web.StreamResponse:
         return await send_one_of(request, STATIC, PAGE_FILES, SECURITY)
+
+    async def _panel_file(self, request: web.Request) -> web.StreamResponse:
+        """The components of a feature."""
+        path = scripts().get(request.match_info["name"])
+        if path is None:
+            raise web.HTTPNotFound
+        return await send_file(request, path, SECURITY)
 
     async def _viewer_file(self, request: web.Request) -> web.StreamResponse:
         if self._assets.done() and self._assets.exception() is not None:
@@ -194,7 +186,7 @@ class Gateway:
         state, run = session.state, session.run
         if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):
             raise web.HTTPNotFound
-        if state[Lessons].covers:
+        if state.covers:
             raise web.HTTPForbidden(text="A question of the lesson is open: the numbers are there when it is answered.")
         if what == "rig":
             text = await asyncio.to_thread(corrected_by, run.history, state.index, run.opened.sequence.rig)
@@ -212,7 +204,7 @@ class Gateway:
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         socket = await opened(request, COMMAND_BYTES)
-        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request), self._answers)
+        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request))
         return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:

@@ -13,22 +13,17 @@ import numpy as np
 
 from ispom.errors import InputError
 
-from ...features.events.commands import StepToEvent, to_event
-from ...features.layers.commands import Hide, known
-from ...features.layers.state import Layers
-from ...features.lessons.state import Lessons
-from ...features.plots.commands import Plot, Plots, SetPlots, chosen, toggled
 from ...session import commands as do
 from ...session import moves
 from ...session.current_run import CurrentRun
-from ...session.state import Changed, Displayed, Event, NoticeAdded, State
+from ...session.state import Changed, Displayed, Event, FeatureChanged, NoticeAdded, State
 
 MAX_SPEED_HZ = 120
 """Frames a second of "as fast as possible": eyes follow no faster."""
 PLAYING_S = 0.03
 """Between two looks at the clock while it plays."""
-OF_A_RUN = ("displayed", "playing", "loop", Plots)
-"""What means nothing in another run; layers and speed stay."""
+OF_A_RUN = ("displayed", "playing", "loop")
+"""What means nothing in another run; the rest stays."""
 
 
 class Looking:
@@ -74,20 +69,12 @@ class Looking:
 
     def obey(self, command: object, state: State, run: CurrentRun | None) -> bool:
         """Does what only looks, and returns whether it was that. InputError where there is nothing to look at."""
-        if not isinstance(command, do.Moves | StepToEvent | Hide | Plot | SetPlots):
+        if not (isinstance(command, do.Moves) or (isinstance(command, do.Command) and command.only_looks)):
             return False
         if run is None or state.phase != "ready" or not len(run.history):
             raise InputError("there is no frame to look at yet: wait for the first one")
-        if isinstance(command, Plot | SetPlots) and state[Lessons].covers:
-            raise InputError("a question of the lesson is open: plots are there when it is answered")
         here = self.shown(state)
         match command:
-            case Hide(names):
-                self._own[Layers] = replace(here[Layers], hidden=known(names))
-            case Plot(name):
-                self._own[Plots] = Plots(toggled(here[Plots].names, run, name))
-            case SetPlots(names):
-                self._own[Plots] = Plots(chosen(run, names))
             case do.Speed(factor):
                 self._own["speed"] = factor
             case do.NoLoop():
@@ -104,8 +91,8 @@ class Looking:
                 self._show(run, len(run.history) - 1)
             case do.StepTo(kind, forwards):
                 self._take(moves.step_to(here, run, kind, forwards=forwards))
-            case StepToEvent(forwards, alarming):
-                self._take(to_event(here, run, forwards=forwards, alarming=alarming))
+            case _:
+                self._take(command.look(here, run))
         self._began = (self._clock(), self.shown(state).index)
         self.version += 1
         return True
@@ -152,6 +139,8 @@ class Looking:
         for event in events:
             if isinstance(event, Displayed):
                 self._own |= {"displayed": event.record, "playing": False}
+            elif isinstance(event, FeatureChanged):
+                self._own[type(event.value)] = event.value
             elif isinstance(event, Changed):
                 if event.values.get("target") is not None:
                     raise InputError("there is none among the frames that are computed: look at it later")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, ClassVar, Union
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Union
 
 import msgspec
 
@@ -11,19 +11,18 @@ from ispom.methods import method as registered
 
 from ...engine.frame_record import ERROR, LIVE_ERROR, FrameRecord
 from ...engine.verdict import WAITING
-from ...features.branches.state import Branches
-from ...features.layers.state import Layers
-from ...features.lessons.state import Lessons, covered
-from ...features.plots.commands import DEFAULT_PLOTS, Plots
-from ...features.stage.drawings import hidden_now
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, PROVISIONAL, length
 from ...session.actions import actions
+from ...session.branches.state import Branches
 from ...session.commands import Command, Message
+from ...session.people import People, Person
 from ...session.registry import load_features
 from ...session.sources.folders import run_name
-from ...session.state import State
-from ..rerun.blueprint import hidden_paths, words_to_hide
+from ...session.state import State, covered
+
+if TYPE_CHECKING:
+    from ...session.session import Session
 
 STATUS = {
     "waiting": "no frame for this method yet",
@@ -31,15 +30,37 @@ STATUS = {
     "tracking": "tracking (this does not mean that it is accurate)",
     "lost": "no pose at this frame",
 }
-NO_PLOTS = "none"
-"""In an address: nothing is plotted."""
 OWN_UNIT = "A single camera has no metric scale: its path is scaled by the first segment between stereo poses."
 
 
+class PageLink(Protocol):
+    """A page, as what it says to the server finds it. In the loop of the server."""
+
+    session: Session
+    people: People
+    person: Person
+
+    def see(self, pane: Pane) -> None:
+        """The page has its left pane so."""
+        ...
+
+    def follow(self) -> None:
+        """The page shows what the session shows, and nothing of its own."""
+        ...
+
+    def ring(self) -> None:
+        """All pages look at what there is to show now."""
+        ...
+
+
 class PageMessage(Message, frozen=True):
-    """What a page says to the server rather than to the session."""
+    """What a page says to the server rather than to the session, from whomever it comes."""
 
     from_page: ClassVar[bool] = True
+
+    def heard(self, page: PageLink) -> None:
+        """Does what the page asks for, in the loop of the server."""
+        raise NotImplementedError(type(self).__name__)
 
 
 class Pane(PageMessage, frozen=True):
@@ -48,16 +69,15 @@ class Pane(PageMessage, frozen=True):
     tab: str = ""
     """Which of the panel's tabs is open."""
 
-
-class Answer(PageMessage, frozen=True):
-    """An answer to the question of a lesson, from whomever it comes."""
-
-    given: Any
-    """As it was sent."""
+    def heard(self, page: PageLink) -> None:
+        page.see(self)
 
 
 class Follow(PageMessage, frozen=True):
     """The page shows again what the session shows, and nothing of its own."""
+
+    def heard(self, page: PageLink) -> None:
+        page.follow()
 
 
 class TakeControl(PageMessage, frozen=True):
@@ -65,6 +85,12 @@ class TakeControl(PageMessage, frozen=True):
 
     to: int | None = None
     """The number of a person; None for the one who sends this."""
+
+    def heard(self, page: PageLink) -> None:
+        if self.to is None:
+            page.people.take_over(page.person)
+        else:
+            page.people.hand_over(page.person, self.to)
 
 
 def keys() -> list[dict[str, Any]]:
@@ -77,21 +103,12 @@ def keys() -> list[dict[str, Any]]:
 
 def message_of(state: State) -> dict[str, Any]:
     """What the page shows, and what the Rerun viewer is to show."""
-    lesson, layers = state[Lessons].now, state[Layers]
-    covers = state[Lessons].covers
+    covers = state.covers
     state = covered(state)
-    plots = state[Plots].names
     found = {
         "source": state.source,
         "name": state.name or state.source,
-        "address": {
-            "lesson": f"{lesson.lesson.name}:{lesson.place + 1}" if lesson else "",
-            "run": run_name(state.source),
-            "branch": state[Branches].shown,
-            "hidden": sorted(layers.hidden),
-            "layers": sorted(layers.chosen),
-            "plots": "" if plots == DEFAULT_PLOTS else ",".join(plots) or NO_PLOTS,
-        },
+        "address": {"run": run_name(state.source)},
         "notes": state.notes,
         "guess": None if state.guess is None else round(100 * state.guess.sigma, 1),
         "phase": state.phase,
@@ -107,18 +124,18 @@ def message_of(state: State) -> dict[str, Any]:
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
+        "origin": None if state.recorded is None else "recorded" if state.index in state.recorded else "live",
         "activity": state.activity.text if state.activity else None,
         "activity_since": state.activity.since_s if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
-        "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by, state.cameras),
-        "words": words_to_hide(layers.colour_by),
         "question": None
         if state.question is None
         else {"number": state.question.number, "text": state.question.text, "yes": state.question.yes},
         "notices": [{"number": n.number, "text": n.text, "kind": n.kind} for n in state.notices],
     }
     for value in state.features.values():
+        found["address"] |= value.address()
         found |= value.page(state)
     return found
 

@@ -2,6 +2,10 @@
 
 The wheel keeps both files as plain bytes within its compiled module, and gives them out by a server of its own only,
 which listens to every machine of the network. So they are cut out of the module: nothing listens, nothing is started.
+
+The documented way would be `WebViewer` of the npm package `@rerun-io/web-viewer`. `rerun-notebook` (0.41) has that
+class in its script, and the same WebAssembly (67 MB with the names of functions), but exports a notebook's widget only,
+which cannot change the layout or say what is shown. With that class this module and viewer_control.js can go.
 """
 
 from __future__ import annotations

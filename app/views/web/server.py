@@ -15,9 +15,9 @@ import webbrowser
 from collections.abc import Callable
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import Protocol
 
-from ...features.recording.state import Recordings
-from ...features.stage.painter import StagePainter
+from ...session.registry import modules
 from ...session.session import Session
 from ..rerun.live import LiveStream
 from ..viser.screen import Screen
@@ -30,6 +30,14 @@ CLOSE_S = 1.1
 """For the recording to be closed after Ctrl-C."""
 EXIT_S = 2.9
 """After this long the process ends, whatever still hangs."""
+
+
+class Beside(Protocol):
+    """What is served beside the page."""
+
+    def end(self) -> None:
+        """Nothing more is answered, soon."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +53,8 @@ class Serving:
     open_browser: bool = True
     onlookers: bool = False
     """Whether there is an address for people who may only look."""
-    agents: int | None = None
-    """The port for agents, 0 for any; None: nothing is served to them."""
+    beside: Callable[[Session, Access], Beside] | None = None
+    """Starts what is served beside the page to whom the page lets in; may take a moment."""
     mode: str = "debug"
     """In which the page opens: debug, compare or learn."""
 
@@ -91,7 +99,7 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     runner = runner_of(gateway.app)
     await runner.setup()
     gateway.connections = Connections(runner)
-    agents = None
+    beside = None
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
@@ -99,10 +107,8 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         _print(f"ISPOM is at {address}{access.token}{mode}   (Ctrl-C ends it)")
         if access.onlookers is not None:
             _print(f"Onlookers see it, and change nothing, at {address}{access.onlookers}")
-        if serving.agents is not None:
-            from ...features.agents.http import serve_beside_page  # brings the SDK of an extra
-
-            agents = await asyncio.to_thread(serve_beside_page, backends.session, serving.agents, access)
+        if serving.beside is not None:
+            beside = await asyncio.to_thread(serving.beside, backends.session, access)
         if serving.lets_others_in:
             _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
@@ -113,11 +119,9 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         server.close()
     finally:
         _print("closing …")
-        if agents is not None:
-            agents.end()
-        recording = backends.session.state[Recordings].current
-        if not await asyncio.to_thread(backends.session.close, CLOSE_S) and recording is not None:
-            _print(f"The worker was still busy: {recording.name} ends with what was written so far.")
+        if beside is not None:
+            beside.end()
+        await asyncio.to_thread(backends.session.close, CLOSE_S)
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
     return 0
@@ -129,7 +133,8 @@ def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     session.start()
     screen = Screen(session)
     screen.start()
-    StagePainter(session, live).start()
+    for module in modules("painter"):
+        module.PAINTER(session, live).start()
     return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_tabs)
 
 

@@ -12,18 +12,15 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from ispom.errors import InputError
 
-from ...features.lessons.page_message import LessonNews
-from ...features.lessons.state import Lessons, covered
-from ...features.plots.page_message import PlotNews
-from ...features.stage.page_message import StageNews
 from ...session.people import People, Person
 from ...session.session import Session
 from ..viser.portless import PortlessViser, understood
-from .answers import Answers
 from .looking import PLAYING_S as LOOKING_S
 from .looking import Looking
-from .messages import Answer, Follow, Pane, TakeControl, command_of, keys, message_of, own_view
+from .messages import PageMessage, Pane, command_of, keys, message_of, own_view
+from .news import Look, features_news
 from .time_axis import AxisNews
+from .view_values import ViewNews
 from .wakeup import Wakeup
 
 HEARTBEAT_S = 20.0
@@ -45,27 +42,21 @@ async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ..
 
 
 class Talk:
-    """States out, commands in."""
+    """States out, commands in: one page's."""
 
     def __init__(
-        self,
-        session: Session,
-        news: Wakeup,
-        see: Callable[[Talk, Pane], None],
-        people: People,
-        person: Person,
-        answers: Answers,
+        self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None], people: People, person: Person
     ) -> None:
         """`see` gets what of viser this page of `person` shows."""
-        self._session, self._news, self._see = session, news, see
-        self._people, self._person, self._answers = people, person, answers
+        self.session, self.people, self.person = session, people, person
+        self._news, self._see = news, see
         self._looking = Looking(time.monotonic)
         self._refused: tuple[int, str] = (0, "")
         """How many commands of this page were refused, and why the last one was."""
 
     async def serve(self, socket: web.WebSocketResponse) -> None:
         """Until the page goes away."""
-        self._people.join(self._person)
+        self.people.join(self.person)
         sending = asyncio.create_task(self._send(socket))
         second, count = 0, 0
         try:
@@ -77,56 +68,58 @@ class Talk:
                     self._obey(command_of(message.data))
         finally:
             sending.cancel()
-            self._see(self, Pane())
-            self._people.leave(self._person)
+            self.see(Pane())
+            self.people.leave(self.person)
 
     def _obey(self, heard: object) -> None:
-        if isinstance(heard, Pane):
-            self._see(self, heard)
-        elif isinstance(heard, TakeControl):
-            if heard.to is None:
-                self._people.take_over(self._person)
-            else:
-                self._people.hand_over(self._person, heard.to)
-        elif isinstance(heard, Answer):
-            self._answers.put(self._person.key, self._session.state[Lessons].now, heard.given)
-        elif isinstance(heard, Follow):
-            self._looking.follow()
-            self._news.ring()
-        elif heard is not None and self._people.drives(self._person):
-            self._session.post(heard)  # type: ignore[arg-type]
+        if isinstance(heard, PageMessage):
+            heard.heard(self)
+        elif heard is not None and self.people.drives(self.person):
+            self.session.post(heard)  # type: ignore[arg-type]
         elif heard is not None:
             self._look(heard)
+
+    def see(self, pane: Pane) -> None:
+        """The page has its left pane so."""
+        self._see(self, pane)
+
+    def follow(self) -> None:
+        """The page shows what the session shows, and nothing of its own."""
+        self._looking.follow()
+        self.ring()
+
+    def ring(self) -> None:
+        """All pages look at what there is to show now."""
+        self._news.ring()
 
     def _look(self, command: object) -> None:
         """What somebody asks for who does not control the session: they may look at all that is there."""
         try:
-            if not self._looking.obey(command, self._session.state, self._session.run):
-                raise InputError(self._people.refusal(self._person))
+            if not self._looking.obey(command, self.session.state, self.session.run):
+                raise InputError(self.people.refusal(self.person))
         except InputError as reason:
             self._refused = self._refused[0] + 1, str(reason)
         self._news.ring()
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, listed, axis, plots, lesson = (), keys(), AxisNews(), PlotNews(), LessonNews()
-        stage = StageNews()
+        shown, listed, parts = (), keys(), [AxisNews(), ViewNews(), *features_news()]
         looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
-                state, run, seen = self._session.state, self._session.run, self._people.seen_by(self._person)
+                state, run, seen = self.session.state, self.session.run, self.people.seen_by(self.person)
                 if seen["driving"]:
                     looking.follow()
                 looking.turn(state, run)
                 local = looking.shown(state)
-                now = (state, looking.version, seen, self._answers.version, self._refused)
-                if now != shown or axis.behind or plots.behind:
+                look = Look(self.session, self.person.key, state, local, run)
+                grown = {name: value for part in parts for name, value in part.of(look).items()}
+                now = (state, looking.version, seen, self._refused)
+                if now != shown or grown:
                     shown = now
                     message = message_of(state) | {"keys": listed, "people": seen}
-                    message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
-                    message |= {"stage": stage.since(local, run)}
                     message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
-                    message |= lesson.since(state, run, self._answers, self._person.key)
+                    message |= grown
                     listed = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)

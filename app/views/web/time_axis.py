@@ -1,79 +1,102 @@
-"""What the page's time axis shows of a run, sent in increments: a page gets each frame once."""
+"""What the page's time axis shows of a run, sent in increments: a page gets each frame once.
+
+Features mark frames on it: `features/NAME/axis.py` has the kinds of `Marks` in `MARKS`.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from ispom.types import Status
 
-from ...engine.conditions.evaluate import matches
-from ...engine.conditions.parser import Expression
-from ...engine.events import Bookmark
 from ...engine.history.series import Series
 from ...engine.run_events.event import RunEvent
-from ...features.bookmarks.service import Bookmarks
-from ...features.branches.branches import Branch
-from ...features.branches.state import Branches
-from ...features.breakpoints.commands import Breakpoints
-from ...features.lessons.state import Lessons
 from ...presentation import colours
 from ...session.current_run import CurrentRun
+from ...session.registry import modules
 from ...session.state import State
+from .news import Look, News
 
 CODES = {"video": "v", "stereo": "s", "cameras": "c", "imu": "i", "gnss": "g", "wheel": "w", "laser": "l"}
 """Letters of the kinds in the page's axis; `o` for those of packages."""
-SLICE = 500
-"""Frames at which a condition is evaluated for one message; each takes some 10 microseconds."""
 
 
-class AxisNews:
+@dataclass(frozen=True)
+class Mark:
+    """A frame that is marked."""
+
+    at: int
+    text: str
+    """What is said where a person points at it."""
+    note: str = ""
+    """A person's own words about it."""
+    colour: str = ""
+    """As CSS writes it; empty for the page's own."""
+
+
+class Marks:
+    """One kind of marks, and what one page has of them. Made again for each run that a page shows."""
+
+    name: ClassVar[str]
+    sign: ClassVar[Literal["diamond", "flag", "row"]]
+    """How they are drawn: a diamond or a flag with a line over all rows, or a row of their own."""
+
+    def __init__(self) -> None:
+        self._sent: tuple[Mark, ...] = ()
+
+    def marked(self, state: State, run: CurrentRun) -> Iterable[Mark]:
+        """All of them, in the order of their frames."""
+        raise NotImplementedError(type(self).__name__)
+
+    def since(self, state: State, run: CurrentRun) -> dict[str, Any] | None:
+        """What is new to the page; None where nothing is.
+
+        `marks` are all of them, or with `more` those that come to the ones before. A row has its `label`, none for no
+        row, and `help`. Where more is left than one message takes, it is never None.
+        """
+        marks = tuple(self.marked(state, run))
+        if marks == self._sent:
+            return None
+        self._sent = marks
+        return {"sign": self.sign, "marks": [asdict(mark) for mark in marks]}
+
+
+class AxisNews(News):
     """What one page knows so far."""
 
     def __init__(self) -> None:
         self._run: tuple[CurrentRun | None, bool] = (None, False)
         """And whether an open question of a lesson covers what its methods did."""
-        self._branches: tuple[Branch, ...] = ()
-        self._bookmarks: tuple[Bookmark, ...] = ()
-        self._marked: Expression | None = None
-        self._read = self._computed = self._matched = 0
-        """Frames whose times, results and matches the page has."""
+        self._marks: list[Marks] = []
+        self._read = self._computed = 0
+        """Frames whose times and results the page has."""
         self._sent_events = 0
         """The number of events that the page has."""
+
+    def of(self, look: Look) -> Mapping[str, Any]:
+        found = self.since(look.state, look.run)
+        return {} if found is None else {"axis": found}
 
     def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
         """What is new to the page; None where nothing is."""
         if run is None:
             return None
         news: dict[str, Any] = {}
-        covers = state[Lessons].covers
+        covers = state.covers
         methods = () if covers else run.opened.methods
         if (run, covers) != self._run:
-            self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
-            self._read = self._computed = self._matched = self._sent_events = 0
+            self._run = (run, covers)
+            self._marks = [kind() for module in modules("axis") for kind in module.MARKS]
+            self._read = self._computed = self._sent_events = 0
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
-        news |= (
-            self._exposures(run) | self._results(run, methods) | self._matches(state[Breakpoints].marked, run.series)
-        )
+        news |= self._exposures(run) | self._results(run, methods)
         news |= {} if covers else self._events(run)
-        if state[Branches].all != self._branches:
-            before, self._branches = self._points(), state[Branches].all
-            news |= {"branches": self._points()} if self._points() != before else {}
-        if state[Bookmarks].marks != self._bookmarks:
-            self._bookmarks = state[Bookmarks].marks
-            news["bookmarks"] = [{"at": b.exposure, "note": b.note} for b in state[Bookmarks].marks]
-        return news or None
-
-    @property
-    def behind(self) -> bool:
-        """Whether there is more to send, without anything having changed."""
-        return self._marked is not None and self._matched < self._computed
-
-    def _points(self) -> list[dict[str, Any]]:
-        """Where branches begin."""
-        forks = (b for b in self._branches if b.parent is not None)
-        return [{"name": b.name, "at": b.at, "colour": colours.css(b.colour)} for b in forks]
+        marks = {kind.name: found for kind in self._marks if (found := kind.since(state, run)) is not None}
+        return news | ({"marks": marks} if marks else {}) or None
 
     def _exposures(self, run: CurrentRun) -> dict[str, Any]:
         sequence, start = run.playback.sequence, self._read
@@ -99,21 +122,6 @@ class AxisNews:
         self._sent_events += len(new)
         entries = [{"at": e.frame, "severity": e.severity, "text": _text(e)} for e in new]
         return {"events": entries} if entries else {}
-
-    def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
-        """A slice of the frames at which the condition holds."""
-        if marked is not None and any(q.name not in series.quantities for q in marked.quantities):
-            marked = None  # of a branch without that method
-        news: dict[str, Any] = {}
-        if marked != self._marked:
-            self._marked, self._matched = marked, 0
-            news["condition"] = marked.text if marked is not None else ""
-        if marked is not None and self._matched < self._computed:
-            among = range(self._matched, min(self._matched + SLICE, self._computed))
-            self._matched = among.stop
-            if found := [i for i in among if matches(marked, series, i)]:
-                news["matches"] = found
-        return news
 
 
 def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ispom.calibration.diagnostics import Parameter
+from ispom.calibration.result import Verdict
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
 from ispom.calibration.tracked.tracks import key_tracks
 from ispom.errors import InputError
@@ -18,6 +20,9 @@ BETTER = 0.8
 """Share of the prior standard deviation: a focal length that is not better determined was not found."""
 RELIABLE_SIGMA = 0.03
 """Relative standard deviation of a focal length that suffices for more than a first look."""
+GOOD_SIGMA = 0.01
+"""The same, of one that nothing is said against."""
+ADVICE = "film near things at several depths, turn the camera by 20 degrees and more about two axes while it moves"
 _BETTER = "Better: film a target and run `ispom calibrate video`, or give --camera."
 
 
@@ -64,6 +69,26 @@ def rounded(camera: Camera) -> Camera:
     """Rounds to fewer digits than are significant, so that every machine's arithmetic makes the same camera."""
     values = {name: round(getattr(camera, name), 2) for name in ("fx", "fy", "cx", "cy")}
     return replace(camera, **values, distortion=tuple(round(k, 5) for k in camera.distortion))
+
+
+def parameters_of(found: TrackedLens) -> tuple[Parameter, ...]:
+    """Returns fx (and fy, which is the same), cx, cy, k1, k2 with their standard errors."""
+    camera, errors = found.camera, found.sigma * np.array([found.camera.fx, 1, 1, 1, 1])
+    values = (camera.fx, camera.cx, camera.cy, *camera.distortion[:2])
+    known = found.sigma < 0.95 * found.prior_sigma
+    names = ("fx", "cx", "cy", "k1", "k2")
+    return tuple(
+        Parameter("video", name, float(value), float(error), bool(sure))
+        for name, value, error, sure in zip(names, values, errors, known, strict=True)
+    )
+
+
+def verdict_of(found: TrackedLens) -> Verdict:
+    """Returns whether the focal length is good, usable or to be filmed again, by its standard error."""
+    reasons = (f"video: its focal length is uncertain by {100 * found.sigma[0]:.1f} %",)
+    if found.sigma[0] > RELIABLE_SIGMA:
+        return Verdict("redo", reasons, (ADVICE,))
+    return Verdict("usable", reasons, (ADVICE,)) if found.sigma[0] > GOOD_SIGMA else Verdict("good", (), ())
 
 
 def words(guess: Guess, found: TrackedLens | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import yaml
@@ -11,11 +12,14 @@ from ispom.io.calibrations.camera_info import ros_texts
 from ispom.io.calibrations.kalibr import euroc_sensor_text, kalibr_text
 from ispom.io.calibrations.opencv import opencv_text
 from ispom.io.calibrations.placed import FlowDumper, Placed
-from ispom.io.camera import INTRINSICS, SIZES, line_delay_entry
+from ispom.io.camera import INTRINSICS, LINE_DELAY, SIZES, line_delay_entry
 from ispom.io.colmap import colmap_cameras_text
+from ispom.io.rig import SIGMAS
 from ispom.types import Camera, Rig
 
 Format = Literal["camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
+AnyFormat = Literal["rig", "camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
+"""Our own rig.yaml, too."""
 _ORDER = ("left", "right", "video")
 
 
@@ -53,3 +57,26 @@ def rig_files(rig: Rig, form: Format) -> dict[str, str]:
     if form == "euroc":
         return {f"{each.name}/sensor.yaml": euroc_sensor_text(each) for each in cameras}
     return {f"{name}.yaml": text for name, text in ros_texts(cameras).items()}
+
+
+def left_out(rig: Rig, form: AnyFormat) -> Iterator[str]:
+    """Yields a sentence each about what only our own formats say: rolling shutters, and how sure the calibration is."""
+    rolling = [each.name for each in placed_of(rig) if each.camera.line_delay_s]
+    if rolling and form not in ("rig", "camera"):
+        which = f"{LINE_DELAY} of {' and '.join(rolling)}"
+        yield f"--format {form} has no place for a rolling shutter: {which} is left out; rig.yaml keeps it"
+    unplaced = _poses_lost(rig, form)
+    if unplaced:
+        yield f"--format {form} has no poses of {' and '.join(unplaced)}: left out; rig.yaml keeps them"
+    sigmas = [name for name in SIGMAS if getattr(rig, name) is not None]
+    if sigmas and form != "rig":
+        what = "how sure the calibration is"
+        yield f"--format {form} has no place for {what}: left out: {' and '.join(sigmas)}; rig.yaml keeps it"
+
+
+def _poses_lost(rig: Rig, form: AnyFormat) -> list[str]:
+    """Returns the cameras whose places a format cannot hold. COLMAP's has none, ROS's has those of a pair."""
+    cameras = [each.name for each in placed_of(rig)]
+    if len(cameras) < 2 or form not in ("colmap", "ros"):
+        return []
+    return [name for name in cameras if form == "colmap" or not rig.has_stereo or name == "video"]

@@ -46,9 +46,10 @@ def kalibr_text(cameras: list[Placed]) -> str:
     return yaml.dump(chain, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
-def read_kalibr(path: Path) -> list[Placed]:
-    """Reads the cameras; cam0 is the body. Raises InputError that names the missing or invalid entry."""
-    content = read_mapping(path)
+def read_kalibr(path: Path, content: dict[Any, Any] | None = None) -> list[Placed]:
+    """Reads the cameras; cam0 is the body. `content` are the entries of the file, where they are known. Raises
+    InputError that names the missing or invalid entry."""
+    content = read_mapping(path) if content is None else content
     names = sorted((key for key in content if isinstance(key, str) and is_camera(key)), key=lambda key: int(key[3:]))
     if not names:
         raise InputError(f"{path} holds no cam0: give a camchain of Kalibr")
@@ -124,9 +125,10 @@ def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
     return "%YAML:1.0\n" + yaml.dump(content, Dumper=FlowDumper, sort_keys=False, width=200)
 
 
-def read_euroc_sensor(path: Path, name: str = "") -> Placed:
-    """Reads a camera. Raises InputError that names the missing or invalid entry."""
-    content = read_mapping(path)
+def read_euroc_sensor(path: Path, name: str = "", content: dict[Any, Any] | None = None) -> Placed:
+    """Reads a camera. `content` are the entries of the file, where they are known. Raises InputError that names the
+    missing or invalid entry."""
+    content = read_mapping(path) if content is None else content
     lens = lens_of(path, content)
     size = finite_numbers(path, "resolution", content.get("resolution"), 2)
     intrinsics = finite_numbers(path, "intrinsics", content.get("intrinsics"), 4)

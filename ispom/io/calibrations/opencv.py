@@ -46,13 +46,15 @@ def opencv_text(cameras: list[Placed]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_opencv(path: Path, size: ImageSize | None = None) -> list[Placed]:
+def read_opencv(path: Path, size: ImageSize | None = None, content: dict[Any, Any] | None = None) -> list[Placed]:
     """Reads the cameras, the first one being the body; those without a pose in the file have none.
+
+    `content` are the entries of the file, where they are known.
 
     A single camera is in the rectified left camera of its pair, where the file has it. `size` is that of the images,
     used where the file has none. Raises InputError that names the missing or invalid entry.
     """
-    content = storage(path)
+    content = storage(path) if content is None else content
     if (key := matrix_key(content)) is not None:
         info = camera_info(path, content, size=size)
         name = str(content.get("camera_name", content.get("name", path.stem)))
@@ -69,10 +71,10 @@ def read_opencv(path: Path, size: ImageSize | None = None) -> list[Placed]:
     return out
 
 
-def read_extrinsics(path: Path) -> Pose | None:
+def read_extrinsics(path: Path, content: dict[Any, Any] | None = None) -> Pose | None:
     """Reads the pose of the second camera of a pair in the first, from a file with only R and T of a pair, as
     OpenCV's sample writes one; None for other files."""
-    content = storage(path)
+    content = storage(path) if content is None else content
     only_pose = matrix_key(content) is None and matrix_key(content, "1") is None
     return _pose(path, content, "") if only_pose else None
 

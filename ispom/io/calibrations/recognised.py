@@ -3,54 +3,27 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.camera_info import ImageSize, matrix_key
-from ispom.io.calibrations.files import placed_of
-from ispom.io.calibrations.kalibr import is_camera, read_euroc_sensor, read_kalibr
-from ispom.io.calibrations.opencv import is_xml, read_extrinsics, read_opencv
+from ispom.io.calibrations import dialects
+from ispom.io.calibrations.camera_info import ImageSize
+from ispom.io.calibrations.content import Content
+from ispom.io.calibrations.dialect import CalibrationFile
+from ispom.io.calibrations.dialects import ispom_rig
 from ispom.io.calibrations.pair import pair_fault, unit_note
-from ispom.io.calibrations.placed import Placed, placed
-from ispom.io.camera import INTRINSICS, SIZES, camera_of, skipped_note
-from ispom.io.colmap import read_colmap_cameras
+from ispom.io.calibrations.placed import Placed
 from ispom.io.files import exists, is_folder, names
-from ispom.io.mapping import MAX_BYTES, read_mapping
-from ispom.io.rig import ENTRIES, read_rig
-from ispom.io.rows import read_text
-from ispom.io.values import CAMERAS
-from ispom.plausibility.mounts import order_doubts
+from ispom.io.mapping import read_mapping
 from ispom.types import Camera, Rig
 
-KNOWN = (
-    "rig.yaml, camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml, OpenCV's YAML, XML or JSON, ROS's camera_info, or "
-    "COLMAP's cameras.txt"
-)
-SUFFIXES = (".yaml", ".yml", ".xml", ".json")
-"""Largest number of files that are examined in a folder."""
+SUFFIXES = (".yaml", ".yml", ".xml", ".json", ".conf", ".edex", ".cameramodel")
+"""Of files of calibrations that are looked for in a folder."""
+_COLMAP = ("cameras.bin", "cameras.txt")
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
 _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
-
-
-@dataclass(frozen=True, eq=False)
-class CalibrationFile:
-    """The content of one file."""
-
-    path: Path
-    cameras: list[Placed]
-    rig: Rig | None = None
-    """The content of a rig.yaml."""
-    second: Pose | None = None
-    """first_from_second of a pair, where the file has nothing else."""
-    is_relative: bool = False
-    """The poses are those of one camera in another, not on a body that the file defines."""
-    of_pair: bool = False
-    """The poses are valid for a left and a right camera only: ROS's camera_info has any other at 0."""
-    entries: dict[Any, Any] = field(default_factory=dict)
-    """All entries, also those that are not of the camera, such as the rate of its images; empty for several cameras."""
 
 
 def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[Any, Any], tuple[str, ...]]:
@@ -58,10 +31,17 @@ def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[
 
     `size` is that of the images, used where the file has none.
     """
-    camera = _read(path, size)
-    if len(camera.cameras) != 1:
-        raise InputError(f"{path} holds {len(camera.cameras)} cameras: give the file of one camera")
-    return camera.cameras[0].camera, camera.entries, camera.cameras[0].notes
+    found = _read(_file_of(path), size)
+    if len(found.cameras) == 1:
+        return found.cameras[0].camera, found.entries, found.cameras[0].notes
+    usual = [each for each in found.cameras if each.name == found.usual]
+    if not usual:
+        called = ", ".join(each.name for each in found.cameras)
+        several = f"holds {len(found.cameras)} cameras ({called})" if called else "holds no camera"
+        raise InputError(f"{path} {several}: give the file of one camera")
+    others = ", ".join(each.name for each in found.cameras if each.name != found.usual)
+    note = f"{path}: of its cameras that called {found.usual} here is used, not {others}"
+    return usual[0].camera, found.entries, (*usual[0].notes, note)
 
 
 def one_rig(
@@ -143,7 +123,15 @@ def _role(name: str) -> str:
     return sides.pop() if len(sides) == 1 else _ALIASES.get(word, word)
 
 
+def _file_of(path: Path) -> Path:
+    """The file of a folder with COLMAP's cameras; any other path is itself."""
+    if not is_folder(path):
+        return path
+    return next((path / name for name in _COLMAP if exists(path / name)), path)
+
+
 def _files(path: Path) -> tuple[Path, ...]:
+    path = _file_of(path)
     if not is_folder(path):
         return (path,)
     inside = [path / name for name in names(path)]
@@ -151,7 +139,7 @@ def _files(path: Path) -> tuple[Path, ...]:
     sensors = [sensor for sensor in sensors if _is_of_camera(sensor)]
     files = sensors or [each for each in inside if each.suffix.lower() in SUFFIXES]
     if not files:
-        raise InputError(f"{path} holds no calibration: give a file such as {KNOWN}")
+        raise InputError(f"{path} holds no calibration: no sensor.yaml, COLMAP's cameras, nor {', '.join(SUFFIXES)}")
     return tuple(files)
 
 
@@ -161,44 +149,8 @@ def _is_of_camera(path: Path) -> bool:
 
 
 def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) -> CalibrationFile:
-    """Reads a file by the format that its entries show."""
-    text, suffix = read_text(path, MAX_BYTES), path.suffix.lower()
-    unknown = InputError(f"{path} is no calibration that is known: give {KNOWN}")
-    if suffix == ".txt":
-        cameras = [placed(path, "", path.stem, camera, None) for camera in read_colmap_cameras(path)]
-        return CalibrationFile(path, cameras)
-    if is_xml(text):
-        return _of_opencv(path, size)
-    try:
-        content = read_mapping(path)
-    except InputError:
-        if suffix in SUFFIXES:
-            raise
-        raise unknown from None
-    keys = {key for key in content if isinstance(key, str)}
-    if keys & set(CAMERAS) or (keys and keys <= ENTRIES):
-        rig = read_rig(path, every_placed)
-        cameras = [
-            placed(path, p.name, p.name, p.camera, p.pose, order_doubts(str(path), p.name, p.pose))
-            for p in placed_of(rig)
-        ]
-        return CalibrationFile(path, cameras, rig)
-    if any(map(is_camera, keys)):
-        return CalibrationFile(path, read_kalibr(path))
-    if "T_BS" in keys:
-        return CalibrationFile(path, [read_euroc_sensor(path)], entries=content)
-    if matrix_key(content) or matrix_key(content, "1") or {"R", "T"} <= keys or "opencv-matrix" in text:
-        return replace(_of_opencv(path, size), entries=content)
-    if keys & {"model", *SIZES, *INTRINSICS}:
-        if size is not None and not set(SIZES) & keys:
-            content = content | dict(zip(SIZES, size(), strict=True))
-        camera = placed(path, "", path.stem, camera_of(path, content), None, skipped_note(path, content))
-        return CalibrationFile(path, [camera], entries=content)
-    raise unknown
-
-
-def _of_opencv(path: Path, size: ImageSize | None) -> CalibrationFile:
-    second = read_extrinsics(path)
-    cameras = [] if second is not None else read_opencv(path, size)
-    of_pair = len(cameras) == 1 and cameras[0].body_from_camera is not None
-    return CalibrationFile(path, cameras, second=second, is_relative=True, of_pair=of_pair)
+    """Reads a file by the dialect that its content shows."""
+    content = Content.of(path)
+    if not every_placed and dialects.recognised(content) is ispom_rig.DIALECT:
+        return ispom_rig.read_placed(content, False)
+    return dialects.read(content, size)

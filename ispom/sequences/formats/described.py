@@ -29,14 +29,14 @@ from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.trajectories import read_tum
-from ispom.sequences.formats.folder import TIMES, holds_images, named_images
+from ispom.sequences.formats.folder import TIMES, first_image, holds_images, named_images
 from ispom.sequences.formats.streams import StreamInput, streams
 from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
-from ispom.sequences.stream import Stream, clock_of, named_file, size_of
+from ispom.sequences.stream import Stream, clock_of, fitted, named_file, size_of
 from ispom.types import Frame, Kind, Measurement, Rig, Sequence, Trajectory
 
 FILE = "sequence.yaml"
@@ -110,6 +110,8 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     if "video" not in content and "left" not in content:
         raise InputError(no_camera)
     rig, notes = _filmed_rig(path, placed)
+    rig, scaled = _fitted_rig(path, content, rig)
+    notes += scaled
     streams_by_name = streams(
         path, {name: _stream_input(path, name, content, rig) for name in STREAMS if name in content}
     )
@@ -169,6 +171,23 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
     times_ns = np.array([t for t, _, _ in plan], np.int64)
     ground_truth = truth_at(truth, np.unique(times_ns)) if truth is not None else None
     return Sequence(name, rig, times_ns, tuple(kind for _, kind, _ in plan), load, ground_truth, notes)
+
+
+def _fitted_rig(path: Path, content: dict[Any, Any], rig: Rig) -> tuple[Rig, tuple[str, ...]]:
+    """The rig for the size of the images of each stream, where they are in a folder, with a note about each camera that
+    was scaled; InputError as `fitted`."""
+    notes: tuple[str, ...] = ()
+    for name in STREAMS:
+        entry, camera = content.get(name), getattr(rig, name)
+        source = entry.get("source") if isinstance(entry, dict) else entry
+        if camera is None or not isinstance(source, str) or not is_folder(path.parent / source):
+            continue
+        first = first_image(named_file(path, f"{name}.source", source))
+        if first is None:
+            continue
+        camera, scaled = fitted(path, camera, size_of_photo(first))
+        rig, notes = (rig.changed(**{name: camera}), (*notes, *scaled)) if scaled else (rig, notes)
+    return rig, notes
 
 
 def _stream_input(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> StreamInput:

@@ -25,7 +25,7 @@ from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, r
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import Clock, Stream, clock_of, size_of
+from ispom.sequences.stream import Clock, Stream, clock_of, fitted, size_of
 from ispom.types import Camera, Image
 
 CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
@@ -35,6 +35,12 @@ CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortio
 def holds_images(folder: Path) -> bool:
     """Whether there are images right in it."""
     return is_folder(folder) and any(_is_image(name) for name in names(folder))
+
+
+def first_image(folder: Path) -> Path | None:
+    """The image right in it whose name comes first in the alphabet; None where there is none."""
+    found = min((name for name in names(folder) if _is_image(name)), default=None)
+    return None if found is None else folder / found
 
 
 def looks_like_images(folder: Path) -> bool:
@@ -75,10 +81,14 @@ def read_settings(
     """The camera of a camera.yaml or of another program's file, the clock of its images, and notes: about entries of a
     camera.yaml that are not known, as a misspelt one would go unnoticed, and about values that are likely wrong.
 
-    `size` gives that (width, height) of the images, which counts where the file has none.
+    `size` gives that (width, height) of the images: it counts where the file has none, and the camera is scaled to them
+    where that is allowed (see `fitted`).
     """
     camera, entries, notes = one_camera(path, size)
-    return camera, clock_of(path, entries), notes
+    if size is None:
+        return camera, clock_of(path, entries), notes
+    camera, scaled = fitted(path, camera, size())
+    return camera, clock_of(path, entries), (*notes, *scaled)
 
 
 def named_images(folder: Path, one_size: bool = False) -> Named:

@@ -53,8 +53,9 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
         guess = guess_of_film(path, film.size, film.aspect)
         camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
-        camera, clock, notes = read_settings(settings, lambda: _Film(path).size)
-        film = _Film(path, size_of(camera))
+        film = _Film(path)
+        camera, clock, notes = read_settings(settings, lambda: film.size)
+        film.require(size_of(camera))
         stream, notes = _stream(film, path, clock), (*notes, *_aspect_note(path, film, camera))
     read, notes = stream.read, (*notes, *stream.notes)
     return Recording(
@@ -124,9 +125,8 @@ class _Film:
         get = self._decoder.get
         width, height = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
         self.size = width, height
-        if size is not None and self.size != size:
-            cure = "give the calibration of this video"
-            raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
+        if size is not None:
+            self.require(size)
         aspect = pixel_aspect(get(cv2.CAP_PROP_SAR_NUM), get(cv2.CAP_PROP_SAR_DEN))
         turned = get(cv2.CAP_PROP_ORIENTATION_AUTO) and get(cv2.CAP_PROP_ORIENTATION_META) % 180
         self.aspect = 1 / aspect if turned else aspect
@@ -148,6 +148,12 @@ class _Film:
         claimed = max(claimed, len(packets_ns))
         fewer = f"{path.name}: {self.count} of {claimed} images can be decoded and are part of what the file shows"
         self.note = fewer if self.count < claimed else ""
+
+    def require(self, size: tuple[int, int]) -> None:
+        """InputError where the images have another size (width, height)."""
+        if self.size != size:
+            (width, height), cure = self.size, "give the calibration of this video"
+            raise InputError(f"{self._path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
 
     @property
     def uneven(self) -> bool:

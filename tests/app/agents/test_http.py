@@ -14,8 +14,8 @@ import uvicorn
 from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.http import PATH, application, serve_beside_page
 from ispom_app.features.agents.server import AgentServer
-from ispom_app.features.branches.state import Branches
 from ispom_app.session import moves
+from ispom_app.session.branches.state import Branches
 from ispom_app.views.web.access import Access
 
 from tests.app.agents.asking import Agent, connected

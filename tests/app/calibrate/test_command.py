@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.calibration.images import open_sources
 
+from ispom.calibration.filmed.images import open_sources
 from ispom.calibration.targets.layouts import parse_target
 from ispom.io.rig import read_rig
 from ispom.simulation.filmed_board import LEFT, Exposing, board_image, board_poses, filming_rig

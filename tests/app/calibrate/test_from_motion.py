@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.calibration import from_motion, from_tracks
+from ispom_app.features.calibration import from_tracks
 
+from ispom.calibration.motion import recorded
 from ispom.calibration.motion.combine import Part
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError
@@ -29,8 +30,8 @@ def watched(monkeypatch: pytest.MonkeyPatch, way: simulated.Way, parts: list[Par
     """The estimators give these trajectories, and the parts say this."""
     left, video = simulated.courses(1, way)
     joined = np.ones(len(left) - 1, bool)
-    monkeypatch.setattr(from_motion, "_courses", lambda _: (left, video, joined))
-    monkeypatch.setattr(from_motion, "_refined", lambda *_: parts)
+    monkeypatch.setattr(recorded, "_courses", lambda *_: (left, video, joined))
+    monkeypatch.setattr(recorded, "_refined", lambda *_: parts)
 
 
 def part(change: float, sigma: float) -> Part:
@@ -63,8 +64,8 @@ def test_place_and_clock_are_written_and_reported(
 def test_parts_that_differ_widen_the_errors() -> None:
     left, video = simulated.courses(1, simulated.flight(1))
     rough = simulated.found_by(left, video)
-    alike = from_motion.combined(rough, [part(0.1, 0.3), part(-0.1, 0.3)])
-    combined = from_motion.combined(rough, [part(2.0, 0.3), part(-2.0, 0.3)])
+    alike = recorded.combined(rough, [part(0.1, 0.3), part(-0.1, 0.3)])
+    combined = recorded.combined(rough, [part(2.0, 0.3), part(-2.0, 0.3)])
     assert alike.widened == 1.0
     assert combined.widened > 5
     assert np.diag(combined.covariance) == pytest.approx(combined.widened**2 * np.diag(alike.covariance))
@@ -93,13 +94,13 @@ def test_a_rig_that_does_not_turn_is_refused(
 
 
 def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(from_motion, "PART_PAIRS", 4)
+    monkeypatch.setattr(recorded, "PART_PAIRS", 4)
     sequence, wrong = open_sequence("sim:tiny"), Pose.exp(np.array([0.004, -0.004, 0.003, 0.004, -0.003, 0.003]))
     truth = sequence.rig.rig_from_video.inverse() @ sequence.rig.rig_from_left
     left, video = simulated.courses(1, simulated.flight(1))
     rough = replace(simulated.found_by(left, video), video_from_left=wrong @ truth, offset_s=0.006)
-    parts = from_motion._refined(sequence, rough)
-    found = from_motion.combined(rough, parts)
+    parts = recorded._refined(sequence, rough)
+    found = recorded.combined(rough, parts)
     assert found.parts == len(parts) == 2
     error = (found.video_from_left @ truth.inverse()).log()
     assert np.degrees(np.linalg.norm(error[3:])) < 0.1 < np.degrees(np.linalg.norm(wrong.rotvec))

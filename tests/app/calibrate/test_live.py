@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.calibration import command
-from ispom_app.features.calibration.live import covered, filmed, is_camera, words
-from ispom_app.features.calibration.simulated import simulated
 
 from ispom.calibration.detection.detect import detect
+from ispom.calibration.filmed.live import covered, filmed, is_camera, words
+from ispom.calibration.filmed.simulated import simulated
 from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.types import Image

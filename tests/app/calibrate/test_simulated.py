@@ -13,9 +13,9 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.calibration.job import CalibrationRequest, Job
 from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, kept_in
-from ispom_app.features.calibration.page_routes import image_of, seen_in, shown
-from ispom_app.features.calibration.simulated import simulated
+from ispom_app.features.calibration.routes import image_of, seen_in, shown
 
+from ispom.calibration.filmed.simulated import simulated
 from ispom.calibration.targets.layouts import parse_target
 from ispom.errors import InputError
 from ispom.io.files import bounded

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from io import StringIO
 from pathlib import Path
 
 import pyarrow.parquet
@@ -12,6 +13,7 @@ import pytest
 import yaml
 from ispom_app.cli.main import INTERRUPTED, main
 from ispom_app.engine.run_folder.run_folder import locked
+from ispom_app.features.experiments.plan import MEASURED
 
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
@@ -181,3 +183,15 @@ def test_a_part_that_is_computed_is_waited_for(plan: Path, tmp_path: Path, capsy
         assert run(plan, out, "--shard", "1/2") == 2 and run(plan, out) == 2
         assert "shard 1-of-2 is being computed" in capsys.readouterr().err
     assert run(plan, out) == 0
+
+
+def test_what_was_measured_stands_beside_the_errors_of_a_plan_that_asks_for_it(plan: Path, tmp_path: Path) -> None:
+    assert run(plan, tmp_path / "without") == 0
+    assert not set(MEASURED) & rows(tmp_path / "without")[0].keys()
+    times = list(csv.DictReader(StringIO((tmp_path / "without" / "times.csv").read_text())))
+    assert all(float(row["cpu_ms"]) >= 0 and float(row["peak_memory_mb"]) > 20 for row in times)
+    plan.write_text(plan.read_text() + "quantities: [cpu_ms, cpu_ms_p95, peak_memory_mb, ate_m]\n")
+    assert run(plan, tmp_path / "with") == 0
+    assert all(float(row["cpu_ms_p95"]) >= float(row["cpu_ms"]) >= 0 for row in rows(tmp_path / "with"))
+    spreads = json.loads((tmp_path / "with" / "summary.json").read_text())["spreads"]
+    assert {s["quantity"] for s in spreads if s["median"] is not None} >= {"cpu_ms", "peak_memory_mb", "ate_m"}

@@ -64,7 +64,8 @@ def test_a_line_runs_on_its_own_sources_only_unless_others_are_asked_for(tmp_pat
 @pytest.mark.parametrize("name", sorted(built_in()))
 def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> None:
     plan = read_plan(Experiment(plan=name, out=tmp_path, seeds="3,5-6"))
-    assert plan.seeds == (3, 5, 6) and plan.statements and plan.lines
+    assert plan.seeds == (3, 5, 6) and plan.lines
+    assert plan.statements or name == "speed", "the others are what the paper says"
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from aiohttp import ClientSession
 from ispom_app.engine.subscribers import Subscribers
@@ -21,18 +22,24 @@ from ispom_app.views.web.connections import Connections, runner_of
 from ispom_app.views.web.gateway import Backends, Gateway
 from ispom_app.views.web.rerun_assets import NAMES
 
+T = TypeVar("T")
 COOKIE = "ispom-test"
 
 
 class FakeSession:
     """A state to show, and the commands that came."""
 
-    def __init__(self) -> None:
+    def __init__(self, recordings_dir: Path) -> None:
         self.state = State("double")
         self.run: CurrentRun | None = None
         self.changes = Subscribers()
         self.commands: list[do.Command] = []
         self.folders = Folders()
+        self._extras: dict[type, object] = {}
+        self.recordings_dir = recordings_dir
+
+    def extra(self, kind: type[T]) -> T:
+        return self._extras.setdefault(kind, kind())  # type: ignore[return-value]
 
     def post(self, command: do.Command) -> None:
         self.commands.append(command)
@@ -59,7 +66,7 @@ class Served:
     client: ClientSession
     """Has the token."""
     gateway: Gateway
-    session: FakeSession = field(default_factory=FakeSession)
+    session: FakeSession
     live: FakeLive = field(default_factory=FakeLive)
     tabs: list[frozenset[str]] = field(default_factory=list)
 
@@ -102,7 +109,7 @@ def serving(
 async def served(folder: Path, viser: PortlessViser | None, access: Access) -> AsyncIterator[Served]:
     for name in NAMES:
         (folder / name).write_bytes(b"viewer")
-    session, live, tabs = FakeSession(), FakeLive(), []
+    session, live, tabs = FakeSession(folder), FakeLive(), []
     backends = Backends(session, live, viser, lambda: folder, folder, tabs.append)  # type: ignore[arg-type]
     gateway = Gateway(backends, access, COOKIE)
     runner = runner_of(gateway.app)

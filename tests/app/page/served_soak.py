@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.views.web.server import Serving, serve
 

@@ -61,7 +61,7 @@ def test_the_start_screen_has_contrast_and_names(page: Page, scheme: str) -> Non
     page.tab.locator("#back").click()
 
 
-@pytest.mark.parametrize("tab", ["Explain", "Tracks", "Methods", "Branches", "Breakpoints", "View", "Files"])
+@pytest.mark.parametrize("tab", ["Tracks", "Methods", "Branches", "Breakpoints", "View", "Files"])
 def test_our_texts_in_the_left_pane_have_contrast(page: Page, tab: str) -> None:
     """viser's own controls are not judged."""
     in_scheme(page, "dark")

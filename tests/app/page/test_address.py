@@ -166,18 +166,21 @@ def test_an_exposure_beyond_the_end_is_the_last_one(page: Page) -> None:
 def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     go(page, 17)
     page.tab.keyboard.press("m")
-    page.until("window.ispom.axis.bookmarks.length === 1", "the bookmark")
-    assert page.tab.evaluate("window.ispom.axis.bookmarks") == [{"at": 17, "note": ""}]
+    page.until("window.ispom.axis.marks.bookmarks?.marks.length === 1", "the bookmark")
+    assert page.tab.evaluate("window.ispom.axis.marks.bookmarks.marks.map(({ at, note }) => [at, note])") == [[17, ""]]
     go(page, 33)
     page.controls.get_by_role("tab", name="Files").click()
     page.controls.get_by_role("textbox").and_(page.controls.locator("input:visible")).last.fill("here it jumps")
     page.controls.get_by_role("button", name="Bookmark this frame").click()
-    page.until("window.ispom.axis.bookmarks.length === 2", "the second one")
-    assert page.tab.evaluate("window.ispom.axis.bookmarks")[1]["note"] == "here it jumps"
+    page.until("window.ispom.axis.marks.bookmarks?.marks.length === 2", "the second one")
+    assert page.tab.evaluate("window.ispom.axis.marks.bookmarks.marks")[1]["note"] == "here it jumps"
     page.tab.locator("#axis").hover(position={"x": 176 + 1090 * 33 / 43, "y": 3})
     assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
     go(page, 2)
     page.controls.get_by_role("button", name="Go to", exact=True).click()
     page.until("state.index === 33", "the bookmark's frame")
     page.controls.get_by_role("button", name="Remove", exact=True).click()
-    page.until("window.ispom.axis.bookmarks.length === 1 && window.ispom.axis.bookmarks[0].at === 17", "the other")
+    page.until(
+        "window.ispom.axis.marks.bookmarks?.marks.length === 1 && window.ispom.axis.marks.bookmarks.marks[0].at === 17",
+        "the other",
+    )

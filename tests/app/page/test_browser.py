@@ -47,7 +47,7 @@ FLAGS = [
     "--disable-dev-shm-usage",
 ]
 PATIENCE_MS = 60_000
-NOT_NEW = "localStorage.setItem('ispom.tour', 'seen')"
+NOT_NEW = "localStorage.setItem('ispom.captions', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44
 
@@ -123,7 +123,7 @@ class Page:
         first: str = "state.total > 0",
     ) -> None:
         """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time, and
-        `after_viewer` one behind it; `before` runs before the page's own: without it the tour begins. It is there
+        `after_viewer` one behind it; `before` runs before the page's own: without it the captions show. It is there
         when `first` holds."""
         self.faults: list[str] = []
         self.requests: list[str] = []
@@ -161,9 +161,22 @@ class Page:
         """As the page's own keys and bar do it."""
         self.tab.evaluate(f"{{ const {{ send, action }} = window.ispom; send({message}); }}")
 
+    def open_tab(self, name: str) -> None:
+        """A tab of the left pane, also below a sheet."""
+        tabs = "[...document.querySelectorAll('#panels [role=tab]')]"
+        self.tab.evaluate(f"(name) => {tabs}.find((tab) => tab.textContent === name)?.click()", name)
+
     @property
     def controls(self):
+        """viser's panels, in the tab that is open then."""
+        self.open_tab("Controls")
         return self.tab.frame_locator("#controls")
+
+    @property
+    def explain(self):
+        """What features say of the frame, in the tab that is open then."""
+        self.open_tab("Explain")
+        return self.tab.locator("#tab-Explain")
 
 
 @pytest.fixture(scope="module")
@@ -177,13 +190,13 @@ def test_it_plays_by_itself(page: Page):
     page.until("state.ended && !state.playing", "the end")
     assert page.state["computed"] == TOTAL
     assert page.tab.locator("#exposure").inner_text() == f"frame {TOTAL - 1} / {TOTAL - 1}"
-    assert page.tab.locator(".method").count() == 3
-    assert re.search(r"Stereo.*\d mm?$", page.tab.locator(".method").nth(1).inner_text().replace("\n", " "))
+    assert page.tab.locator("#methods .method").count() == 3
+    assert re.search(r"Stereo.*\d mm?$", page.tab.locator("#methods .method").nth(1).inner_text().replace("\n", " "))
 
 
 def test_viser_shows_its_panels(page: Page):
-    page.controls.locator(".explain .card").nth(2).wait_for()
-    for name in ("Methods", "View", "Files", "Explain"):
+    page.explain.locator(".card").nth(2).wait_for()
+    for name in ("Methods", "View", "Files"):
         page.controls.get_by_role("tab", name=name).wait_for()
 
 
@@ -197,6 +210,17 @@ VIEWER = """async () => {
   const { stateOf } = await import(new URL("web/viewer_control.js", document.baseURI));
   return JSON.stringify(stateOf(window.ispom.viewer.handle.viewer_state()));
 }"""
+
+
+def test_animation_frames_stay_the_browsers(page: Page):
+    """A frame that was asked for can be cancelled, and the next one comes."""
+    called = """new Promise((done) => {
+      const called = [];
+      cancelAnimationFrame(requestAnimationFrame(() => called.push("cancelled")));
+      requestAnimationFrame(() => requestAnimationFrame(() => done(called)));
+    })"""
+    assert page.tab.evaluate(called) == []
+    assert "[native code]" in page.tab.evaluate("String(window.requestAnimationFrame)")
 
 
 def test_the_saved_picture_is_what_is_on_the_screen(page: Page):

@@ -24,7 +24,6 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
     opened.until(f"state.computed === {TOTAL}", "the end")
     opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
-    opened.controls.get_by_role("tab", name="Explain", exact=True).click()
     yield opened
     assert not opened.faults
     opened.tab.close()
@@ -32,12 +31,12 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 
 def test_why_below_an_event_examines_that_event(page: Page) -> None:
     assert page.state["doctor"] == {"at": None, "running": False, "causes": None}
-    why = page.controls.locator("button[data-doctor]").first
+    why = page.explain.locator("button[data-doctor]").first
     frame = int(why.get_attribute("data-doctor") or "")
     why.click()
     page.until(f"state.doctor.at === {frame}", "the examination")
     page.until("!state.doctor.running && state.doctor.causes", "the answer")
-    answer = page.controls.locator("[data-cause]")
+    answer = page.explain.locator("[data-cause]")
     answer.locator("details summary").click()
     shown = answer.locator("button[data-seek]").first
     wanted = int(shown.get_attribute("data-seek") or "")

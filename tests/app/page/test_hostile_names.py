@@ -69,7 +69,8 @@ def test_no_name_becomes_markup_anywhere_on_the_page(browser, app: App):  # noqa
     opened(page, f"/no/{FRAME}")
     page.tab.locator(".notice.error").get_by_text(FRAME).wait_for()
 
-    for tab in ("Files", "Methods", "View", "Explain"):
+    assert not page.explain.locator(MADE).count()
+    for tab in ("Files", "Methods", "View"):
         page.controls.get_by_role("tab", name=tab).click()
         assert not page.controls.locator(MADE).count(), tab
     page.tab.locator("#home").click()

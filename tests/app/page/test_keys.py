@@ -28,7 +28,7 @@ CONSEQUENCES = {
     "loop_start": "state.loop?.[0] === 20 && state.loop[1] === null",
     "loop_end": "state.loop?.[0] === 0 && state.loop[1] === 20",
     "no_loop": "state.loop === null",
-    "bookmark": "window.ispom.axis.bookmarks[0]?.at === 20",
+    "bookmark": "window.ispom.axis.marks.bookmarks?.marks[0]?.at === 20",
 }
 """Of each action at frame 20, where the first and every fifth frame of a method is a keyframe."""
 BUTTONS = ("back", "forward", "start", "end", "loop_start", "loop_end", "no_loop", "bookmark")
@@ -49,9 +49,9 @@ def begin(page: Page, name: str) -> None:
     page.send("action('no_loop')")
     page.send(f"{{do: 'seek', index: {FROM}}}")
     page.until(f"state.index === {FROM} && state.loop === null && !state.playing", "the beginning")
-    if name == "bookmark" and page.tab.evaluate("window.ispom.axis.bookmarks.length"):
+    if name == "bookmark" and page.tab.evaluate("window.ispom.axis.marks.bookmarks?.marks.length"):
         page.send("action('bookmark')")
-        page.until("window.ispom.axis.bookmarks.length === 0", "the bookmark to be gone")
+        page.until("window.ispom.axis.marks.bookmarks.marks.length === 0", "the bookmark to be gone")
     if name == "no_loop":
         page.send("action('loop_start')")
         page.until("state.loop !== null", "a loop")
@@ -68,14 +68,13 @@ def opened_tab(page: Page, name: str) -> None:
 
 
 def clicked_panel(page: Page) -> None:
-    opened_tab(page, "Explain")
-    page.controls.get_by_text("Frame ").first.click()
+    page.explain.get_by_text("Frame ").first.click()
 
 
 FOCUSED = {
     "the page": lambda page: page.tab.locator("#bar").click(position={"x": 600, "y": 15}),
     "Rerun's canvas": lambda page: page.tab.locator("#canvas").click(),
-    "viser's panel": clicked_panel,
+    "what is explained": clicked_panel,
     "a pressed button": pressed,
 }
 

@@ -74,9 +74,8 @@ def test_long_curves_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(quantity_plots, "SLICE", 10)
     while not run.playback.done:
         run.step()
-    news, parts = PlotNews(), []
-    while not parts or news.behind:
-        parts.append(news.since(STATE, run))
+    news = PlotNews()
+    parts = list(iter(lambda: news.since(STATE, run), None))
     assert len(parts) == 5
     monkeypatch.undo()
     assert curves_of(parts) == curves_of([PlotNews().since(STATE, run)])
@@ -120,14 +119,14 @@ DRAWN = """(() => {
 def go_to(page: Page, index: int) -> None:
     page.send(f"{{do: 'seek', index: {index}}}")
     page.until(f"state.index === {index}", "the seek")
-    page.controls.locator(".explain", has_text=f"Frame {index}").first.wait_for()  # viser draws it a little later
+    page.explain.get_by_text(f"Frame {index}").first.wait_for()
 
 
 def row(page: Page, name: str = NAME):
     """Of the folder with all checks, which is open as long as the page is."""
-    found = page.controls.locator(f'.explain button[data-plot="{name}"]').last
+    found = page.explain.locator(f'button[data-plot="{name}"]').last
     if not found.is_visible():
-        page.controls.get_by_text("All checks", exact=True).click()
+        page.explain.get_by_text("All checks", exact=True).click()
         found.wait_for()
     return found
 
@@ -150,7 +149,7 @@ def test_a_click_on_a_check_plots_it_and_a_reload_keeps_it(page: Page) -> None:
     page.until("location.hash.includes('plot=')", "the address")  # which is written twice a second at most
     page.tab.reload()
     page.until(f"{SHOWN} && {DRAWN}", "the plot after a reload")
-    row(page).and_(page.controls.locator("[aria-pressed=true]")).wait_for()
+    row(page).and_(page.explain.locator("[aria-pressed=true]")).wait_for()
 
 
 @in_chromium
@@ -171,8 +170,8 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
     row(page).focus()
     page.tab.keyboard.press("Enter")
     page.until("state.address.plots === ''", "the plot to be closed")
-    other = page.controls.locator('.explain button[data-plot="monocular.alive"]')
-    page.controls.get_by_text("Tracks and numbers", exact=True).click()
+    other = page.explain.locator('button[data-plot="monocular.alive"]')
+    page.explain.get_by_text("Tracks and numbers", exact=True).click()
     other.wait_for()
     other.focus()
     page.tab.keyboard.press("Enter")
@@ -181,7 +180,7 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
     assert name != NAME and not page.state["playing"]
     page.tab.keyboard.press("ArrowRight")
     page.until("state.index === 16", "the step, with the focus on a check")
-    row(page, name).and_(page.controls.locator(":focus")).wait_for()
+    row(page, name).and_(page.explain.locator(":focus")).wait_for()
 
 
 @in_chromium

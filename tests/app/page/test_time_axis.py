@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from ispom_app.engine.conditions.parser import parse
 from ispom_app.engine.playback import Playback
-from ispom_app.features.branches.branches import Branch
+from ispom_app.features.breakpoints import axis
+from ispom_app.session.branches.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
-from ispom_app.views.web import time_axis
 from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
@@ -63,27 +63,31 @@ def test_in_increments_a_page_hears_what_one_that_comes_late_hears(run: CurrentR
 
 
 def test_matches_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time_axis, "SLICE", 10)
+    monkeypatch.setattr(axis, "SLICE", 10)
     while not run.playback.done:
         run.step()
     state = with_values(State("double:40"), marked=parse('monocular.status == "lost"', run.series.quantities))
-    news, found, messages = AxisNews(), [], 0
-    while messages == 0 or news.behind:
-        found += (news.since(state, run) or {}).get("matches", [])
-        messages += 1
-    assert messages == 5
-    assert found == [r.index for r in run.history for s in r.steps if s.method == "monocular" and s.status == "lost"]
-    assert news.since(with_values(state, marked=None), run) == {"condition": ""}
+    news = AxisNews()
+    parts = [part["marks"]["matches"] for part in iter(lambda: news.since(state, run), None)]
+    assert len(parts) == 5 and parts[0]["label"] == 'monocular.status == "lost"' and parts[-1]["more"]
+    assert [mark["at"] for part in parts for mark in part["marks"]] == [
+        r.index for r in run.history for s in r.steps if s.method == "monocular" and s.status == "lost"
+    ]
+    gone = news.since(with_values(state, marked=None), run)
+    assert gone is not None and gone["marks"]["matches"]["label"] == "" and not gone["marks"]["matches"]["marks"]
 
 
 def test_starts_of_branches_are_sent_only_when_they_change(run: CurrentRun) -> None:
     run.step()
     news, first = AxisNews(), Branch(0, "first run")
     state = with_values(State("double:40"), branches=(first, Branch(1, "other", 0, 9)))
-    assert (news.since(state, run) or {})["branches"] == [{"name": "other", "at": 9, "colour": "#56b4e9"}]
+    marks = (news.since(state, run) or {})["marks"]["branches"]["marks"]
+    assert [(mark["at"], mark["text"], mark["colour"]) for mark in marks] == [(9, "other begins", "#56b4e9")]
     longer = with_values(state, branches=(replace(first, computed=7), Branch(1, "other", 0, 9)))
     assert news.since(longer, run) is None
-    assert news.since(with_values(state, branches=(first,)), run) == {"branches": []}
+    assert news.since(with_values(state, branches=(first,)), run) == {
+        "marks": {"branches": {"sign": "flag", "marks": []}}
+    }
 
 
 @pytest.fixture(scope="module")
@@ -100,12 +104,12 @@ in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt
 
 @in_chromium
 def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
-    axis = page.tab.locator("#axis")
-    axis.click(position={"x": 176 + 545, "y": 6})
+    dock = page.tab.locator("#axis")
+    dock.click(position={"x": 176 + 545, "y": 6})
     page.until("Math.abs(state.index - 21) <= 1", "the middle")
-    axis.click(position={"x": 172, "y": 20})
+    dock.click(position={"x": 172, "y": 20})
     page.until("state.index === 0", "the first")
-    box = axis.bounding_box()
+    box = dock.bounding_box()
     page.tab.mouse.move(box["x"] + 400, box["y"] + 5)
     page.tab.mouse.down()
     for x in (500, 900, 1278):
@@ -135,10 +139,10 @@ def test_the_axis_marks_where_a_condition_holds_and_where_a_branch_begins(page: 
     field.fill("stereo.key_frame")
     page.controls.get_by_text("holds at 1 of 44").wait_for()
     page.controls.get_by_role("button", name="◀ Match").click()
-    page.until("state.index === 1 && window.ispom.axis.matches.length === 1", "the match")
-    assert page.tab.evaluate("window.ispom.axis.matches") == [1]
+    page.until("state.index === 1 && window.ispom.axis.marks.matches?.marks.length === 1", "the match")
+    assert page.tab.evaluate("window.ispom.axis.marks.matches.marks.map(({ at }) => at)") == [1]
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_role("button", name="Fork").click()
-    page.until("window.ispom.axis.branches.length === 1", "the branch")
-    assert page.tab.evaluate("window.ispom.axis.branches")[0]["at"] == 2
+    page.until("window.ispom.axis.marks.branches?.marks.length === 1", "the branch")
+    assert page.tab.evaluate("window.ispom.axis.marks.branches.marks")[0]["at"] == 2
     page.until("state.ended && !state.playing && window.ispom.axis.computed === 44", "the branch's end")

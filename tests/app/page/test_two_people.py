@@ -101,7 +101,7 @@ def test_unavailable_actions_are_reported_and_change_nothing(both: tuple[Page, P
     follower.send("{do: 'seek', index: 3}")  # past the page, as a script would
     seek(driver, 21)
     follower.until("state.index === 21 && !window.ispom.state.playing", "only the driver's command")
-    assert not driver.tab.evaluate("window.ispom.axis.bookmarks.length")
+    assert not driver.tab.evaluate("window.ispom.axis.marks.bookmarks?.marks.length")
     follower.send("{do: 'follow'}")
     panel = follower.tab.frame_locator("#controls")
     play = panel.get_by_role("button", name="Run to the next anomaly").first
@@ -133,6 +133,8 @@ def test_the_last_browser_that_is_left_is_in_control(browser, app: App, both: tu
     panel = follower.tab.frame_locator("#controls")
     panel.get_by_role("tab", name="Files").click()
     panel.get_by_role("button", name="Bookmark this frame").click()
-    follower.until("window.ispom.axis.bookmarks.some(({ at }) => at === 20)", "what the panel's button does")
+    follower.until(
+        "window.ispom.axis.marks.bookmarks?.marks.some(({ at }) => at === 20)", "what the panel's button does"
+    )
     driver.tab.goto(app.url)
     driver.until("state.total > 0 && state.people.driver === 2", "the other one to drive")

@@ -1,10 +1,11 @@
-"""The table of results: one kind of method side by side, with differences, and the best marked."""
+"""The table of results: one kind of method side by side, with differences."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import pytest
 from ispom_app.features.report.blocks import Compared, MethodName, Table
 from ispom_app.features.report.folder import Run
 from ispom_app.features.report.results import results
@@ -28,10 +29,6 @@ def table(*runs: Run) -> tuple[Table, dict[str, list[Any]]]:
     return found, {str(row[0]).partition(" – ")[0]: list(row[1:]) for row in found.rows}
 
 
-def best(cells: list[Any]) -> list[bool]:
-    return [isinstance(cell, Compared) and cell.best for cell in cells]
-
-
 def test_the_columns_of_one_method_stand_together_with_differences_to_the_first_run() -> None:
     a = run("a", monocular=entry(0.5), stereo=entry(0.2))
     b = run("b", monocular=entry(0.4), stereo=entry(0.25))
@@ -45,45 +42,26 @@ def test_the_columns_of_one_method_stand_together_with_differences_to_the_first_
     ate = rows["ATE (RMS) [mm]"]
     assert [cell.value for cell in ate] == [500, 400, 200, 250], "all of a row in the unit that suits it"
     assert [None if cell.difference is None else round(cell.difference, 9) for cell in ate] == [None, -100, None, 50]
-    assert best(ate) == [False, True, True, False]
 
 
-def test_what_is_best_depends_on_the_row() -> None:
-    runs = [
-        run(name, stereo=entry(1.0, poses, scale))
-        for name, poses, scale in (("a", 9, 0.9), ("b", 10, 1.05), ("c", 8, 1.5))
-    ]
-    found, rows = table(*runs)
-    assert best(rows["poses"]) == [False, True, False] and best(rows["step scale, end / start [1]"]) == [
-        False,
-        True,
-        False,
-    ]
-    assert best(rows["ATE (RMS) [m]"]) == [False] * 3, "equal values have no best"
-    assert best(rows["aligned by"]) == [False] * 3 and rows["aligned by"] == ["se3"] * 3
-    assert "ATE (RMS) [m] – best: least" in [row[0] for row in found.rows]
+def test_words_and_single_values_have_no_difference() -> None:
+    _, rows = table(run("a", stereo=entry(0.2)), run("b", stereo=entry(0.3)), run("c", monocular=entry(0.2)))
+    assert rows["aligned by"] == ["se3"] * 3
+    assert rows["ATE (RMS) [mm]"] == [Compared(200), Compared(300, 100), 200]
 
 
-def test_wall_times_have_a_difference_and_no_best() -> None:
-    """Two runs of the same method took 699 and 875 ms a pair: that is the machine."""
+def test_times_have_a_difference() -> None:
     slow = entry(0.2) | {"ms_per_exposure": {"median": 875.0, "p95": 900.0}}
     fast = entry(0.2) | {"ms_per_exposure": {"median": 699.0, "p95": 910.0}}
-    found, rows = table(run("a", stereo=slow), run("b", stereo=fast))
-    for name in ("time per frame, median [ms]", "time per frame, 95th percentile [ms]"):
-        assert best(rows[name]) == [False, False] and name in [row[0] for row in found.rows]
-    assert rows["time per frame, median [ms]"][1].difference == 875 * -1 + 699
-
-
-def test_what_differs_by_rounding_has_no_best() -> None:
-    _, rows = table(run("a", stereo=entry(0.2)), run("b", stereo=entry(0.2 + 1e-15)))
-    assert best(rows["ATE (RMS) [mm]"]) == [False, False]
+    _, rows = table(run("a", stereo=slow), run("b", stereo=fast))
+    assert [rows[f"time per frame, {word} [ms]"][1].difference for word in ("median", "95th percentile")] == [-176, 10]
 
 
 def test_a_method_and_the_papers_are_of_one_kind() -> None:
     found, rows = table(run("a", stereo=entry(0.1)), run("b", **{"stereo.paper": entry(0.3)}))
     assert [(group.head, group.span) for group in found.groups] == [("", 1), ("stereo", 2)]
     assert list(found.head) == ["", "a: stereo", "b: stereo.paper"]
-    assert best(rows["ATE (RMS) [mm]"]) == [True, False]
+    assert rows["ATE (RMS) [mm]"][1].difference == pytest.approx(200)
 
 
 def test_a_single_run_is_compared_with_nothing() -> None:

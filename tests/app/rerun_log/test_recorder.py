@@ -297,6 +297,27 @@ def test_the_first_image_is_one_that_a_method_uses(methods: tuple[str, ...], fir
     assert int(tabs.active_tab or 0) == first
 
 
+@pytest.mark.parametrize(("start", "first"), [(0, "/video"), (1, "/left")])
+def test_alone_a_viewer_begins_with_an_image_that_the_first_frame_has(start: int, first: str):
+    sequence = doubles.sequence()
+    later = replace(sequence, kinds=sequence.kinds[start:], times_ns=sequence.times_ns[start:])
+    opened = replace(Playback(sequence, METHODS, builder=helpers.build).opened, sequence=later)
+    layout = blueprint(opened, is_alone=True)
+    (tabs,) = [part for part in layout.root_container.contents[0].contents if isinstance(part, rrb.Tabs)]
+    assert str(tabs.contents[int(tabs.active_tab or 0)].origin) == first
+
+
+def test_names_stand_at_the_ends_of_their_lines(recorded):
+    """One for each line, in its colour, and no two in one place."""
+    rows, _, _ = recorded
+    at_end = {method: column(rows[f"world/{method}/name"], "positions")[-1][0] for method in METHODS}
+    labels = {method: column(rows[f"world/{method}/name"], ":labels")[-1] for method in METHODS}
+    assert labels == {method: [colours.label(method)] for method in METHODS}
+    placed = [tuple(np.round(place, 6)) for place in at_end.values()]
+    assert len(set(placed)) == len(METHODS)
+    assert column(rows["world/truth/name"], ":labels")
+
+
 def test_without_ground_truth_it_says_why_there_is_no_error(tmp_path):
     run, reason = single_camera(truth=False), "has no ground truth"
     names = {view.name for view in views(blueprint(run.opened, is_alone=True).root_container)}

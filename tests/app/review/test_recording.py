@@ -10,9 +10,9 @@ import rerun as rr
 from ispom_app.cli.main import main
 from ispom_app.engine.history.series import Series
 from ispom_app.features.breakpoints.commands import FindMatch
-from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.features.stage.drawings import drawings
 from ispom_app.session import commands as do
+from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recording import read_recording
 from ispom_app.views.rerun.live import LiveStream
@@ -124,7 +124,7 @@ def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_p
     assert tape is not None and tape.end == 21
     opening = tape.opening()
     assert len(opening) > 1000 and messages(recording.read_bytes()).startswith(opening[:1000])
-    assert {"/video/image", "/left/image", "/decisions"} <= {path for path, _ in tape.scene(20).versions}
+    assert {"video/image", "left/image", "decisions"} <= {path for path, _ in tape.scene(20).versions}
     screen = Screen(session)
     screen.paint()
     session.post(FindMatch("stereo.inliers > 0", forwards=False))

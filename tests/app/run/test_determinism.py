@@ -25,7 +25,7 @@ class Viewer:
     def __init__(self) -> None:
         self.finished: Finished | None = None
 
-    def open(self, opened: Opened, history: History) -> None:
+    def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
         self.opened = opened
 
     def look_at(self, index: int) -> None: ...

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ispom_app.engine.error_curve import Part, family_curves
-from ispom_app.features.branches.accuracy import with_curves
-from ispom_app.features.branches.branches import NOTHING, Branch, Measured
+from ispom_app.session.branches.accuracy import with_curves
+from ispom_app.session.branches.branches import NOTHING, Branch, Measured
 
 from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Pose, so3_exp

@@ -14,16 +14,16 @@ from ispom_app.cli.main import main
 from ispom_app.engine.frame_record import DEFINITIONS, ERROR, INLIERS, LIVE_ERROR, RESIDUAL, FrameRecord
 from ispom_app.features.agents.agent_session import AgentSession
 from ispom_app.features.agents.tool import tools
-from ispom_app.features.branches.state import Branches
-from ispom_app.features.explain.panel import report_values
+from ispom_app.features.explain.card import cards
 from ispom_app.features.plots.commands import Plots
 from ispom_app.features.plots.page_message import PlotNews
 from ispom_app.features.publish.messages import finished_state, run_message
-from ispom_app.features.publish.panels import frame_panels
+from ispom_app.features.publish.panels import frame_panels, values_at
 from ispom_app.features.publish.review import reviewed
 from ispom_app.features.report.folder import read_run
 from ispom_app.features.report.results import results
 from ispom_app.presentation.texts import length
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.review.recording import read_recording
 from ispom_app.session.session import Session
@@ -65,7 +65,14 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seen]:
 
 
 def cards_of(seen: Seen, index: int) -> dict[str, Any]:
-    return {card.verdict.method: card for card in report_values(seen.at(index), {}, ())["cards"]}
+    state = seen.at(index)
+    assert state.displayed is not None
+    return {card.verdict.method: card for card in cards(state.displayed, curves=state[Branches].curves)}
+
+
+def headlines(panels: list[dict[str, Any]], index: int) -> set[str]:
+    """Of the cards of a published page."""
+    return {card["headline"] for card in panels[index]["cards"]}
 
 
 def numbers(card: Any) -> dict[str, str]:
@@ -75,7 +82,8 @@ def numbers(card: Any) -> dict[str, str]:
 
 def test_the_word_is_one_in_header_card_published_page_recording_and_answers(seen: Seen) -> None:
     found = run_message(seen.state, seen.run)
-    panels = list(frame_panels(seen.state, seen.run))
+    first = values_at(seen.state, seen.run, 0)["explain"]
+    panels = [first | values["explain"] for values in frame_panels(seen.state, seen.run)]
     agent = AgentSession(seen.session)
     words = set()
     for index in range(FRAMES):
@@ -86,7 +94,7 @@ def test_the_word_is_one_in_header_card_published_page_recording_and_answers(see
             word, severity = card.verdict.headline, str(card.verdict.severity)
             words.add(word)
             assert (header[method]["word"], header[method]["severity"]) == (word, severity)
-            assert published[method] == header[method] and word in panels[index]["verdicts"]
+            assert published[method] == header[method] and word in headlines(panels, index)
         if index % 10 == 0:
             told = tools()["verdict_at"].function(agent, frame=index)["verdicts"]
             assert {row["method"]: row["word"] for row in told if row["frame"] == index} == {

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.branches.accuracy import measured, over_common_frames
-from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.panel import BranchesPanel
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.plots.page_message import error_curves
 from ispom_app.presentation.texts import length, lengths
 from ispom_app.session import commands as do
+from ispom_app.session.branches.accuracy import measured, over_common_frames
+from ispom_app.session.branches.branches import Branch
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.views.web.messages import message_of

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from ispom_app.features.bookmarks.commands import ToggleBookmark
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch, RunUntil
 from ispom_app.features.events.commands import StepToEvent
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble

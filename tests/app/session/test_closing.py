@@ -8,16 +8,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.service import BranchService
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.lessons.commands import Learn
 from ispom_app.features.lessons.library import Library
 from ispom_app.features.lessons.state import Lessons
 from ispom_app.features.recording.commands import OpenNamed, Record
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
+from ispom_app.session.branches.branches import Branch
+from ispom_app.session.branches.service import BranchService
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.session.store import Store
@@ -49,9 +49,11 @@ def session(tmp_path: Path) -> Iterator[Session]:
     found.close(2)
 
 
-CLOSING = {
+OPENING = {
     "open": do.Open("double:15"),
     "the page's address, or a row of the recordings": OpenNamed("double:20"),
+}
+CLOSING = {
     "restart": do.Restart(METHODS, Config()),
     "a lesson": Learn(LESSON),
 }
@@ -79,13 +81,24 @@ def test_a_branch_is_not_lost_without_a_question(session: Session, way: str) -> 
     assert session.state.question is None
 
 
+@pytest.mark.parametrize("way", OPENING)
+def test_another_source_loses_no_branch_and_asks_nothing(session: Session, way: str) -> None:
+    run, branches = session.state.run, session.service(BranchService)
+    session.post(OPENING[way])
+    wait_for(lambda: session.state.run > run or session.state.question, "the other run")
+    assert session.state.question is None
+    (kept,) = branches.kept
+    assert [branch.name for branch in kept.branches][1:] == ["fewer tracks"] and len(kept.runs) == 2
+
+
 def test_one_question_takes_the_place_of_the_one_before(session: Session) -> None:
-    first = asked(session, do.Restart(METHODS, Config()))
-    session.post(do.Open("double:15"))
+    first, run = asked(session, Learn(LESSON)), session.state.run
+    session.post(do.Restart(METHODS, Config()))
     wait_for(lambda: session.state.question and session.state.question.number != first, "the other question")
     session.post(do.Confirm(first, True))
     session.post(do.Confirm(first + 1, True))
-    wait_for(lambda: session.state.source == "double:15" and session.state.phase == "ready", "the source")
+    wait_for(lambda: session.state.run > run and len(session.state[Branches].all) == 1, "the other run")
+    assert session.state[Lessons].now is None
 
 
 @pytest.mark.parametrize("command", [do.Open("double:15"), do.Restart(METHODS, Config())])
@@ -108,9 +121,8 @@ def test_a_branch_that_is_recorded_is_kept(session: Session) -> None:
 
 def lost(*branches: Branch, recorded: set[int] = frozenset()) -> list[str]:  # type: ignore[assignment]
     """What the service of the branches says would be lost."""
-    recordings = SimpleNamespace(recorded=recorded)
     state = State("double:20", phase="ready", computed=5).having(Branches(branches))
-    session = SimpleNamespace(store=Store(state), service=lambda kind: recordings)
+    session = SimpleNamespace(store=Store(state), kept_branches=frozenset(recorded))
     return BranchService(session).loss()  # type: ignore[arg-type]
 
 

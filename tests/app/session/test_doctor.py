@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from ispom_app.engine import warmup
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.doctor.commands import CancelExamination, Examine, ForkWithRemedy
 from ispom_app.features.doctor.service import CANCELLED
 from ispom_app.features.doctor.state import Examined
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.commands import Seek
 from ispom_app.session.session import Session
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.sensitivity.commands import Predict, RunPerturbed
 from ispom_app.features.sensitivity.service import CalibrationEffect
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.ensemble import build

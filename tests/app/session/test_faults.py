@@ -13,11 +13,11 @@ from ispom_app.engine.events import Opened, Stepped
 from ispom_app.engine.history.history import History
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.recording.commands import Record, RepairRecordings, StopRecording
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.views.rerun.file_recording import FileRecording
 
@@ -222,7 +222,7 @@ class Viewer:
     def __init__(self, *bad: int) -> None:
         self.bad, self.runs, self.failed = list(bad), list[tuple[Opened, History]](), False
 
-    def open(self, opened: Opened, history: History) -> None:
+    def open(self, opened: Opened, history: History, beginning: Path | None = None) -> None:
         self.runs.append((opened, history))
         self.failed = False
 

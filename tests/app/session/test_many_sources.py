@@ -1,4 +1,4 @@
-"""Sources that are opened one after the other leave nothing behind: no thread, no file, no run in memory."""
+"""Sources that are opened one after the other leave nothing behind but the runs that are kept: no thread, no file."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import pytest
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.recording.commands import Record, StopRecording
 from ispom_app.session import commands as do
+from ispom_app.session.branches import kept
 from ispom_app.views.rerun.live import LiveStream
 
 from ispom.types import Sequence
 from tests.app.helpers import started, wait_for
 from tests.sequences.kitti_folder import make_drive
 
-WARM, COUNT = 3, 10
-"""After so many all that a source needs was there once; and how many are opened in all."""
+KEPT, WARM, COUNT = 2, 5, 12
+"""How many runs stay; after how many sources all that one needs was there once; and how many are opened in all."""
 LATE = (COUNT - WARM) // 2
 """Threads and files that libraries may still add after the first ones, less than one for each source."""
 
@@ -29,7 +30,8 @@ def open_drive(source: str, options: SourceOptions | None = None) -> Sequence:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows counts handles")
-def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path) -> None:
+def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "MOST_KEPT", KEPT)
     drives = [str(make_drive(tmp_path / f"drive{n}", frames=4)) for n in range(2)]
     process = psutil.Process()
     session = started(tmp_path / "recordings", drives[0], opener=open_drive, live=LiveStream(), autoplay=False)
@@ -65,5 +67,5 @@ def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path) ->
         gc.collect()
         return [n for n, ref in enumerate(sequences) if ref() is not None]
 
-    wait_for(lambda: alive() == [COUNT - 1], "the runs before to be freed")
+    wait_for(lambda: alive() == [*range(COUNT - 1 - KEPT, COUNT)], "the runs before to be freed")
     assert session.close(5.0)

@@ -16,7 +16,6 @@ from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
 from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.branches.commands import Fork, ShowBranch
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
@@ -26,6 +25,7 @@ from ispom_app.features.tracks.commands import Inspection, Pick
 from ispom_app.features.tracks.panel import LookTab, looked_at
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session

@@ -12,9 +12,9 @@ import pytest
 from ispom_app.engine.model.true_path import FIRST, TruePath
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.panel import BranchesPanel
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.plots.page_message import error_curves
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.views.web.messages import message_of
 

@@ -11,13 +11,13 @@ import pytest
 import viser
 from ispom_app.engine.model.run_model import Tally
 from ispom_app.engine.playback import Playback
-from ispom_app.features.branches.accuracy import measured
-from ispom_app.features.branches.branches import Branch, BranchInView
 from ispom_app.features.branches.commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import DELETE, SHOW, BranchesPanel, _entry
 from ispom_app.features.branches.stage import trajectories
 from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
+from ispom_app.session.branches.accuracy import measured
+from ispom_app.session.branches.branches import Branch, BranchInView
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 import viser
 from ispom_app.engine.history.record import ExposureRecord
-from ispom_app.features.explain.panel import ExplainPanel, report
 from ispom_app.features.recording.commands import Record
 from ispom_app.features.recording.panel import RecordPanel
 from ispom_app.features.recording.state import Recording, Recordings
@@ -19,7 +18,6 @@ from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import State
 
 from ispom.types import Decision, Status, Step
-from tests.app.helpers import with_values
 
 HOSTILE = '<iframe srcdoc="<script>parent.hit = 1</script>"></iframe>'
 STATE = State("double:20", phase="ready", name="double", run=1, total=20, methods=("stereo",))
@@ -55,19 +53,12 @@ def press(handle: Any) -> None:
         callback(SimpleNamespace())
 
 
-def test_names_and_notes_of_a_source_are_never_markup(gui, session):
-    panel = ExplainPanel(gui, session)
-    panel.show(with_values(STATE, notes=(HOSTILE,)))
-    assert "&lt;iframe" in panel._verdicts.content and "<iframe" not in panel._verdicts.content
-
-
 def test_names_that_are_not_utf_8_are_shown_by_their_escapes(gui, session):
     """viser has no message for them: all panels would be missing."""
     cafe = os.fsdecode(b"caf\xe9")
-    explain, recordings = ExplainPanel(gui, session), RecordPanel(gui, session)
-    explain.show(with_values(STATE, notes=(f"{cafe} is not the source that the run had",)))
+    recordings = RecordPanel(gui, session)
     recordings.show(STATE.having(Recordings(unfinished=(f".part-{cafe}.rrd",))))
-    assert "caf\\udce9" in explain._verdicts.content and "caf\\udce9" in recordings._text.content
+    assert "caf\\udce9" in recordings._text.content
 
 
 def test_names_of_recordings_are_never_markup(gui, session):
@@ -76,9 +67,3 @@ def test_names_of_recordings_are_never_markup(gui, session):
     assert "<iframe" not in panel._text.content and panel._name.disabled
     press(panel._button)
     assert session.asked == [Record("")]
-
-
-def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
-    triggers = [Decision(n, 0.1, 0.5, False, question="New keyframe?", kind="trigger") for n in (HOSTILE, "turn")]
-    text = report(with_values(STATE, displayed=record(0, *triggers)))
-    assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text

@@ -10,8 +10,8 @@ from ispom.types import Status
 
 from ....presentation.decisions import number
 from ....presentation.texts import length
-from ...history.quantities import WAY
 from ...history.quantity import Value
+from ...history.step_quantities.motion import WAY
 from ...verdict import Severity, points, pose_detail
 from ..event import EventKind, Moment
 

@@ -1,11 +1,11 @@
-"""The diagnosis as the page shows it: what was found is shown, everything else is folded."""
+"""The diagnosis as the page and the terminal show it: what was found, everything else apart from it."""
 
 from __future__ import annotations
 
-from ispom_app.features.doctor.panel import text_of
 from ispom_app.features.doctor.state import Examined
 from ispom_app.features.doctor.stretch import Stretch
 from ispom_app.features.doctor.text import lines, plain
+from ispom_app.features.doctor.view import view_of
 
 from ispom.evaluation.doctor.diagnose import with_reruns
 from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
@@ -17,10 +17,9 @@ def test_what_was_not_found_is_folded() -> None:
     there, other = (
         Ranked(s, Finding(strength, f"of {s.key}")) for s, strength in zip(SUSPECTS, (2.0, 0.5), strict=False)
     )
-    text = text_of(Examined(Stretch(0, 9, 5), None, Diagnosis(0, 9, (there, other), ("clock",))))
-    seen, folded = text.split("<details")
-    assert there.suspect.remedy in seen and f"of {there.suspect.key}" in seen
-    assert f"of {other.suspect.key}" in folded and f"of {other.suspect.key}" not in seen and "clock" in folded
+    view = view_of(Examined(Stretch(0, 9, 5), None, Diagnosis(0, 9, (there, other), ("clock",))))
+    assert [(each.remedy, each.evidence) for each in view.causes] == [(there.suspect.remedy, f"of {there.suspect.key}")]
+    assert [each.evidence for each in view.others] == [f"of {other.suspect.key}"] and view.silent == ("clock",)
 
 
 def test_reruns_are_a_table_and_rows_of_text() -> None:
@@ -28,10 +27,11 @@ def test_reruns_are_a_table_and_rows_of_text() -> None:
     trials = (Tried(Trial("stereo", "window", 8, 16), (worse,), (worse,)),)
     trials += (Tried(Trial("stereo", "max_tracks", 50, 400), (better,) * 3, (worse,) * 3),)
     found = with_reruns(Diagnosis(0, 9, ()), Reruns(0, 9, trials, ("--stereo.min-share 0.8",)))
-    text = text_of(Examined(Stretch(0, 9, 5), None, found))
-    assert "<b>--stereo.max-tracks 400</b>" in text and "<b>--stereo.window 16</b>" not in text
+    (table,) = view_of(Examined(Stretch(0, 9, 5), None, found)).reruns
+    helps = {row.option: row.helps for row in table.rows}
+    assert helps["--stereo.max-tracks 400"] and not helps["--stereo.window 16"]
     printed = "\n".join(lines(found, Stretch(0, 9, 5)))
     assert printed.index("--stereo.max-tracks 400: 30 of 40") < printed.index("--stereo.window 16: 10 of 40")
-    assert "--stereo.min-share 0.8" in printed and "--stereo.min-share 0.8" in text
+    assert "--stereo.min-share 0.8" in printed and table.left == ("--stereo.min-share 0.8",)
     plainly = plain(found, Stretch(0, 9, 5))["reruns"]
     assert [row["helps"] for row in plainly["tried"]] == [False, True] and plainly["unchanged"][0]["located"] == 10

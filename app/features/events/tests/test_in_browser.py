@@ -20,7 +20,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
         opened.send(f"{{do: 'seek', index: {index}}}")
         opened.until(f"state.index === {index}", "the frame")
         opened.send("action('bookmark')")
-        opened.until(f"window.ispom.axis.bookmarks.some(({{ at }}) => at === {index})", "the bookmark")
+        opened.until(f"window.ispom.axis.marks.bookmarks?.marks.some(({{ at }}) => at === {index})", "the bookmark")
     yield opened
     assert not opened.faults
     opened.tab.close()
@@ -36,7 +36,6 @@ def test_n_and_shift_n_go_to_the_next_and_the_previous_event(page: Page) -> None
 
 
 def test_a_click_on_an_event_goes_to_its_frame(page: Page) -> None:
-    page.controls.get_by_role("tab", name="Explain").click()
-    page.controls.locator('.explain button[data-seek="30"]').click()
+    page.explain.locator('button[data-seek="30"]').click()
     page.until("state.index === 30", "the event's frame")
-    page.controls.locator('.explain button[data-seek="30"][aria-current=true]').wait_for()
+    page.explain.locator('button[data-seek="30"][aria-current=true]').wait_for()

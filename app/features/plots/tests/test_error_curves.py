@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 from ispom_app.engine.playback import Playback
-from ispom_app.features.branches.accuracy import errors_of_external, measured
-from ispom_app.features.branches.branches import Branch
-from ispom_app.features.branches.state import Branches
-from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.features.plots.page_message import PlotNews, error_curves
 from ispom_app.presentation import colours
+from ispom_app.session.branches.accuracy import errors_of_external, measured
+from ispom_app.session.branches.branches import Branch
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.state import State, reduce
 
 from tests import doubles

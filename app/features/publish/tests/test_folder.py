@@ -22,7 +22,11 @@ def test_each_frame_has_what_the_page_shows_of_it(site: Path) -> None:
     assert [frame["index"] for frame in found["frames"]] == list(range(total))
     assert len(found["axis"]["times_ms"]) == found["axis"]["computed"] == total
     panels = data(site, "panels-0")
-    assert len(panels) == total and all('class="card' in frame["verdicts"] for frame in panels)
+    first = found["panels"]["first"]["explain"]
+    assert len(panels) == total and all((first | frame["explain"])["cards"] for frame in panels)
+    assert {panel["script"] for panel in found["panels"]["listed"]} <= {
+        path.name for path in (site / "panels").iterdir()
+    }
     assert {name for row in found["plots"]["rows"].values() for name in (c["id"] for c in row["curves"])} >= set(
         found["plots"]["values"]
     )

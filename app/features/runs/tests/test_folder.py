@@ -41,6 +41,7 @@ def test_a_finished_run_is_a_row_with_what_its_files_say(recordings: Path) -> No
     assert (row.key, row.kind, row.name, row.recording) == ("first", "run", "first", "")
     assert row.source and row.when_s and row.picture.endswith(".jpg") and row.note == ""
     assert row.errors[0].method == "stereo" and row.located is not None and row.events is not None
+    assert len(row.curves["stereo"]) > 2 and max(row.curves["stereo"]) >= row.errors[0].metres
     assert "max exposures 45" in row.differs
 
 

@@ -113,11 +113,13 @@ def test_two_runs_that_are_selected_are_compared_on_one_stage(page: Page) -> Non
         row(page, name).locator("input[type=checkbox]").click()
     page.tab.locator("#compare-selected").click()
     page.until("state.compared?.[3]", "the comparison")
-    page.tab.locator("#compare .headline").wait_for()
+    page.tab.locator("#compare .verdict").wait_for()
     assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["second", "first"]
     page.tab.locator("#compare table tr").nth(2).wait_for()
-    page.tab.locator("#compare figcaption span").filter(has_text="Frame").wait_for()
-    assert page.tab.locator("#compare .stack img").nth(1).evaluate("(image) => image.naturalWidth") > 0
+    assert page.tab.locator("#compare tr.of").count() == 2, "the method that both have, and the whole run"
+    page.tab.locator("#compare .which span").filter(has_text="Frame").wait_for()
+    drawn = "[...document.querySelectorAll('#compare .images img')].every((image) => image.naturalWidth > 0)"
+    page.until(drawn, "both images")
     assert not page.faults
 
 
@@ -129,9 +131,7 @@ def test_the_mode_survives_a_reload_and_is_the_pages_own(page: Page, app: App, b
     page.tab.keyboard.press("ArrowRight")
     page.tab.locator("#compare").wait_for()
     page.until("location.hash.includes('mode=compare')", "the address")
-    values = "[...document.querySelectorAll('.swipe select')].map((each) => each.value)"
-    wanted = "state.methods.slice(0, 2).map((each) => each.name)"
-    page.until(f"`${{{values}}}` === `${{{wanted}}}` && state.methods.length > 1", "two methods of the one run")
+    page.tab.locator("#compare").get_by_role("button", name="Choose two runs").wait_for()
     page.tab.reload()
     page.until("state.total > 0 && document.body.dataset.mode === 'compare'", "the mode")
     page.tab.locator("#compare").wait_for()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from ispom_app.engine.verdict import Severity
 from ispom_app.features.runs import table
 from ispom_app.features.runs.table import Ate, Row, arranged, table_message
@@ -47,7 +48,7 @@ def test_errors_of_variants_share_a_column_that_names_its_only_alignment() -> No
     assert [c["alignment"] for c in message["columns"]] == ["Sim(3)", ""]
     new, old = message["rows"]
     assert [cell["variant"] for cell in old["ate"][0]] == ["", "paper"]
-    assert new["ate"] == [[], [{"variant": "", "text": "1.50 m", "alignment": "Sim(3)"}]]
+    assert new["ate"] == [[], [{"variant": "", "text": "1.50 m", "alignment": "Sim(3)", "best": False}]]
 
 
 def test_the_located_frames_are_those_of_each_method_and_never_the_worst_ones() -> None:
@@ -85,6 +86,27 @@ def test_what_a_strangers_metrics_say_is_taken_only_where_it_is_a_number() -> No
     assert table.ates(report) == (Ate("monocular", 0.5, "sim3"),)
     assert table.located(report, {"video": 10, "stereo": 10}) == {"stereo": 0.5}
     assert table.ates({"methods": []}) == () and table.located({}, {}) == {}
+
+
+def test_the_best_of_the_errors_that_can_be_compared_is_marked() -> None:
+    def errors(metres: float, alignment: str = "se3") -> tuple[Ate, ...]:
+        return (Ate("stereo", metres, alignment),)
+
+    rows = [
+        replace(OLD, errors=errors(0.02)),
+        replace(NEW, errors=errors(0.01)),
+        Row("other", "run", "kitti/00", "other", errors=errors(0.001), when_s=3.0),
+        Row("scaled", "run", "kitti/06", "scaled", errors=errors(0.001, "sim3"), when_s=4.0),
+    ]
+    found = {entry["key"]: entry["ate"][0][0]["best"] for entry in table_message(rows)["rows"]}
+    assert found == {"old": False, "new": True, "other": False, "scaled": False}
+
+
+def test_a_small_curve_has_the_largest_errors_of_its_parts() -> None:
+    metres = np.zeros(1000)
+    metres[357] = 2.0
+    found = table.small_curve(metres)
+    assert len(found) <= table.CURVE_POINTS and max(found) == 2.0 and table.small_curve(metres[:0]) == ()
 
 
 def test_rows_beyond_the_limit_are_counted(monkeypatch) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.simulated_sensors.commands import RunWithSensors, simulated_sensors
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.simulation.scenario.scenario import scenario_of_words, with_sensors

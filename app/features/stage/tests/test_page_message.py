@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from ispom_app.features.stage.page_message import StageNews
 from ispom_app.session.current_run import CurrentRun
@@ -14,12 +16,31 @@ def state_at(run: CurrentRun, index: int) -> State:
     return with_values(reduce(State("double:40"), run.opened), displayed=run.history[index])
 
 
+def frames_the_eye_was_put_at(run: CurrentRun, state: Callable[[int], State]) -> list[int]:
+    news = StageNews()
+    found = [(index, news.since(state(index), run)) for index in range(len(run.history))]
+    return [index for index, sent in found if sent is not None and "frame" in sent]
+
+
+def without_truth(state: State) -> State:
+    return with_values(state, hidden=frozenset({"truth"}))
+
+
 def test_the_path_so_far_is_framed_and_again_where_it_left_that(run: CurrentRun):
-    news, framed = StageNews(), 0
-    for index in range(len(run.history)):
-        found = news.since(state_at(run, index), run)
-        framed += found is not None and "frame" in found
-    assert 1 <= framed < len(run.history) / 3
+    framed = frames_the_eye_was_put_at(run, lambda index: without_truth(state_at(run, index)))
+    assert 1 <= len(framed) < len(run.history) / 3
+
+
+def test_the_true_path_is_framed_from_the_first_frame_on(run: CurrentRun):
+    assert frames_the_eye_was_put_at(run, lambda index: state_at(run, index)) == [0]
+
+
+def test_the_view_is_put_again_when_the_true_path_is_hidden(run: CurrentRun):
+    news, state = StageNews(), state_at(run, 5)
+    with_truth = news.since(state, run)
+    alone = news.since(without_truth(state), run)
+    assert with_truth is not None and alone is not None
+    assert with_truth["frame"] != alone["frame"]
 
 
 def test_what_a_page_has_is_not_sent_again(run: CurrentRun):

@@ -1,6 +1,7 @@
 // The page: talks to the session, shows its state, and keeps the two viewers on the same frame.
 import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
+import { makeCaptions } from "./captions.js";
 import { makeAxis } from "./time_axis.js";
 import { makeCompare } from "./compare.js";
 import { openControls } from "./controls.js";
@@ -8,9 +9,10 @@ import { listen, setKeys } from "./keyboard.js";
 import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makeModes } from "./modes.js";
+import { openPanes } from "./panes.js";
 import { makePeople } from "./people.js";
 import { offerNumbers } from "./published_numbers.js";
-import { openPublishedPanels } from "./published_panels.js";
+import { openPublishedView } from "./published_view.js";
 import { openPublished } from "./published_session.js";
 import { published } from "./published.js";
 import { makeQuestion } from "./question.js";
@@ -20,7 +22,6 @@ import { makeSplitter } from "./splitter.js";
 import { makeStart } from "./start.js";
 import { openSocket } from "./session_link.js";
 import { showImages, showOffline, showState, showViewer } from "./status_bar.js";
-import { makeTour } from "./tour.js";
 import { makeTransport } from "./transport.js";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
@@ -30,6 +31,7 @@ const leaving = new AbortController();
 dark.addEventListener("change", () => location.reload(), leaving);
 addEventListener("beforeunload", () => leaving.abort()); // a reload would undo where the page is on its way to
 
+const at = (id) => document.getElementById(id);
 let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
@@ -63,15 +65,17 @@ function show(state) {
   showTransport(shown);
   viewer.follow(shown);
   address.follow(shown);
-  controls.follow(!people.drives());
-  controls.show?.(shown);
+  controls?.follow(!people.drives());
+  panes.follow(!people.drives());
+  panes.show(shown);
+  publishedView?.show(shown);
   ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
   start.follow(shown);
   modes.follow(shown, taught);
   compare.follow(shown);
   cover();
-  if (!published) tour(shown);
+  if (!published) showCaptions(shown);
 }
 
 // What lies over the run, which has its keys back when that is closed.
@@ -96,8 +100,20 @@ function press(message) {
   if (state?.phase !== "opening") command(message);
   else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
 }
+const showCaptions = makeCaptions(); // before the keys, which let nobody hear of those that they take
 listen(window, press);
-const controls = published ? openPublishedPanels(command) : openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
+const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
+const publishedView = published ? openPublishedView(command) : null;
+const tabs = { own: "", viser: "" };
+const panes = openPanes(command, publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement }, (own) =>
+  openTab({ own }),
+);
+
+// Which of viser's tabs can be seen, for what nobody sees is not drawn.
+function openTab(change) {
+  Object.assign(tabs, change);
+  paneBecame({ tab: tabs.own === "Controls" ? tabs.viser : "" });
+}
 
 const again = () => state && show(state);
 const modes = makeModes(command, () => {
@@ -108,7 +124,6 @@ const start = makeStart(command, modes, again);
 const compare = makeCompare(command, link.answer, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(press);
-const tour = makeTour();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));

@@ -1,5 +1,5 @@
 // The upper part of the time dock, row by row: frame numbers, the frames and measurements of each sensor with its outages,
-// each method's keyframes and losses, where the condition is true. At most one mark of a kind to a pixel.
+// each method's keyframes and losses, and what features mark. At most one mark of a kind to a pixel.
 import { GUTTER, labelledFrames } from "./time_scale.js";
 import { inkOf } from "./quantity_plots.js";
 
@@ -29,10 +29,12 @@ export function outagesOf({ times, kinds }, kind) {
   return times.at(-1) - times[last] > OUTAGE * usual ? [...gaps, [last, times.length - 1]] : gaps;
 }
 
+const drawnAs = (axis, sign) => Object.values(axis.marks ?? {}).filter((kind) => kind.sign === sign);
+const rowsOf = (axis) => drawnAs(axis, "row").filter(({ label }) => label);
 const eventRow = (axis) => (axis.events?.length ? EVENTS : 0);
 
 export const heightOf = (axis) =>
-  RULER + CLOCK * clocks(axis).length + LANE * (axis.methods.length + (axis.condition ? 1 : 0)) + eventRow(axis) + 2;
+  RULER + CLOCK * clocks(axis).length + LANE * (axis.methods.length + rowsOf(axis).length) + eventRow(axis) + 2;
 
 // What the row at this height shows.
 export function laneAt(axis, y) {
@@ -44,7 +46,7 @@ export function laneAt(axis, y) {
   if (below >= 0 && below < eventRow(axis)) return "Events (n and N step through them)";
   const row = Math.floor((y - RULER - CLOCK * rows.length - (below < 0 ? 0 : eventRow(axis))) / LANE);
   if (row < axis.methods.length) return `${axis.methods[row].label}: marks are keyframes, red is lost`;
-  return axis.condition && row === axis.methods.length ? `Frames at which ${axis.condition} is true` : "";
+  return rowsOf(axis)[row - axis.methods.length]?.help ?? "";
 }
 
 export function drawAxis(canvas, width, axis, place) {
@@ -105,17 +107,26 @@ export function drawAxis(canvas, width, axis, place) {
     for (let wide = 0; wide < 4; wide++) box(x - 3 + wide, x + 4 - wide, y + 4 - wide, 1 + 2 * wide, fill);
   }
   y += eventRow(axis);
-  if (axis.condition) {
-    text(axis.condition, 14, y + LANE - 3, colour("text"));
-    marks(axis.matches, y + 2, LANE - 4, colour("text"), 2);
+  for (const row of rowsOf(axis)) {
+    text(row.label, 14, y + LANE - 3, colour("text"));
+    marks(
+      row.marks.map(({ at }) => at),
+      y + 2,
+      LANE - 4,
+      colour("text"),
+      2,
+    );
+    y += LANE;
   }
-  for (const bookmark of axis.bookmarks ?? []) {
-    const x = Math.round(place(bookmark.at));
-    box(x, x + 1, 0, height, colour("accent"));
-    for (let wide = 0; wide < 5; wide++) box(x - wide, x + 1 + wide, 4 - wide, 1, colour("accent"));
+  for (const mark of drawnAs(axis, "diamond").flatMap(({ marks }) => marks)) {
+    const x = Math.round(place(mark.at));
+    const own = mark.colour || colour("accent");
+    box(x, x + 1, 0, height, own);
+    for (let wide = 0; wide < 5; wide++) box(x - wide, x + 1 + wide, 4 - wide, 1, own);
   }
-  for (const branch of axis.branches) {
-    box(place(branch.at) - 1, place(branch.at) + 1, 0, height, branch.colour);
-    box(place(branch.at) - 1, place(branch.at) + 7, 0, 5, branch.colour);
+  for (const mark of drawnAs(axis, "flag").flatMap(({ marks }) => marks)) {
+    const own = mark.colour || colour("accent");
+    box(place(mark.at) - 1, place(mark.at) + 1, 0, height, own);
+    box(place(mark.at) - 1, place(mark.at) + 7, 0, 5, own);
   }
 }

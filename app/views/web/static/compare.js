@@ -1,27 +1,32 @@
-// The mode Compare: the run that is shown (A) and another one (B), frame by frame: where they part first, their errors, the
-// images of both with their tracks, and the distance between them. Rerun draws both trajectories.
+// The mode Compare: of the run that is shown (A) and another one (B) the verdict, where their paths part, what each is better
+// in, and how far they are apart. Rerun draws both paths.
 import { element } from "./element.js";
 import { drawCurves } from "./compare_curves.js";
-import { locatedTexts } from "./located.js";
+import { makePlace } from "./compare_place.js";
 import { published } from "./published.js";
-import { makeSwipe } from "./swipe.js";
 
 const AGAIN_MS = 1000; // between two looks at a run that goes on
 const place = document.getElementById("compare");
+const VERDICTS = { a: "A is better", b: "B is better", same: "the same", "cannot tell": "cannot tell", "": "" };
 
 // `command` asks the session for something, `answer` gives what the server answers at an address, and `openRuns` opens the
 // runs table.
 export function makeCompare(command, answer, modes, openRuns) {
   const head = place.appendChild(element("div", "pair"));
-  const first = place.appendChild(element("div", "first"));
+  const verdict = place.appendChild(element("p", "verdict"));
+  const parting = makePlace(place.appendChild(element("section", "parting")), seek);
   const numbers = place.appendChild(element("div", "scrolled"));
-  const swipe = makeSwipe(place.appendChild(element("figure", "swipe")));
   const curves = place.appendChild(element("div", "curves"));
+  const details = place.appendChild(element("details"));
   let state = null;
   let found = null;
   let asked = "";
   let askedAt = 0;
   let due = null;
+
+  function seek(index) {
+    command({ do: "seek", index });
+  }
 
   function follow(next) {
     state = next;
@@ -52,20 +57,17 @@ export function makeCompare(command, answer, modes, openRuns) {
       ({ kind, shown, source: of }) => kind === "live" || shown || (of === source && !["sweep", "experiment"].includes(kind)),
     );
     choose(runs, answer.numbers);
-    for (const part of [first, numbers, curves]) part.hidden = !found;
-    const methods = state.methods.map(({ label, name }) => [name, label]);
-    swipe.show(!published && (found !== null || methods.length > 1)); // the server draws its images
-    swipe.methods(methods, !found);
-    if (found) {
-      listFirst();
-      const [a, b] = answer.numbers.map((number) => row(answer, number));
-      numbers.replaceChildren(table(answer, a, b));
+    for (const part of [verdict, numbers, curves, details]) part.hidden = !found?.view;
+    parting.show(found?.view ?? null);
+    if (found?.view) {
+      const { better, sentence } = found.view;
+      verdict.className = `verdict side-${better}`;
+      verdict.textContent = sentence;
+      numbers.replaceChildren(table(found));
+      if (!details.contains(document.activeElement)) listDifferences();
     }
     frame();
   }
-
-  // The row of a branch; a recorded run has another key than its branch.
-  const row = ({ rows, branches }, number) => rows.find(({ key }) => key === branches[number]) ?? rows[0];
 
   function choose(runs, pair) {
     if (runs.length < 2) {
@@ -98,66 +100,75 @@ export function makeCompare(command, answer, modes, openRuns) {
     return label;
   }
 
-  function listFirst() {
-    const { first: list, frames, apart, done, finished, methods, thinned } = found;
+  // From which frame on numbers differ, be it by a setting: long before paths part.
+  function listDifferences() {
+    const { first, frames, apart, done, finished, thinned } = found;
     const compared = frames[1] - frames[0] + 1;
-    const parts = [];
-    if (list.length) {
-      const [{ frame, lines, more }, ...later] = list;
-      const line = element("p", "headline", "First difference: ");
-      line.append(go(frame));
-      parts.push(line, element("p", "", `${lines.join("; ")}${more ? `; and ${more} more` : ""}.`));
-      const details = element("details");
-      details.append(
-        element("summary", "", `They differ at ${apart} of ${done} frames.${later.length ? " What differs later for the first time" : ""}`),
-      );
-      for (const each of later) {
-        const entry = element("p");
-        entry.append(go(each.frame), ` ${each.lines.join("; ")}${each.more ? `; and ${each.more} more` : ""}`);
-        details.append(entry);
-      }
-      parts.push(details);
-    } else parts.push(element("p", "headline", finished ? `No difference in ${compared} frames.` : "No difference so far."));
-    if (thinned) parts.push(element("p", "quiet", `The history no longer has the tracks of ${thinned} frames: the rest was compared.`));
-    if (!finished) parts.push(element("p", "quiet", `Comparing: ${done} of ${compared} frames.`));
-    if (!first.contains(document.activeElement) || methods) first.replaceChildren(...parts);
+    const parts = first.map(({ frame, lines, more }) => {
+      const entry = element("p");
+      entry.append(go(frame), ` ${lines.join("; ")}${more ? `; and ${more} more` : ""}`);
+      return entry;
+    });
+    const how = !finished
+      ? `Comparing all numbers: ${done} of ${compared} frames`
+      : first.length
+        ? `Numbers differ at ${apart} of ${done} frames, first at frame ${first[0].frame}`
+        : `All numbers are the same in ${compared} frames`;
+    if (thinned) parts.push(element("p", "", `The history no longer has the tracks of ${thinned} frames: the rest was compared.`));
+    details.replaceChildren(element("summary", "", how), ...parts);
   }
 
   function go(frame) {
     const button = element("button", "link", `frame ${frame}`);
     Object.assign(button, { type: "button", title: `Goes to frame ${frame}` });
-    button.addEventListener("click", () => command({ do: "seek", index: frame }));
+    button.addEventListener("click", () => seek(frame));
     return button;
   }
 
   function frame() {
-    if (!published) swipe.at(found?.numbers ?? [state.branch, state.branch], state.index);
-    if (found) drawCurves(curves, found.curves, found.total, state.index, (index) => command({ do: "seek", index }));
+    if (!found?.view) return;
+    if (!published) parting.at(found.numbers, state.run, state.index); // the server draws the images
+    drawCurves(curves, found.view.curves, found.total, state.index, seek);
   }
 
   return { follow };
 }
 
-// What is known of A and B side by side.
-function table({ columns, common }, a, b) {
+// Each quantity once: those of a method below its name, and what the whole runs differ in.
+function table({ view, rows, branches, numbers }) {
   const made = element("table");
-  const line = (name, left, right, hint = "") => {
-    const row = made.appendChild(element("tr"));
-    row.append(Object.assign(element("th", "", name), { scope: "row", title: hint }), element("td", "", left), element("td", "", right));
+  const [a, b] = numbers.map((number) => rows.find(({ key }) => key === branches[number]) ?? rows[0]);
+  const line = (label, cells, kind = "") => {
+    const row = made.appendChild(element("tr", kind));
+    row.append(Object.assign(element("th", "", label), { scope: "row" }), ...cells);
   };
+  const cell = (text, bold) => element("td", bold ? "best" : "", text || "–");
   const head = made.appendChild(element("tr"));
-  head.append(
-    element("td"),
-    ...["A", "B"].map((name) => Object.assign(element("th", `side-${name.toLowerCase()}`, name), { scope: "col" })),
-  );
-  line("Differs in", a.differs.join("; ") || "defaults", b.differs.join("; ") || (b.parent === a.key ? "nothing" : "defaults"));
-  const text = (cells) =>
-    cells.map(({ variant, text, alignment }) => [variant, text, alignment].filter(Boolean).join(" ")).join(", ") || "–";
-  columns.forEach(({ label, alignment }, i) => line(`${label}, ATE${alignment ? ` ${alignment}` : ""}`, text(a.ate[i]), text(b.ate[i])));
-  for (const { label, a, b } of common) line(`${label}, common frames`, a, b, "ATE over the frames at which both have a pose");
-  const [left, right] = [a, b].map((row) => locatedTexts(row).join(", "));
-  line("Located", left, right, "Share of the frames of each method at which it tracked");
-  const events = ({ events, worst }) => (events === null ? "–" : events ? `${events} (worst: ${worst})` : "0");
-  line("Events", events(a), events(b), "Losses and warnings");
+  head.append(element("td"));
+  for (const name of ["A", "B", "Verdict"]) {
+    const side = name.length === 1 ? `side-${name.toLowerCase()}` : "";
+    head.append(Object.assign(element("th", side, name), { scope: "col" }));
+  }
+  const nothing = b.parent === a.key ? "nothing" : "defaults";
+  line("Differs in", [cell(a.differs.join("; ") || "defaults"), cell(b.differs.join("; ") || nothing), element("td")]);
+  let of = "";
+  for (const { of: method, label, a, b, better, why } of view.metrics) {
+    if (method !== of) made.append(heading(method));
+    of = method;
+    line(label, [cell(a, better === "a"), cell(b, better === "b"), element("td", `side-${better}`, VERDICTS[better])]);
+    if (why) made.append(wide(why));
+  }
   return made;
+}
+
+function heading(method) {
+  const row = element("tr", "of");
+  row.append(Object.assign(element("th", "", method || "Whole run"), { scope: "rowgroup", colSpan: 4 }));
+  return row;
+}
+
+function wide(text) {
+  const row = element("tr", "why");
+  row.append(Object.assign(element("td", "quiet", text), { colSpan: 4 }));
+  return row;
 }

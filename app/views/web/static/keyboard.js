@@ -1,9 +1,8 @@
 // The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel. Which they are, the
-// server says (app/session/actions.py); "?" is the list's of them, and Escape closes that, or the tour.
+// server says (app/session/actions.py); "?" is the list's of them, and Escape closes that.
 import { action, setActions } from "./actions.js";
 import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
 import { frameAgain } from "./stage_view.js";
-import { hideTour } from "./tour.js";
 
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
 const LIST = "[aria-haspopup=listbox]"; // a text field as well: what is typed there searches in the list
@@ -28,7 +27,7 @@ export function listen(page, command) {
     (event) => {
       pointed = false;
       const key = keyOf(event);
-      const own = { "?": toggleKeys, f: frameAgain, Escape: () => hideKeys() || hideTour() }[key];
+      const own = { "?": toggleKeys, f: frameAgain, Escape: hideKeys }[key];
       if (
         (!own && (!names[key] || document.body.dataset.sheet)) ||
         event.ctrlKey ||

@@ -2,9 +2,8 @@
 // that is shown: images, tracks and maps of another replace them.
 // Each message ends with a serial number that the viewer's state tells when it has taken the message in: so the page
 // always knows which frame the views show, and leaves out frames where the viewer is slow. Another run is another channel.
-import { expectData } from "./render_throttle.js";
-
 const RETRY_MS = 1000;
+const LONGEST_PAUSE_MS = 700;
 const HEAD_BYTES = 12;
 
 // `news` is called when the views may show something else; `parting` before the viewer gets anything of another run, and
@@ -18,10 +17,14 @@ export function feedLive(handle, news, parting) {
     unread: [], // messages that the viewer has not taken in yet
     serial: 0,
     socket: null,
+    hurried: true, // whether somebody waits for the frame
+    givenAt: 0, // when the viewer was given the last message
+    dueAt: 0, // when it may get another one
+    pause: null, // timer until then
   };
-  stage.want = (index) => {
-    if (stage.wanted === index) return;
-    stage.wanted = index;
+  stage.want = (index, hurried) => {
+    if (stage.wanted === index && stage.hurried === hurried) return;
+    Object.assign(stage, { wanted: index, hurried });
     ask(stage);
   };
   stage.heard = (recordings) => heard(stage, recordings);
@@ -58,8 +61,8 @@ function take(stage, handle, data) {
   stage.serial = head.getUint32(0);
   const [index, complete] = [head.getUint32(4), head.getUint8(8) !== 0];
   stage.unread.push({ serial: stage.serial, recording: stage.recording, index, complete });
+  stage.givenAt = performance.now();
   handle.send_rrd_to_channel(stage.run, new Uint8Array(data, HEAD_BYTES));
-  expectData(stage.unread.length);
 }
 
 // What the viewer says of its recordings: messages that it has taken in are drawn.
@@ -69,14 +72,23 @@ function heard(stage, recordings) {
   while (stage.unread.length && isRead(stage.unread[0])) {
     const { recording, index, complete } = stage.unread.shift();
     stage.shown = { recording, index, complete };
+    const now = performance.now();
+    stage.dueAt = now + Math.min(now - stage.givenAt, LONGEST_PAUSE_MS);
     ask(stage);
   }
-  expectData(stage.unread.length);
 }
 
-// The frame that is wanted now; the server sends no other one until the viewer has taken in the one before.
+// The frame that is wanted now; the server sends no other one until the viewer has taken in the one before. Where graphics
+// are software, a frame of the viewer takes as long as a frame's computation. So while nobody waits (the run plays), the
+// viewer gets nothing for as long as it took for the last frame: half of the processor is left for the run.
 function ask(stage) {
-  const { wanted, unread, serial, socket } = stage;
+  clearTimeout(stage.pause);
+  const left = stage.hurried ? 0 : stage.dueAt - performance.now();
+  if (left > 0) stage.pause = setTimeout(() => ask(stage), left);
+  else request(stage);
+}
+
+function request({ wanted, unread, serial, socket }) {
   if (wanted !== null && !unread.length && socket?.readyState === WebSocket.OPEN) socket.send(`show ${wanted} ${serial}`);
 }
 

@@ -1,7 +1,7 @@
 // What the panels' own HTML asks for: an element with data-select, data-seek or data-pick is one that a click, or Enter,
-// answers, and so is a button with data-plot or data-doctor (Enter and Space click it anyway); and which tab is open, for what nobody sees is not drawn.
+// answers, and so is a button with data-plot, data-doctor or data-do, which holds a command (Enter and Space click it anyway); and which tab is open, for what nobody sees is not drawn.
 
-const ASKS = "[data-select], [data-seek], [data-pick], [data-plot], [data-doctor]";
+const ASKS = "[data-select], [data-seek], [data-pick], [data-plot], [data-doctor], [data-do]";
 const same = (one, other) => Object.keys(one.dataset).every((name) => name === "index" || one.dataset[name] === other.dataset[name]);
 
 export function listenToPanels(page, command, tabOpened) {
@@ -10,7 +10,8 @@ export function listenToPanels(page, command, tabOpened) {
   const asked = (event) => {
     const element = event.target.closest?.(ASKS);
     if (!element) return;
-    const { select, seek, pick, plot, doctor } = element.dataset;
+    const { select, seek, pick, plot, doctor, do: asks } = element.dataset;
+    if (asks !== undefined && event.type !== "keydown") command(JSON.parse(asks));
     if (seek !== undefined) command({ do: "seek", index: Number(seek) });
     if (select !== undefined) command({ do: "select", what: select });
     if (plot !== undefined && event.type !== "keydown") command({ do: "plot", name: plot });

@@ -13,7 +13,7 @@ export function makePeople(send, command, tell) {
 
   function say({ people, looking }, { index }) {
     const { driving, others, you } = people;
-    const away = looking !== index ? `, the panels at the left show ${index}` : "";
+    const away = looking !== index ? `, the tab Controls shows ${index}` : "";
     const mine = driving
       ? "You are in control"
       : `${driver(people)} is in control, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;

@@ -20,7 +20,7 @@ export const commandsOf = {
     return index === undefined ? `there is no ${what} ${forwards ? "after" : "before"} frame ${state.index}` : show(index, data);
   },
   step_to_event: ({ forwards = true, alarming = false }, state, data) => {
-    const events = [...(data.axis.events ?? []), ...(data.axis.bookmarks ?? []).map(({ at }) => ({ at, severity: "" }))];
+    const events = [...(data.axis.events ?? []), ...(data.axis.marks?.bookmarks?.marks ?? []).map(({ at }) => ({ at, severity: "" }))];
     const frames = events.filter(({ severity }) => !alarming || ALARMING.includes(severity)).map(({ at }) => at);
     const index = nearest(frames, state.index, forwards);
     const what = alarming ? "anomaly" : "event";

@@ -10,7 +10,7 @@ const SILENT = new Set(["pane", "pick", "pick_on_stage", "select", "follow", "ta
 // As openSocket of session_link.js.
 export function openPublished({ opened, heard, lost }) {
   const session = { data: null, state: null, began: null };
-  const chunks = new Map(); // HTML of the left pane, by number of its file
+  const chunks = new Map(); // what the left pane says, by number of its file
   let timer = 0;
 
   async function open() {
@@ -37,11 +37,11 @@ export function openPublished({ opened, heard, lost }) {
     const usual = String(plots) === String(data.plots.usual);
     const address = { ...plain.address, hidden: [...hidden].sort(), plots: usual ? "" : plots.join() || "none" };
     const paths = [...new Set([...data.hidden, ...hidden.flatMap((name) => data.paths[name] ?? [])])];
-    heard({ ...plain, ...frame, address, hidden: paths, axis: null, plots: null, recorded: data.stage, panels: panels(), ...news });
+    heard({ ...plain, ...frame, address, hidden: paths, axis: null, plots: null, recorded: data.stage, ...pane(), ...news });
   }
 
-  // What the left pane shows; `frame` is null until its file has come.
-  function panels() {
+  // What the left pane shows: the tabs, and the values of their views, those of the first frame until the file of this one has come.
+  function pane() {
     const { data, state } = session;
     const number = Math.floor(state.index / data.panels.chunk);
     if (!chunks.has(number)) {
@@ -54,13 +54,11 @@ export function openPublished({ opened, heard, lost }) {
         () => chunks.delete(number),
       );
     }
-    return {
-      fixed: data.panels,
-      frame: chunks.get(number)?.[state.index % data.panels.chunk] ?? null,
-      index: state.index,
-      plotted: state.plots,
-      hidden: state.hidden,
-    };
+    const { first, listed } = data.panels;
+    const frame = chunks.get(number)?.[state.index % data.panels.chunk] ?? {};
+    const views = Object.fromEntries(Object.keys(first).map((name) => [name, { ...first[name], ...frame[name] }]));
+    views.explain.plotted = state.plots;
+    return { panels: listed, views, pane: { fixed: data.panels, hidden: state.hidden } };
   }
 
   function send(message) {

@@ -1,7 +1,7 @@
 // What Rerun draws on a published page: the whole recording, given to the viewer piece by piece. Then the viewer's time
 // cursor follows the page. Of the form of the file see app/features/publish/stage.py.
+import { afterFrames } from "./frames.js";
 import { published, unpacked } from "./published.js";
-import { afterFrames, expectData } from "./render_throttle.js";
 import { showFrame } from "./viewer_control.js";
 
 const RUN = "published"; // name of the channel
@@ -29,7 +29,6 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     const own = recordings.find(({ id }) => id === stage.recording);
     stage.taken = own?.serial ?? 0;
     if (own) laidOut();
-    expectData(Math.max(stage.given - stage.taken, 0));
     ask();
   };
   let laidOut;
@@ -54,7 +53,6 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     for await (const piece of pieces(await unpacked(`${published}/stage.bin`))) {
       handle.send_rrd_to_channel(RUN, piece);
       if (++stage.given === 0) await settled; // a command before that would make an automatic layout
-      expectData(stage.given - stage.taken);
       news();
     }
   }

@@ -1,9 +1,9 @@
 // The Rerun viewer in its canvas: it is started when a source is open, kept to the run that is on the page, with the
 // layers and the frame that the page shows, and watched: which frame its views show, and whether it still lives.
+import { afterFrames } from "./frames.js";
 import { feedLive } from "./live.js";
 import { feedPublished } from "./published_stage.js";
 import { published, unpacked } from "./published.js";
-import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
 import { makeEye } from "./stage_view.js";
 import { closeRecordings, redraw, stateOf, updateBlueprint } from "./viewer_control.js";
 
@@ -22,9 +22,6 @@ export function openViewer(dark, pick, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn, theme: dark ? "dark" : "light" };
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
-  for (const kind of ["pointerdown", "pointerup", "pointermove", "wheel", "keydown"]) {
-    canvas.addEventListener(kind, () => wake(true), { capture: true, passive: true });
-  }
   const heard = (event) => event.type === "selection_change" && picked(viewer, event, pick);
   // Not before the source is open: starting takes seconds of processor time. With the first frame would be too late:
   // that would be out of date when the viewer has started.
@@ -34,14 +31,12 @@ export function openViewer(dark, pick, drawn) {
       (handle) => {
         viewer.handle = handle;
         viewer.stage = feed(viewer, canvas);
-        afterData(() => watch(viewer));
         setInterval(() => watch(viewer), WATCH_MS);
       },
       (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls on the left work without it.`, true),
     );
   };
   at("restart").onclick = () => location.reload();
-  for (const kind of ["resize", "focus", "visibilitychange"]) addEventListener(kind, () => wake());
   viewer.follow = (state) => {
     viewer.state = state;
     viewer.eye.follow(state.stage);
@@ -124,19 +119,30 @@ async function pictureOf(viewer, canvas, patience = PICTURE_MS) {
   });
 }
 
-// Brings the viewer to what the page shows, wherever it is: its own shortcuts and menus may have moved it.
+// While the viewer has something to take in, which it does as it draws, after each frame; otherwise now and then.
 function watch(viewer) {
+  bring(viewer);
+  if (viewer.watchesFrames || viewer.died || !viewer.stage?.unread.length) return;
+  viewer.watchesFrames = true;
+  afterFrames(() => {
+    viewer.watchesFrames = false;
+    watch(viewer);
+    return true;
+  });
+}
+
+// Brings the viewer to what the page shows, wherever it is: its own shortcuts and menus may have moved it.
+function bring(viewer) {
   const { handle, state, stage } = viewer;
   if (!stage || viewer.died) return;
   if (handle.has_panicked()) return died(viewer);
   const id = `Recording:${APPLICATION}:${state.recording_id}`;
   const found = stateOf(handle.viewer_state());
-  if (state.index >= 0) stage.want(state.index);
+  if (state.index >= 0) stage.want(state.index, !state.playing || !viewer.source);
   stage.heard(found.recordings);
   if (stage.fault) return say(stage.fault, true);
   const recording = found.recordings.find((each) => each.id === id);
   const isShown = stage.shown?.recording === id;
-  hurry(!state.playing || !viewer.source);
   viewer.drawn({
     playing: state.playing,
     wanted: state.index,
@@ -202,7 +208,6 @@ function showLayers(viewer, store) {
 
 // An answer comes with the viewer's next frame. False where it refused: what was asked about is not there (yet).
 async function control(viewer, message) {
-  wake(!viewer.state.playing); // otherwise somebody waits for the answer
   try {
     await viewer.handle.viewer_control(message);
     return true;

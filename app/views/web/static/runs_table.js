@@ -1,6 +1,7 @@
 // The runs table: everything that was run or recorded. A click opens a run; two that are selected can be compared.
 import { element } from "./element.js";
 import { locatedTexts } from "./located.js";
+import { made as drawn } from "./svg.js";
 import { whenText } from "./when.js";
 
 const KINDS = {
@@ -96,7 +97,7 @@ export function makeRuns(command, ask, close, compared) {
 
   function wide(text) {
     const row = element("tr");
-    row.append(Object.assign(element("td", "quiet", text), { colSpan: 9 + found.columns.length }));
+    row.append(Object.assign(element("td", "quiet", text), { colSpan: 10 + found.columns.length }));
     return row;
   }
 
@@ -109,7 +110,7 @@ export function makeRuns(command, ask, close, compared) {
       cell.append(element("span", "", `ATE${alignment ? `, ${alignment}` : ""}`));
       row.append(cell);
     }
-    row.append(heading("Located", "number"), heading("Events"), heading("When"), heading("Note"));
+    row.append(heading("Error"), heading("Localised", "number"), heading("Events"), heading("When"), heading("Note"));
     const made = element("thead");
     made.append(row);
     return made;
@@ -127,6 +128,7 @@ export function makeRuns(command, ask, close, compared) {
     made.append(chooser(row), picture(row), element("td", "source", row.source || "–"), name(row), differs(row));
     for (const cells of row.ate) made.append(ates(cells));
     made.append(
+      sparks(row),
       located(row),
       events(row),
       element("td", "quiet", row.when === null ? "live" : whenText(row.when, Date.now() / 1000)),
@@ -189,14 +191,32 @@ export function makeRuns(command, ask, close, compared) {
 
   function ates(cells) {
     const made = element("td", "number");
-    for (const { variant, text, alignment } of cells) {
-      const line = made.appendChild(element("div"));
+    for (const { variant, text, alignment, best } of cells) {
+      const line = made.appendChild(element("div", best ? "best" : ""));
+      if (best) line.title = "The smallest of the runs on this source";
       if (variant) line.append(element("span", "quiet", `${variant} `));
       line.append(text);
       if (alignment) line.append(element("span", "quiet", ` ${alignment}`));
     }
     if (!cells.length) made.append(element("span", "quiet", "–"));
     return made;
+  }
+
+  // The position error over the frames, a line for each method, on a logarithmic scale.
+  function sparks({ curves }) {
+    const cell = element("td", "sparks");
+    if (!curves.length) return cell;
+    const logs = curves.map(({ values }) => values.map((value) => Math.log(Math.max(value, 1e-4))));
+    const [low, high] = [Math.min(...logs.flat()), Math.max(...logs.flat())];
+    const svg = cell.appendChild(drawn("svg", { viewBox: "0 0 80 30", preserveAspectRatio: "none", "aria-hidden": "true" }));
+    logs.forEach((line, i) => {
+      const x = (place) => ((80 * place) / Math.max(line.length - 1, 1)).toFixed(1);
+      const y = (value) => (28 - (26 * (value - low)) / (high - low || 1)).toFixed(1);
+      svg.append(drawn("polyline", { points: line.map((value, place) => `${x(place)},${y(value)}`).join(" "), stroke: curves[i].colour }));
+    });
+    const names = curves.map(({ label }) => label).join(", ");
+    cell.title = `Position error over the frames, logarithmic: ${names}`;
+    return cell;
   }
 
   function located(row) {
@@ -233,6 +253,7 @@ export function makeRuns(command, ask, close, compared) {
       if (!opened.delete(row.key)) opened.add(row.key);
       paint();
     } else if (row.shown) close();
+    else if (/^live:\d+\.\d+$/.test(row.key)) ask(fault, { do: "show_kept", key: row.key });
     else if (row.key.startsWith("live:")) ask(fault, { do: "show_branch", number: Number(row.key.slice(5)) });
     else ask(fault, { do: "open_named", name: row.key });
   }

@@ -17,7 +17,7 @@ export function makeStart(command, modes, changed) {
   const needed = () => ["empty", "failed"].includes(state?.phase) && modes.mode !== "learn";
 
   // Asks for what opens another run; `fault` is the element that shows what went wrong, `done` says that it is there.
-  function ask(fault, message, done = () => true) {
+  function ask(fault, message, done = () => modes.set("debug") ?? true) {
     if (!state) return;
     for (const each of screen.querySelectorAll(".fault")) each.textContent = "";
     asked = {

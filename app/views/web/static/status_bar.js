@@ -8,6 +8,7 @@ let activity = following(null, null, null, 0);
 export function showState(state) {
   at("name").textContent = state.name;
   at("name").title = [state.source, ...state.notes].join("\n");
+  showOrigin(state.origin);
   at("guess").hidden = state.guess === null;
   at("guess").textContent = `camera not calibrated: focal length ± ${state.guess} %`;
   at("guess").title = state.notes.join("\n");
@@ -74,6 +75,17 @@ function part(tag, text, kind = "") {
   element.textContent = text;
   element.className = kind;
   return element;
+}
+
+// Whether the frame shown was computed here by now, of a run that began with recorded frames.
+function showOrigin(origin) {
+  at("origin").hidden = !origin;
+  at("origin").classList.toggle("live", origin === "live");
+  if (at("origin").textContent !== (origin ?? "")) at("origin").textContent = origin ?? "";
+  at("origin").title =
+    origin === "recorded"
+      ? "This frame comes with ISPOM, and was recorded when the same run was computed before. It is computed here as well, and takes over then."
+      : "This frame was computed here.";
 }
 
 function showRecording(recording) {

@@ -17,10 +17,7 @@ export function makeAxis(seek, command) {
     kinds: "",
     methods: [],
     computed: 0,
-    matches: [],
-    condition: "",
-    branches: [],
-    bookmarks: [],
+    marks: {}, // by kind: how they are drawn, and the frames that are marked
     events: [],
     loop: null,
   };
@@ -85,17 +82,7 @@ export function makeAxis(seek, command) {
 function take(axis, news) {
   if (news.methods) {
     const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
-    Object.assign(axis, {
-      times: [],
-      kinds: "",
-      methods,
-      computed: 0,
-      matches: [],
-      condition: "",
-      branches: [],
-      bookmarks: [],
-      events: [],
-    });
+    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, marks: {}, events: [] });
   }
   axis.times = axis.times.concat(news.times_ms ?? []);
   axis.kinds += news.kinds ?? "";
@@ -109,11 +96,11 @@ function take(axis, news) {
       else method.lost.push([first, last]);
     }
   });
-  if (news.condition !== undefined) Object.assign(axis, { condition: news.condition, matches: [] });
-  axis.matches.push(...(news.matches ?? []));
-  axis.branches = news.branches ?? axis.branches;
   axis.events.push(...(news.events ?? []));
-  axis.bookmarks = news.bookmarks ?? axis.bookmarks;
+  for (const [name, { more, ...kind }] of Object.entries(news.marks ?? {})) {
+    if (more) axis.marks[name].marks.push(...kind.marks);
+    else axis.marks[name] = kind;
+  }
 }
 
 const near = (axis, width, index, x) => Math.abs(placeOf(axis.times, width, index) - x) <= NEAR_PX;
@@ -135,9 +122,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
       .filter((event) => near(axis, strip.clientWidth, event.at, clientX - left))
       .slice(0, MOST_EVENTS)
       .map(({ at, text }) => `${at}: ${text}`),
-    axis.matches.includes(index) ? `true here: ${axis.condition}` : "",
-    ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
-    ...axis.bookmarks.filter((bookmark) => bookmark.at === index).map(({ note }) => `bookmark${note && `: ${note}`}`),
+    ...Object.values(axis.marks).flatMap(({ marks }) => marks.filter(({ at }) => at === index).map(({ text }) => text)),
   ]
     .filter(Boolean)
     .join("\n");

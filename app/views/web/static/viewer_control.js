@@ -1,5 +1,6 @@
 // Rerun's experimental Viewer Control API, as far as it is needed: protobuf messages by field number, as in
-// viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1).
+// viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1). The documented class WebViewer has methods for all
+// of them (set_time, close, set_blueprint, get_state); why it is not used: see rerun_assets.py.
 const CLOSE = 1,
   SET_TIME_CURSOR = 6,
   SET_BLUEPRINT = 14; // of ViewerControlRequest

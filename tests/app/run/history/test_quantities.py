@@ -11,17 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ispom_app.engine.events import Stepped
 from ispom_app.engine.history.quantities import (
-    MOTION,
+    CHANGES,
     NO_ROW,
     POSE,
     STEP_QUANTITIES,
-    USUAL_STEPS,
-    WAY,
     Row,
     quantities,
     row_after,
     step_values,
 )
+from ispom_app.engine.history.step_quantities.motion import USUAL_STEPS
 from ispom_app.engine.run_folder.step_log import STEP_COLUMNS
 from scipy.spatial.transform import Rotation
 
@@ -53,7 +52,7 @@ def rows(found: list[tuple[int, Measurement, Step]]) -> list[Row]:
 
 @pytest.mark.parametrize("method", names())
 def test_no_two_quantities_of_a_method_have_one_name(method: str) -> None:
-    own = [*(q.key for q in STEP_QUANTITIES), *POSE, *MOTION, *WAY]
+    own = [*(q.key for q in STEP_QUANTITIES), *POSE, *(q.key for q in CHANGES), "time_s"]
     keys = own + list(registry()[method].checks)
     assert len(set(keys)) == len(keys) and all(re.fullmatch(r"[a-z]+(_[a-z]+)*", key) for key in keys)
     of_checks = 4 * len(registry()[method].checks)
@@ -62,6 +61,9 @@ def test_no_two_quantities_of_a_method_have_one_name(method: str) -> None:
 
 def test_every_quantity_of_a_step_is_a_column() -> None:
     assert {q.key for q in STEP_QUANTITIES} | set(POSE) <= set(STEP_COLUMNS)
+
+
+MOTION = ("moved", "turned_deg", "moved_usual")
 
 
 def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bool = False, lost: bool = False) -> Row:
@@ -83,6 +85,15 @@ def test_a_step_is_compared_with_the_usual_one() -> None:
     assert changes[3] == [2.0, pytest.approx(20.0), 1.0]
     assert changes[5][2] == changes[4][2], "a step that does not move changes nothing"
     assert changes[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
+
+
+def test_a_quantity_sees_the_step_before_and_the_time() -> None:
+    step = stepped(3)[0][2]
+    row = NO_ROW
+    for index in range(3):
+        row = row_after(row, index, 500_000_000 * (index + 1), (replace(step, restarted=index == 2),), {})
+        assert row["monocular"]["time_s"] == 0.5 * (index + 1)
+        assert row["monocular"]["moved"] == (0.0 if index == 1 else None), "over a restart nothing is known"
 
 
 def test_no_step_goes_over_a_gap_or_into_a_new_world() -> None:

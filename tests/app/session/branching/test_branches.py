@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ispom_app.features.branches.branches import MOST, changes
 from ispom_app.features.branches.commands import DeleteBranch, Fork, HideBranch, RenameBranch, ShowBranch
-from ispom_app.features.branches.service import BranchService
-from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
+from ispom_app.session.branches.branches import MOST, changes
+from ispom_app.session.branches.service import BranchService
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.methods import Config

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.commands import DeleteBranch, Fork, ShowBranch
-from ispom_app.features.branches.comparison import Comparison, advanced, begin, forked_at
-from ispom_app.features.branches.service import BranchService
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.session import commands as do
+from ispom_app.session.branches.branches import Branch
+from ispom_app.session.branches.comparison import Comparison, advanced, begin, forked_at
+from ispom_app.session.branches.service import BranchService
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble

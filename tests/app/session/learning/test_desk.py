@@ -6,16 +6,17 @@ from collections.abc import Iterator
 
 import pytest
 from ispom_app.features.branches.commands import Fork
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import RunUntil
 from ispom_app.features.layers.commands import Hide
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.commands import EndLesson, Learn, Reveal, TurnTo
 from ispom_app.features.lessons.library import Library
-from ispom_app.features.lessons.state import Learning, Lessons, covered
+from ispom_app.features.lessons.state import Learning, Lessons
 from ispom_app.features.plots.commands import Plot
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
+from ispom_app.session.state import covered
 from ispom_app.views.web.messages import message_of
 
 from tests.app.helpers import started, wait_for

@@ -10,7 +10,6 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.commands import ShowBranch
-from ispom_app.features.branches.state import Branches
 from ispom_app.features.recording.state import Recordings
 from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
@@ -18,6 +17,7 @@ from ispom_app.features.sweep.service import SweepService
 from ispom_app.features.sweep.sweep import Sweep, SweepState
 from ispom_app.features.sweep.values import parsed
 from ispom_app.session import commands as do
+from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.session.store import Store

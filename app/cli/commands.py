@@ -1,0 +1,81 @@
+"""The commands of `ispom`: a table. Packages add some by the entry point `ispom.commands`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from ispom.registry import Registry
+
+from ..engine.playback import Builder
+
+APP = __name__.partition(".")[0]
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command. Both parts are named as MODULE:NAME, from a dot on within the app, and imported when they are
+    needed: help texts wait for no viewer and no ray caster. A package may give them themselves."""
+
+    name: str
+    options: str | type
+    """A frozen dataclass, whose docstrings are the help."""
+    function: str | Callable[..., int]
+    """Takes the options and what is below, and returns the exit code."""
+    needs: tuple[Literal["words", "builder"], ...] = ()
+    """What it gets besides the options, in this order: the words after its name, what makes the estimators."""
+
+    def options_class(self) -> Any:
+        """Returns the class of its options."""
+        return _named(self.options)
+
+    def execute(self, options: Any, words: Sequence[str], builder: Builder) -> int:
+        """Carries the command out, and returns the exit code."""
+        given = {"words": words, "builder": builder}
+        return _named(self.function)(options, *(given[need] for need in self.needs))
+
+
+def _named(reference: Any) -> Any:
+    if not isinstance(reference, str):
+        return reference
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module, APP), name)
+
+
+B = ("builder",)
+"""For those that make estimators."""
+COMMANDS = Registry(
+    "ispom.commands",
+    Command,
+    "command",
+    (
+        Command("demo", ".features.page.options:Demo", ".features.page.command:open_page", B),
+        Command("app", ".features.page.options:App", ".features.page.command:open_page", B),
+        Command("learn", ".features.page.options:Learn", ".features.page.command:open_page", B),
+        Command("run", ".features.headless.options:Run", ".features.headless.command:run", B),
+        Command(
+            "experiment", ".features.experiments.options:Experiment", ".features.experiments.command:experiment", B
+        ),
+        Command("fork", ".features.headless.options:Fork", ".features.headless.fork:fork", ("words", "builder")),
+        Command("diff", ".features.diff.options:Diff", ".features.diff.command:diff"),
+        Command("gate", ".features.gate.options:Gate", ".features.gate.command:gate", B),
+        Command("mcp", ".features.agents.options:Mcp", ".features.agents.command:serve", B),
+        Command("sources", ".features.sources.description:Sources", ".features.sources.description:sources"),
+        Command("calibrate", ".features.calibration.options:Calibrate", ".features.calibration.command:calibrate"),
+        Command("blame", ".features.blame.options:Blame", ".features.blame.command:blame", B),
+        Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
+        Command("evaluate", ".features.evaluation.options:Evaluate", ".features.evaluation.command:evaluate"),
+        Command("export", ".features.export.options:Export", ".features.export.export:export"),
+        Command("report", ".features.report.options:Report", ".features.report.command:report"),
+        Command("publish", ".features.publish.options:Publish", ".features.publish.command:publish"),
+        Command("map", ".features.mapping.options:Map", ".features.mapping.command:make_map"),
+        Command("perturb", ".features.sensitivity.options:Perturb", ".features.sensitivity.perturb:perturb", B),
+        Command("doctor", ".features.doctor.options:Doctor", ".features.doctor.command:doctor", B),
+        Command("repair", ".features.recording.options:Repair", ".features.recording.repair_command:repair"),
+        Command("new-method", ".features.grading.options:NewMethod", ".features.grading.scaffold:new_method"),
+        Command("grade", ".features.grading.options:Grade", ".features.grading.command:grade"),
+    ),
+)
+"""In the order of the help."""

@@ -1,0 +1,66 @@
+"""The dialects of calibrations, a module each: one that has a `DIALECT` is found by being here.
+
+A module's docstring has the conventions of the program: pixel origin, order of the coefficients, direction of the
+poses, units, and where that is written. The documents show it.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from functools import cache
+from importlib import import_module
+from types import ModuleType
+
+from ispom.errors import InputError
+from ispom.io.calibrations.camera_info import ImageSize
+from ispom.io.calibrations.content import Content
+from ispom.io.calibrations.dialect import CalibrationFile, Dialect
+
+
+@cache
+def modules() -> dict[str, ModuleType]:
+    """Returns the modules of this package by the names of their dialects, sorted by title."""
+    found = [import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
+    found = [module for module in found if hasattr(module, "DIALECT")]
+    return {module.DIALECT.name: module for module in sorted(found, key=lambda m: m.DIALECT.title.lower())}
+
+
+def dialects() -> tuple[Dialect, ...]:
+    """Returns all dialects."""
+    return tuple(module.DIALECT for module in modules().values())
+
+
+def recognised(content: Content) -> Dialect | None:
+    """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has those of
+    two, as the file of one would be read as that of the other."""
+    for order in sorted({each.order for each in dialects()}):
+        found = [each for each in dialects() if each.order == order and each.recognises(content)]
+        if len(found) > 1:
+            both = " and of ".join(f"{each.title} ({each.looked_for})" for each in found)
+            raise InputError(f"{content.path} has the entries of {both}: remove those of one")
+        if found:
+            return found[0]
+    return None
+
+
+def read(content: Content, size: ImageSize | None = None) -> CalibrationFile:
+    """Reads a file by its dialect; `size` is that of the images, used where it has none. Raises InputError for a file
+    of no known dialect, which says what was looked for."""
+    dialect = recognised(content)
+    if dialect is not None:
+        return dialect.read(content, size)
+    if content.suffix in (".yaml", ".yml", ".json") and content.fault is not None:
+        raise content.fault
+    kinds = _kinds(content)
+    looked = "; ".join(f"{each.title}: {each.looked_for}" for each in dialects() if each.kind in kinds)
+    raise InputError(f"{content.path} is no calibration that is known. Looked for in {' or '.join(kinds)}: {looked}")
+
+
+def _kinds(content: Content) -> tuple[str, ...]:
+    if content.text is None:
+        return ("binary",)
+    if content.text.lstrip().startswith("<"):
+        return ("XML",)
+    if content.values is not None and not isinstance(content.values, str | int | float):
+        return ("JSON",) if content.text.lstrip()[:1] in ("{", "[") else ("YAML",)
+    return ("text",)

@@ -1,0 +1,62 @@
+"""Three captions in the picture on the first start in a browser: gone at the first action, and then for good."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+FORBIDDEN = (
+    "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('no', 'SecurityError'); } })"
+)
+
+
+def first(browser, app: App, before: str = "") -> Page:  # noqa: F811
+    """In a browser that was never here, when there is something to act on."""
+    page = Page(browser, app.url, viewer=FAKE, before=before)
+    page.until("state.index >= 0", "the state")
+    return page
+
+
+@pytest.mark.parametrize(
+    "act",
+    [lambda tab: tab.keyboard.press("Space"), lambda tab: tab.locator("#transport [data-do=back]").click()],
+    ids=["key", "click"],
+)
+def test_they_are_gone_at_the_first_action(browser, app: App, act: Callable) -> None:  # noqa: F811
+    page = first(browser, app)
+    captions = page.tab.locator("#captions")
+    captions.wait_for()
+    assert captions.locator("li").count() == 3
+    for caption in captions.locator("li").all():
+        box, inside = caption.bounding_box(), page.tab.locator("#viewer").bounding_box()
+        assert box["x"] >= inside["x"] and box["x"] + box["width"] <= inside["x"] + inside["width"]
+        assert box["y"] >= inside["y"] and box["y"] + box["height"] <= inside["y"] + inside["height"]
+    act(page.tab)  # the action itself is not held up
+    captions.wait_for(state="hidden")
+    page.tab.reload()
+    page.until("state.index >= 0", "the state")
+    assert not captions.is_visible() and not page.faults
+    page.tab.close()
+
+
+def test_the_left_pane_counts_as_well(browser, app: App) -> None:  # noqa: F811
+    page = first(browser, app)
+    page.tab.locator("#captions").wait_for()
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.tab.locator("#captions").wait_for(state="hidden")
+    page.tab.close()
+
+
+def test_a_browser_that_remembers_nothing_has_them_with_each_page(browser, app: App) -> None:  # noqa: F811
+    page = first(browser, app, FORBIDDEN)
+    page.tab.locator("#captions").wait_for()
+    page.tab.keyboard.press("k")
+    page.tab.locator("#captions").wait_for(state="hidden")
+    assert not page.faults
+    page.tab.close()

@@ -1,0 +1,39 @@
+"""The table of commands: every entry names what is there, and help texts load nothing heavy."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+from ispom_app.cli import commands
+from ispom_app.cli.commands import COMMANDS
+
+HEAVY = ("viser", "rerun", "aiohttp", "open3d", "trimesh", "matplotlib", "plotly", "pyarrow", "scipy.optimize")
+CODE = f"""
+import sys
+from contextlib import suppress
+from ispom_app.cli.main import main
+with suppress(SystemExit):
+    main(["--help"])
+sys.stderr.write(" ".join(name for name in {HEAVY} if name in sys.modules))
+"""
+
+
+@pytest.mark.parametrize("name", COMMANDS.names())
+def test_a_command_has_a_function_that_takes_what_it_is_given(name: str) -> None:
+    command = COMMANDS.get(name)
+    function = commands._named(command.function)
+    options, *needs = inspect.signature(function).parameters.values()
+    given = [each.name for each in needs if each.name in ("words", "builder")]
+    assert given == list(command.needs)
+    assert all(each.name in given or each.default is not inspect.Parameter.empty for each in needs)
+    assert command.options_class().__doc__
+    if options.annotation != "Serve":  # of several commands
+        assert options.annotation == command.options_class().__name__
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], check=True, capture_output=True, text=True)
+    assert all(name in done.stdout for name in COMMANDS.names()) and not done.stderr
