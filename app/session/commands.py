@@ -141,7 +141,7 @@ class Restart(Command, frozen=True):
     config: Config
 
     def execute(self, session: Controller) -> None:
-        session.restart(self.methods, self.config)
+        session.screen.restart(self.methods, self.config)
 
     def closing(self, session: Controller) -> str:
         return "Starting again from the first frame"
@@ -156,8 +156,8 @@ class Open(Command, frozen=True):
     keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
-        if session.open(self.source, self.options):
-            session.play_on()
+        if session.screen.open(self.source, self.options):
+            session.screen.play_on()
 
     def closing(self, session: Controller) -> str:
         return f"Opening {without_secrets(self.source)}"

@@ -25,11 +25,12 @@ nobody looks, after so long."""
 class Player:
     """`run` is the one that is on the screen: another object for each start, None before the first."""
 
-    def __init__(self, store: Store, viewers: Viewers, compiling: Compiling) -> None:
+    def __init__(
+        self, store: Store, viewers: Viewers, compiling: Compiling, computed: Callable[[Stepped], None]
+    ) -> None:
+        """`computed` is called with each new frame."""
         self.run: CurrentRun | None = None
-        self._store, self._viewers, self._compiling = store, viewers, compiling
-        self.computed: Callable[[Stepped], None] = lambda event: None
-        """Called with each new frame."""
+        self._store, self._viewers, self._compiling, self._computed = store, viewers, compiling, computed
         self._due_s = 0.0
         self._differing_run: CurrentRun | None = None
         """The run whose replay is not what is stored of it."""
@@ -102,7 +103,7 @@ class Player:
         if record.index == self._store.state.index:
             self._store.emit(Displayed(record))
         self._viewers.write(event)
-        self.computed(event)
+        self._computed(event)
 
     def _more(self, run: CurrentRun) -> bool:
         """Whether there is a frame to compute; a live source is waited for a while."""
@@ -133,7 +134,7 @@ class Player:
         if event.skipped:
             self._store.emit(NoticeAdded(f"frame {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
-        self.computed(event)
+        self._computed(event)
         if run.playback.done:
             self._finish(run.finish())
         self._store.set(activity=None)

@@ -27,6 +27,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 
 from ispom.ensemble import build
 from ispom.io.maps import map_bytes
@@ -96,12 +97,14 @@ def played(arguments: list[str], methods: tuple[str, ...], folder: Path) -> Iter
     """A session, as the page has it, over what the arguments of `ispom run` say; run to its end."""
     options = tyro.cli(Run, args=arguments)
     session = Session(
-        lambda _: options.open(options.source),
-        options.source,
-        folder,
-        methods=methods,
-        config=options.config,
-        builder=build,
+        SessionSetup(
+            lambda _: options.open(options.source),
+            options.source,
+            folder,
+            methods=methods,
+            config=options.config,
+            builder=build,
+        )
     )
     session.start()
     session.post(do.Speed(None))

@@ -20,6 +20,7 @@ from ispom_app.features.tracks.commands import Inspection
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.session.state import FeatureState, State
 
 from ispom.ensemble import Ensemble
@@ -47,7 +48,9 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 20.0
 
 def started(folder: Path, source: str = "double:20", **options) -> Session:
     """A session on stand-ins, unless `options` say otherwise."""
-    session = Session(options.pop("opener", opener), source, folder, **({"builder": build} | options))
+    live = options.pop("live", None)
+    setup = SessionSetup(options.pop("opener", opener), source, folder, **({"builder": build} | options))
+    session = Session(setup, live)
     session.start()
     return session
 

@@ -20,6 +20,7 @@ from ...engine.options import SourceOptions
 from ...engine.playback import Builder
 from ...session.review.stored import place_of
 from ...session.session import Session
+from ...session.setup import SessionSetup
 from ...session.sources.folders import Folders
 from .agent_session import SIMULATION, AgentSession
 from .options import Mcp
@@ -59,19 +60,21 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
     if options.runs != Mcp.runs and not is_folder(expanded(options.runs)):
         raise InputError(f"--runs is {options.runs}, which is no folder: give one that exists")
     session = Session(
-        _opener(options),
-        "",
-        runs,
-        methods=in_order(options.methods) or None,
-        variant=options.variant or "modern",
-        config=options.config,
-        compiling=warmup.start,
-        builder=builder,
-        history_bytes=1_000_000 * options.history_mb,
-        source_options=options.of_source,
-        folders=Folders(),
-        compare_images=True,
-        autoplay=False,
+        SessionSetup(
+            _opener(options),
+            "",
+            runs,
+            methods=in_order(options.methods) or None,
+            variant=options.variant or "modern",
+            config=options.config,
+            compiling=warmup.start,
+            builder=builder,
+            history_bytes=1_000_000 * options.history_mb,
+            source_options=options.of_source,
+            folders=Folders(),
+            compare_images=True,
+            autoplay=False,
+        )
     )
     session.start()
     try:

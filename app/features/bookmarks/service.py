@@ -36,7 +36,7 @@ class BookmarkService(Service):
     def opened(self, run: CurrentRun) -> None:
         """Another run: its bookmarks are those that were kept. InputError if they cannot be read."""
         stored = run.stored.path if run.stored is not None else None
-        self._path = None if run.live else notes_path(stored, self.session.recordings, self.state.source)
+        self._path = None if run.live else notes_path(stored, self.session.setup.recordings, self.state.source)
         self._sequence = run.playback.sequence
         self.store.put(Bookmarks())
         if self._path is not None:

@@ -164,8 +164,8 @@ class LessonService(Service):
         """Shows the run of the step: the shown one, where its request is the same."""
         shown = self.run
         if shown is None or not self._is_shown(request):
-            shown = self.session.computed_run(request.source, None, request.methods, request.config)
-            self.session.open_run(shown, request.source)
+            shown = self.session.screen.computed_run(request.source, None, request.methods, request.config)
+            self.session.screen.open_run(shown, request.source)
         self._own_request, self._runs = request, {OWN: shown}
 
     def _is_shown(self, request: RunRequest) -> bool:
@@ -188,7 +188,7 @@ class LessonService(Service):
         yield partial(self._reveal, learning)
 
     def _add(self, name: str, request: RunRequest) -> None:
-        found = self.session.computed_run(request.source, None, request.methods, request.config)
+        found = self.session.screen.computed_run(request.source, None, request.methods, request.config)
         self.session.service(BranchService).add(found, name, 0, (name,), reproducible=True)
         self._runs[name] = found
 

@@ -16,6 +16,7 @@ from ...engine import warmup
 from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
 from ...engine.playback import Builder, truth_from_start
 from ...session.session import Session
+from ...session.setup import SessionSetup
 from ...session.sources.folders import Folders, RecentSources
 from ...session.sources.opening import stored_at
 from ...views.rerun.live import LiveStream
@@ -55,24 +56,26 @@ def open_page(command: Serve, builder: Builder) -> int:
 
     def session(live: LiveStream) -> Session:
         found = Session(
-            opener,
-            source,
-            Path("recordings"),
-            methods=in_order(command.methods) or None,
-            variant=command.variant or "modern",
-            config=command.config,
-            live=live,
-            compiling=warmup.start,
-            builder=builder,
-            history_bytes=1_000_000 * command.history_mb,
-            source_options=command.of_source,
-            folders=Folders(None if command.root is None else command.root.expanduser()),
-            recent=RecentSources(user_config_path("ispom") / "recent.json"),
-            trajectory_options=trajectories,
-            compare_images=command.agents is not None,
-            extras=(library,),
-            autoplay=not isinstance(command, Learn),
-            beginnings={DEMO: RECORDED},
+            SessionSetup(
+                opener,
+                source,
+                Path("recordings"),
+                methods=in_order(command.methods) or None,
+                variant=command.variant or "modern",
+                config=command.config,
+                compiling=warmup.start,
+                builder=builder,
+                history_bytes=1_000_000 * command.history_mb,
+                source_options=command.of_source,
+                folders=Folders(None if command.root is None else command.root.expanduser()),
+                recent=RecentSources(user_config_path("ispom") / "recent.json"),
+                trajectory_options=trajectories,
+                compare_images=command.agents is not None,
+                extras=(library,),
+                autoplay=not isinstance(command, Learn),
+                beginnings={DEMO: RECORDED},
+            ),
+            live,
         )
         if begun is not None:
             found.post(Begin(begun.name))

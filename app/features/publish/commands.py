@@ -17,7 +17,7 @@ class AddRun(Command, frozen=True):
     name: str
 
     def execute(self, session: Controller) -> None:
-        found = session.opener.stored(self.path, session.history_bytes)
+        found = session.screen.opener.stored(self.path, session.setup.history_bytes)
         if found is None:
             raise InputError(f"{self.path} holds no run: give a folder that `ispom run` wrote")
         branches = session.service(BranchService)

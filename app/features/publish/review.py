@@ -22,6 +22,7 @@ from ...session.branches.comparison import Comparison
 from ...session.branches.service import BranchService
 from ...session.branches.state import Branches
 from ...session.session import Session
+from ...session.setup import SessionSetup
 from ..runs.compare import comparison_message
 from ..runs.live import live_rows
 from .commands import AddRun
@@ -50,7 +51,7 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
     for folder in folders:
         require_run(folder)
     with TemporaryDirectory() as empty:
-        session = Session(no_images, str(folders[0]), Path(empty), autoplay=False)
+        session = Session(SessionSetup(no_images, str(folders[0]), Path(empty), autoplay=False))
         session.start()
         try:
             _wait(lambda: session.state.phase != "opening")

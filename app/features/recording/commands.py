@@ -20,14 +20,14 @@ class OpenNamed(PageCommand, frozen=True):
     def execute(self, session: Controller) -> None:
         source = self._source(session)
         session.service(RecordingService).show()  # another process may have finished it
-        if session.open(source, None):
-            session.play_on()
+        if session.screen.open(source, None):
+            session.screen.play_on()
 
     def closing(self, session: Controller) -> str:
         return f"Opening {run_name(self._source(session))}"
 
     def _source(self, session: Controller) -> str:
-        return Known(session.recordings).source(self.name, session.state)
+        return Known(session.setup.recordings).source(self.name, session.state)
 
 
 class Record(PageCommand, frozen=True):

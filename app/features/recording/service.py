@@ -91,7 +91,10 @@ class RecordingService(Service):
 
     def __init__(self, session: Controller) -> None:
         super().__init__(session)
-        self._writers, self._repairs = Writers(session.recordings, self._has_depth), Repairs(session.recordings)
+        self._writers, self._repairs = (
+            Writers(session.setup.recordings, self._has_depth),
+            Repairs(session.setup.recordings),
+        )
         self.recorded: set[int] = set()
         """Branches of the run on the screen that are, or were, recorded."""
 
@@ -147,7 +150,7 @@ class RecordingService(Service):
         self.show()  # another process may have finished one
         if name not in [kept.name for kept in self.state[Recordings].listed]:
             raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
-        put(notes_of(self.session.recordings / name), note=note)
+        put(notes_of(self.session.setup.recordings / name), note=note)
         self.show()
 
     def repair(self) -> None:
@@ -156,7 +159,7 @@ class RecordingService(Service):
 
     def show(self) -> None:
         """The list, as the folder is now."""
-        listed, unfinished = list_recordings(self.session.recordings), self._repairs.found()
+        listed, unfinished = list_recordings(self.session.setup.recordings), self._repairs.found()
         self.store.put(replace(self.state[Recordings], listed=listed, unfinished=unfinished))
 
     def close(self) -> None:

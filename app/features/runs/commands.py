@@ -18,8 +18,8 @@ class OpenSource(PageCommand, frozen=True):
     keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
-        if session.open(self.source.strip(), None):
-            session.play_on()
+        if session.screen.open(self.source.strip(), None):
+            session.screen.play_on()
 
     def closing(self, session: Controller) -> str:
         return f"Opening {without_secrets(self.source)}"

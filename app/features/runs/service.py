@@ -39,7 +39,7 @@ class RunsService(Service):
                 self.show_kept(a)
                 numbers[0] = kept[1]
             else:
-                self.session.open(self._source(a), None)
+                self.session.screen.open(self._source(a), None)
                 numbers[0] = 0
         shown, other = (self._with_run(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
         branches = self.session.service(BranchService)
@@ -95,7 +95,7 @@ class RunsService(Service):
             if not number.isdecimal() or run_of(int(number)) is None:
                 raise InputError("this run is not in the session any more: choose another one")
             return int(number)
-        path = abspath(self.session.recordings / key)
+        path = abspath(self.session.setup.recordings / key)
         runs = ((b.number, run_of(b.number)) for b in self.state[Branches].all)
         return next((n for n, run in runs if run and run.stored and abspath(run.stored.path) == path), None)
 
@@ -106,7 +106,7 @@ class RunsService(Service):
             found: CurrentRun | None = kept[0].runs[kept[1]]
             name = next(b.name for b in kept[0].branches if b.number == kept[1])
         else:
-            found = self.session.opener.stored(self._source(name), self.session.history_bytes)
+            found = self.session.screen.opener.stored(self._source(name), self.session.setup.history_bytes)
         if found is None or run is None:
             raise InputError(f"{name} holds no run: choose another one")
         times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]
@@ -115,7 +115,7 @@ class RunsService(Service):
         return self.session.service(BranchService).add(found, PurePath(name).name, 0, (), reproducible=True, show=False)
 
     def _source(self, name: str) -> str:
-        return Known(self.session.recordings).source(name, self.state)
+        return Known(self.session.setup.recordings).source(name, self.state)
 
 
 def _computed(run: CurrentRun | None) -> int:

@@ -97,7 +97,7 @@ class EffectService(Service):
             _as_external_trajectory(n, each, run, sequence, effect.wrong) for n, each in enumerate(effect.predictions)
         )
         playback = Playback(sequence, before.methods, before.config, before.builder, before.earlier, shown)
-        again, name = CurrentRun(playback, self.session.history_bytes), perturbation_text(effect.wrong)
+        again, name = CurrentRun(playback, self.session.setup.history_bytes), perturbation_text(effect.wrong)
         self.session.service(BranchService).add(again, name, 0, (name,))
         self._again = again
         self.store.put(CalibrationEffect(replace(effect, rerun=True, outcomes=())))

@@ -35,7 +35,7 @@ class RunWithSensors(Command, frozen=True):
         words, hash_mark, seed = session.state.source.removeprefix(SIMULATION).partition("#")
         address = f"{SIMULATION}{with_sensors(words, self.sensors)}{hash_mark}{seed}"
         shown = run.playback
-        again = session.computed_run(address, session.state.source_options, shown.methods, shown.config)
+        again = session.screen.computed_run(address, session.state.source_options, shown.methods, shown.config)
         session.service(BranchService).add(again, ", ".join(changed), 0, tuple(changed))
         session.store.set(playing=True)
 

@@ -47,7 +47,7 @@ class SweepService(Service):
         swept = parsed(method, setting, values)
         text = plan_text(swept, source, options, self.state.config)
         name = self._free()
-        self._process = SweepProcess(text, self.session.recordings / name, workers(len(swept.values)))
+        self._process = SweepProcess(text, self.session.setup.recordings / name, workers(len(swept.values)))
         self._cancelled = False
         self.store.put(SweepState(Sweep.begun(name, swept, source, options, time.monotonic())))
 
@@ -95,11 +95,11 @@ class SweepService(Service):
         if known is not None:
             branches.show(known)
             return
-        path = self.session.recordings / sweep.name / outcome.folder
-        stored = stored_at(str(path), self.session.opener.opener, self.session.opener.builder)  # this program wrote it
+        path = self.session.setup.recordings / sweep.name / outcome.folder
+        stored = stored_at(str(path), self.session.setup.opener, self.session.setup.builder)  # this program wrote it
         if stored is None:
             raise InputError(f"{path} holds no run any more: run the sweep again")
-        found = CurrentRun.of_stored(stored, self.session.history_bytes)
+        found = CurrentRun.of_stored(stored, self.session.setup.history_bytes)
         branches.add(found, name, 0, (f"{sweep.swept.method} alone, {value}",), reproducible=True)
 
     def close(self) -> None:
@@ -117,11 +117,13 @@ class SweepService(Service):
         if run.stored is None:
             return state.source, state.source_options
         written = read_run_file(run.stored.path)
-        found = stored_source(run.stored.path, written, None, self.session.opener.asked_for)
+        found = stored_source(run.stored.path, written, None, self.session.screen.opener.asked_for)
         if found.places is not None:
             raise InputError("the run was made on another machine: run its source again, then sweep that run")
         return found.source, found.options
 
     def _free(self) -> str:
         """A name that nothing in the folder has."""
-        return next(name for n in range(1, 100_000) if not (self.session.recordings / (name := f"sweep-{n}")).exists())
+        return next(
+            name for n in range(1, 100_000) if not (self.session.setup.recordings / (name := f"sweep-{n}")).exists()
+        )

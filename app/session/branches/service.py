@@ -51,7 +51,7 @@ class BranchService(Service):
         """A branch of a source that was closed, with all others of it."""
         self.kept = tuple(each for each in self.kept if each is not kept)
         self._again = kept, number
-        self.session.show_again(kept.runs[number], kept.source, kept.options)
+        self.session.screen.show_again(kept.runs[number], kept.source, kept.options)
 
     def opened(self, run: CurrentRun) -> None:
         """The branches of the run before are gone from the screen; one that is over is shown at its end."""
@@ -125,7 +125,7 @@ class BranchService(Service):
         run.wake()
         last = len(run.history) - 1
         displayed = run.history[min(state.index, last)] if last >= 0 and state.index >= 0 else None
-        self.session.show(run, Resumed(run.opened, number, last + 1, displayed, run.done))
+        self.session.screen.show(run, Resumed(run.opened, number, last + 1, displayed, run.done))
 
     def rename(self, number: int, name: str) -> None:
         self._found(number)

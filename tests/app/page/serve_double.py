@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ispom_app.engine.options import SourceOptions
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.session.sources.folders import Folders
 from ispom_app.views.web.server import Serving, serve
 
@@ -45,7 +46,7 @@ if __name__ == "__main__":
     builder = losing if source == LOSSY else helpers.build
     sys.exit(
         serve(
-            lambda live: Session(opener, source, folder, live=live, builder=builder, folders=folders),
+            lambda live: Session(SessionSetup(opener, source, folder, builder=builder, folders=folders), live),
             Serving(port=port, base="/ispom/", open_browser=False),
         )
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ispom_app.engine.options import SourceOptions
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.session.sources.folders import Folders
 from ispom_app.views.web.server import Serving, serve
 
@@ -24,7 +25,9 @@ if __name__ == "__main__":
     folder = Path(sys.argv[1])
     sys.exit(
         serve(
-            lambda live: Session(opener, "", folder, live=live, builder=helpers.build, folders=Folders(folder)),
+            lambda live: Session(
+                SessionSetup(opener, "", folder, builder=helpers.build, folders=Folders(folder)), live
+            ),
             Serving(port=0, base="/ispom/", open_browser=False),
         )
     )

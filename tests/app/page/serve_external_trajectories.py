@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.views.web.server import Serving, serve
 
 from tests.app import helpers
@@ -21,13 +22,15 @@ if __name__ == "__main__":
     sys.exit(
         serve(
             lambda live: Session(
-                helpers.opener,
-                SOURCE,
-                folder,
-                live=live,
-                builder=helpers.build,
-                methods=METHODS,
-                trajectory_options=(read(path),),
+                SessionSetup(
+                    helpers.opener,
+                    SOURCE,
+                    folder,
+                    builder=helpers.build,
+                    methods=METHODS,
+                    trajectory_options=(read(path),),
+                ),
+                live,
             ),
             Serving(port=port, base="/ispom/", open_browser=False),
         )

@@ -8,6 +8,7 @@ from pathlib import Path
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.lessons.library import Library
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.views.web.server import Serving, serve
 
 from ispom.ensemble import build
@@ -29,7 +30,10 @@ if __name__ == "__main__":
     sys.exit(
         serve(
             lambda live: Session(
-                opener, source, folder, live=live, builder=builder, methods=methods, extras=(library,), autoplay=False
+                SessionSetup(
+                    opener, source, folder, builder=builder, methods=methods, extras=(library,), autoplay=False
+                ),
+                live,
             ),
             Serving(port=0, base="/ispom/", open_browser=False, mode="learn"),
         )

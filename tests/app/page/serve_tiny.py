@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.views.web.server import Serving, serve
 
 from ispom.sequences import open_sequence
@@ -20,7 +21,7 @@ if __name__ == "__main__":
     folder, port = Path(sys.argv[1]), int(sys.argv[2])
     sys.exit(
         serve(
-            lambda live: Session(opener, "sim:tiny", folder, live=live, methods=("stereo",)),
+            lambda live: Session(SessionSetup(opener, "sim:tiny", folder, methods=("stereo",)), live),
             Serving(port=port, base="/ispom/", open_browser=False),
         )
     )

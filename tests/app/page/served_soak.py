@@ -16,6 +16,7 @@ from ispom_app.features.branches.commands import Fork
 from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.views.web.server import Serving, serve
 
 from ispom.sequences import open_sequence
@@ -29,7 +30,7 @@ def serve_soak(folder: Path, source: str, count: int, branch_at: int | None = No
         return to_and_fro(open_sequence(source), count)
 
     def session(live) -> Session:
-        found = Session(opener, source, folder, live=live)
+        found = Session(SessionSetup(opener, source, folder), live)
         found.post(do.Speed(None))
 
         def fork() -> None:

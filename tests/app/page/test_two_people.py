@@ -103,9 +103,11 @@ def test_unavailable_actions_are_reported_and_change_nothing(both: tuple[Page, P
     follower.until("state.index === 21 && !window.ispom.state.playing", "only the driver's command")
     assert not driver.tab.evaluate("window.ispom.axis.marks.bookmarks?.marks.length")
     follower.send("{do: 'follow'}")
-    panel = follower.tab.frame_locator("#controls")
-    play = panel.get_by_role("button", name="Run to the next anomaly").first
-    assert play.evaluate("(e) => getComputedStyle(e).pointerEvents") == "none"
+    step = follower.explain.locator(".act").first
+    assert step.evaluate("(e) => getComputedStyle(e).pointerEvents") == "none"
+    panel = follower.controls
+    button = panel.locator("button.mantine-Button-root").first
+    assert button.evaluate("(e) => getComputedStyle(e).pointerEvents") == "none"
     assert panel.get_by_role("tab").first.evaluate("(e) => getComputedStyle(e).pointerEvents") == "auto"
 
 
@@ -130,7 +132,7 @@ def test_the_last_browser_that_is_left_is_in_control(browser, app: App, both: tu
     driver.tab.goto(app.url.replace("?", "calibration?"))  # a page of the app, but none of the session
     follower.until("state.people.driving && state.people.others.length === 0", "to drive")
     assert follower.tab.locator("#people").inner_text() == ""
-    panel = follower.tab.frame_locator("#controls")
+    panel = follower.controls
     panel.get_by_role("tab", name="Files").click()
     panel.get_by_role("button", name="Bookmark this frame").click()
     follower.until(

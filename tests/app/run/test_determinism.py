@@ -11,6 +11,7 @@ from ispom_app.engine.playback import Playback
 from ispom_app.features.recording.commands import Record
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 
 from ispom.io.trajectories import tum_text
 from ispom.sequences.formats.simulated import open_simulated
@@ -66,7 +67,7 @@ def test_in_the_app_with_a_viewer_a_recording_and_a_restless_person(
     flight: Sequence, headless: dict[str, str], tmp_path: Path
 ) -> None:
     viewer = Viewer()
-    session = Session(lambda _: flight, "flight", tmp_path, live=viewer, autoplay=False)
+    session = Session(SessionSetup(lambda _: flight, "flight", tmp_path, autoplay=False), viewer)
     session.start()
     try:
         wait_for(lambda: session.state.phase == "ready", "opening")

@@ -19,6 +19,7 @@ from ispom_app.session.branches.accuracy import measured, over_common_frames
 from ispom_app.session.branches.branches import Branch
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.session.state import State
 from ispom_app.views.web.messages import message_of
 
@@ -38,7 +39,7 @@ def opener(source: str, _: SourceOptions | None = None) -> Sequence:
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """sim:tiny in a session, run to its end."""
-    session = Session(opener, "sim:tiny", tmp_path_factory.mktemp("recordings"), methods=METHODS)
+    session = Session(SessionSetup(opener, "sim:tiny", tmp_path_factory.mktemp("recordings"), methods=METHODS))
     session.start()
     session.post(do.Speed(None))
     helpers.wait_for(lambda: session.state.ended and shown(session.state).measured.errors, "the end", 300)

@@ -16,6 +16,7 @@ from ispom_app.features.plots.page_message import error_curves
 from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
+from ispom_app.session.setup import SessionSetup
 from ispom_app.views.web.messages import message_of
 
 from ispom.evaluation.trajectory_error import error_against_truth
@@ -58,7 +59,7 @@ def opener(source: str, options: SourceOptions | None = None) -> Sequence:
 def single(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """Such a recording in a session, run to its end."""
     folder = write_tum(tmp_path_factory.mktemp("tum") / "walk")
-    session = Session(opener, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",))
+    session = Session(SessionSetup(opener, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",)))
     session.start()
     session.post(do.Speed(None))
     helpers.wait_for(lambda: session.state.ended, "the end", 300)
@@ -107,10 +108,12 @@ def test_the_truth_changes_nothing_that_is_estimated(single: Session, tmp_path: 
     assert run is not None
     before = run.finish().trajectories["monocular"]
     blind = Session(
-        lambda source, options=None: replace(opener(source, options), truth=None),
-        single.state.source,
-        tmp_path,
-        methods=("monocular",),
+        SessionSetup(
+            lambda source, options=None: replace(opener(source, options), truth=None),
+            single.state.source,
+            tmp_path,
+            methods=("monocular",),
+        )
     )
     blind.start()
     blind.post(do.Speed(None))

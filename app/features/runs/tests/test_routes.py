@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
-from ispom_app.features.runs.routes import RunsRoutes
+from ispom_app.features.runs.routes import routes
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
@@ -32,7 +32,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 def asked(session: Session, check: Callable[[TestClient], Awaitable[None]], may_drive: bool = True) -> None:
     async def main() -> None:
         app = web.Application()
-        app.add_routes(RunsRoutes(session, lambda _: may_drive).routes("/"))
+        app.add_routes(routes(session, lambda _: may_drive, "/"))
         async with TestClient(TestServer(app)) as client:
             await check(client)
 

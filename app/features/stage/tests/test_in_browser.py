@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -92,7 +93,7 @@ def drawn() -> tuple[CurrentRun, dict[str, np.ndarray]]:
                 flat = entry.value.positions.as_arrow_array().flatten().to_numpy(zero_copy_only=False)
                 clouds[entry.path] = flat.reshape(-1, 3)
     placements = run.history[FRAME].placements
-    clouds = {path: xyz for path, xyz in clouds.items() if path.startswith("world/")}
+    clouds = {path: xyz for path, xyz in clouds.items() if re.fullmatch(r"world/\w+/\w+/\d+", path)}
     return run, {p: placements.get(p.split("/")[1], Similarity()).apply(xyz) for p, xyz in clouds.items()}
 
 
