@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from .current_run import CurrentRun
 
 
+Factor = Annotated[float, msgspec.Meta(ge=0.01, le=100.0)]
+"""Of the recorded time."""
+
+
 def _snake_case(name: str) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
@@ -44,7 +48,7 @@ class Command(Message, frozen=True):
     """Whether a page that does not control the session may have it for itself: nothing of the run changes."""
 
     def look(self, state: State, run: CurrentRun) -> tuple[Event, ...]:
-        """What it changes for such a page, which looks at `state`. InputError if it is not possible."""
+        """What it changes of features for such a page, which looks at `state`. InputError if it is not possible."""
         raise NotImplementedError(type(self).__name__)
 
     def execute(self, session: Controller) -> None:
@@ -128,7 +132,7 @@ class Seek(PageCommand, frozen=True):
 class Speed(PageCommand, frozen=True):
     """Playing speed as a multiple of the recorded time; None for as fast as possible."""
 
-    factor: Annotated[float, msgspec.Meta(ge=0.01, le=100.0)] | None
+    factor: Factor | None
 
     def execute(self, session: Controller) -> None:
         session.player.move(changed(speed=self.factor))

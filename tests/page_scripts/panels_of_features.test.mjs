@@ -22,7 +22,7 @@ const card = {
   ...{ when: "", decisive: null, failed: [check], ongoing: [{ frame: 3, headline: "Drift", sentence: "Drift: 5 %" }], details: null },
 };
 const view = {
-  ...{ frame: 7, kind: "video", time_s: 0.5, coming: false, skipped: "", thinned: false, cards: [card], settings: [] },
+  ...{ frame: 7, kind: "video", time_s: 0.5, waiting: "", skipped: "", thinned: false, cards: [card], settings: [] },
   ...{ plotted: ["stereo.parallax"], notes: ["<b>a note</b>"] },
 };
 
@@ -42,7 +42,7 @@ test("a card has its verdict, its failed checks, and what still holds", () => {
 
 test("before the first frame it says what to do", () => {
   assert.match(words(explain({ ...view, frame: -1, cards: [] }, html)), /Press Play/);
-  assert.match(words(explain({ ...view, frame: -1, coming: true }, html)), /Waiting/);
+  assert.match(words(explain({ ...view, frame: -1, waiting: "Waiting for the first frame." }, html)), /Waiting/);
 });
 
 test("the event of the frame is marked, and only an alarming one can be examined", () => {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 from ispom.errors import InputError
 
@@ -77,11 +76,6 @@ class StepToEvent(PageCommand, frozen=True):
     forwards: bool = True
     alarming: bool = False
     """Warnings and losses only."""
-
-    only_looks: ClassVar[bool] = True
-
-    def look(self, state: State, run: CurrentRun) -> tuple[Event, ...]:
-        return to_event(state, run, forwards=self.forwards, alarming=self.alarming)
 
     def execute(self, session: Controller) -> None:
         moved = to_event(session.state, session.run, forwards=self.forwards, alarming=self.alarming)

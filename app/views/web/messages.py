@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, Union
 
 import msgspec
 
@@ -15,7 +15,7 @@ from ...presentation import colours
 from ...presentation.texts import ALIGNED, PROVISIONAL, length
 from ...session.actions import actions
 from ...session.branches.state import Branches
-from ...session.commands import Command, Message
+from ...session.commands import Command, Factor, Message
 from ...session.people import People, Person
 from ...session.registry import load_features
 from ...session.sources.folders import run_name
@@ -24,6 +24,7 @@ from ...session.state import State, covered
 if TYPE_CHECKING:
     from ...session.session import Session
 
+Frame = Annotated[int, msgspec.Meta(ge=0)]
 STATUS = {
     "waiting": "no frame for this method yet",
     "initialising": "no pose yet",
@@ -42,6 +43,10 @@ class PageLink(Protocol):
 
     def see(self, pane: Pane) -> None:
         """The page has its left pane so."""
+        ...
+
+    def look_at(self, place: LookAt) -> None:
+        """The page is at a place of its own, if it does not control the session."""
         ...
 
     def follow(self) -> None:
@@ -71,6 +76,18 @@ class Pane(PageMessage, frozen=True):
 
     def heard(self, page: PageLink) -> None:
         page.see(self)
+
+
+class LookAt(PageMessage, frozen=True):
+    """Where a page is that looks around while somebody else controls the session: what of it is its own."""
+
+    index: Frame | msgspec.UnsetType = msgspec.UNSET
+    playing: bool | msgspec.UnsetType = msgspec.UNSET
+    loop: tuple[Frame, Frame | None] | msgspec.UnsetType | None = msgspec.UNSET
+    speed: Factor | msgspec.UnsetType | None = msgspec.UNSET
+
+    def heard(self, page: PageLink) -> None:
+        page.look_at(self)
 
 
 class Follow(PageMessage, frozen=True):

@@ -12,13 +12,13 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from ispom.errors import InputError
 
+from ...session.commands import Command
 from ...session.people import People, Person
 from ...session.session import Session
 from ..viser.portless import PortlessViser, understood
-from .looking import PLAYING_S as LOOKING_S
-from .looking import Looking
-from .messages import PageMessage, Pane, command_of, keys, message_of, own_view
+from .messages import LookAt, PageMessage, Pane, command_of, keys, message_of, own_view
 from .news import Look, features_news
+from .own_place import OwnPlace
 from .time_axis import AxisNews
 from .view_values import ViewNews
 from .wakeup import Wakeup
@@ -50,7 +50,7 @@ class Talk:
         """`see` gets what of viser this page of `person` shows."""
         self.session, self.people, self.person = session, people, person
         self._news, self._see = news, see
-        self._looking = Looking(time.monotonic)
+        self._own = OwnPlace()
         self._refused: tuple[int, str] = (0, "")
         """How many commands of this page were refused, and why the last one was."""
 
@@ -71,11 +71,11 @@ class Talk:
             self.see(Pane())
             self.people.leave(self.person)
 
-    def _obey(self, heard: object) -> None:
+    def _obey(self, heard: Command | PageMessage | None) -> None:
         if isinstance(heard, PageMessage):
             heard.heard(self)
         elif heard is not None and self.people.drives(self.person):
-            self.session.post(heard)  # type: ignore[arg-type]
+            self.session.post(heard)
         elif heard is not None:
             self._look(heard)
 
@@ -83,19 +83,25 @@ class Talk:
         """The page has its left pane so."""
         self._see(self, pane)
 
+    def look_at(self, place: LookAt) -> None:
+        """The page is at a place of its own, if it does not control the session."""
+        if not self.people.seen_by(self.person)["driving"]:
+            self._own.look_at(place, self.session.run)
+            self.ring()
+
     def follow(self) -> None:
         """The page shows what the session shows, and nothing of its own."""
-        self._looking.follow()
+        self._own.follow()
         self.ring()
 
     def ring(self) -> None:
         """All pages look at what there is to show now."""
         self._news.ring()
 
-    def _look(self, command: object) -> None:
+    def _look(self, command: Command) -> None:
         """What somebody asks for who does not control the session: they may look at all that is there."""
         try:
-            if not self._looking.obey(command, self.session.state, self.session.run):
+            if not self._own.obey(command, self.session.state, self.session.run):
                 raise InputError(self.people.refusal(self.person))
         except InputError as reason:
             self._refused = self._refused[0] + 1, str(reason)
@@ -103,29 +109,27 @@ class Talk:
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
         shown, listed, parts = (), keys(), [AxisNews(), ViewNews(), *features_news()]
-        looking = self._looking
+        own = self._own
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
                 state, run, seen = self.session.state, self.session.run, self.people.seen_by(self.person)
                 if seen["driving"]:
-                    looking.follow()
-                looking.turn(state, run)
-                local = looking.shown(state)
+                    own.follow()
+                local = own.shown(state)
                 look = Look(self.session, self.person.key, state, local, run)
                 grown = {name: value for part in parts for name, value in part.of(look).items()}
-                now = (state, looking.version, seen, self._refused)
+                now = (state, own.version, seen, self._refused)
                 if now != shown or grown:
                     shown = now
                     message = message_of(state) | {"keys": listed, "people": seen}
-                    message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
+                    message |= {"looking": own.index, "own": own_view(local, state), "refused": self._refused}
                     message |= grown
                     listed = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)
                 else:
-                    with suppress(TimeoutError):
-                        await asyncio.wait_for(news.wait(), LOOKING_S if looking.playing else None)
+                    await news.wait()
 
 
 async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passes: Callable[[bytes], bool]) -> None:

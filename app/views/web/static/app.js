@@ -37,7 +37,12 @@ let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
 const link = (published ? openPublished : openSocket)({ opened: () => send({ do: "pane", ...pane }), heard, lost: showOffline });
 const send = (message) => link.send(message);
-const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
+const people = makePeople(
+  send,
+  command,
+  () => axis.data,
+  (text) => showNotice({ text, kind: "info" }),
+);
 const viewer = openViewer(dark.matches, (message) => people.command(message), showViewer);
 
 function paneBecame(change) {
@@ -50,7 +55,7 @@ function heard(next) {
   state = next;
   if (state.keys) setKeys(state.keys);
   if (state.lesson !== undefined) lesson.news((taught = state.lesson));
-  window.ispom = { state, viewer, send, action, axis: axis.data, lesson: taught };
+  window.ispom = { state, viewer, send: people.command, action, axis: axis.data, lesson: taught };
   show(state);
   showNotices(start.heard(state));
 }

@@ -1,12 +1,22 @@
-// Several people at one session: one drives, the others follow, or look around at frames of their own. The server
-// decides who drives (app/session/people.py), and what a page that looks around shows (app/views/web/looking.py).
+// Several people at one session: one drives, the others follow, or look around at a place of their own. The server decides who
+// drives (app/session/people.py).
 import { action } from "./actions.js";
+import { makePlace, moves } from "./place.js";
+import { published } from "./published.js";
 
-const place = document.getElementById("people");
+const line = document.getElementById("people");
 
-// `send` gives a command to the server, `command` one that a hand asked for, `tell` shows a sentence.
-export function makePeople(send, command, tell) {
+// `send` gives a command to the server, `command` one that a hand asked for, `axis` is what is known of the run, `tell` shows a
+// sentence.
+export function makePeople(send, command, axis, tell) {
   let state = null; // the session's
+  const place = makePlace({
+    facts: () => factsOf(axis(), state),
+    shared: () => state,
+    changed: (own) => send({ do: "look_at", ...own }),
+  });
+  // Of a published run, every page has its own place.
+  const movesAlone = (message) => state && message.do in moves && (published || !drives());
   const drives = () => !state || state.people.driving || (state.people.driver === null && state.people.may_drive);
 
   const words = document.createElement("span");
@@ -28,22 +38,28 @@ export function makePeople(send, command, tell) {
       const moves = { back: "◀ Step", play: playing ? "‖ Pause" : "▶ Play", forward: "Step ▶" };
       buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command(action(name)))));
     }
-    if (!driving && looking !== null) buttons.push(button(`Follow ${driver(people)}`, () => send({ do: "follow" })));
+    if (!driving && looking !== null) buttons.push(button(`Follow ${driver(people)}`, () => command({ do: "follow" })));
     if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_control" })));
     for (const other of driving ? others.filter((each) => each.may_drive) : []) {
       buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "take_control", to: other.number })));
     }
-    place.replaceChildren(...(driving && !others.length ? [] : [words, ...buttons]));
+    line.replaceChildren(...(driving && !others.length ? [] : [words, ...buttons]));
   }
 
   let painted = "";
   return {
     drives,
-    command: send,
+    command: (message) => {
+      if (message.do === "follow") place.leave();
+      if (!movesAlone(message)) return send(message);
+      const reason = place.obey(message);
+      if (reason) tell(reason);
+    },
     // The session's new state as this page shows it.
     shown: (next) => {
       const before = state;
       state = next;
+      if (before && (before.run !== next.run || next.people.driving > before.people.driving)) place.leave();
       if (before && before.people.driving !== next.people.driving) {
         tell(next.people.driving ? "You are in control now." : `${driver(next.people)} is in control now.`);
       }
@@ -55,6 +71,17 @@ export function makePeople(send, command, tell) {
       painted = wanted;
       return shown;
     },
+  };
+}
+
+function factsOf({ times, kinds, methods, events, marks, computed }, { playing, target }) {
+  return {
+    times,
+    kinds,
+    keyFrames: methods.flatMap(({ keyFrames }) => keyFrames),
+    events: [...events, ...(marks.bookmarks?.marks ?? []).map(({ at }) => ({ at, severity: "" }))],
+    computed,
+    goesOn: !published && (playing || target !== null),
   };
 }
 

@@ -3,16 +3,13 @@
 import { load } from "./published.js";
 import { commandsOf } from "./published_moves.js";
 
-const MOST_HZ = 60; // frames a second of "as fast as possible"
 const REFUSAL = "This is a published run: it plays, and computes nothing. Open the folder of the run with ispom app to do that.";
 const SILENT = new Set(["pane", "pick", "pick_on_stage", "select", "follow", "take_control", "show_branch", "choose"]);
 
 // As openSocket of session_link.js.
 export function openPublished({ opened, heard, lost }) {
-  const session = { data: null, state: null, began: null };
+  const session = { data: null, state: null };
   const chunks = new Map(); // what the left pane says, by number of its file
-  let timer = 0;
-
   async function open() {
     try {
       session.data = await load("run");
@@ -66,32 +63,7 @@ export function openPublished({ opened, heard, lost }) {
     if (!data || SILENT.has(message.do)) return;
     const change = (commandsOf[message.do] ?? refuse)(message, state, data);
     Object.assign(state, typeof change === "string" ? { refused: [state.refused[0] + 1, change] } : change);
-    session.began = { at: performance.now(), index: state.index };
-    clearTimeout(timer);
-    if (state.playing) turn();
     tell(change.plots ? { plots: plotNews(data, change.plots) } : {});
-  }
-
-  // Goes on with the playback: the frame that is due now.
-  function turn() {
-    const { data, state, began } = session;
-    const times = data.axis.times_ms;
-    const first = state.loop?.[0] ?? 0;
-    const last = Math.min(state.loop?.[1] ?? Infinity, data.frames.length - 1);
-    const elapsed = performance.now() - began.at;
-    let index = began.index;
-    if (state.speed === null) index += Math.floor((elapsed * MOST_HZ) / 1000);
-    else while (index < last && times[index + 1] - times[began.index] <= elapsed * state.speed) index++;
-    if (index >= last) {
-      if (state.loop && state.index >= last) index = first;
-      else index = last;
-      state.playing = Boolean(state.loop);
-      session.began = { at: performance.now(), index };
-    }
-    const isNew = index !== state.index || !state.playing;
-    state.index = index;
-    if (state.playing) timer = setTimeout(turn, 1000 / MOST_HZ);
-    if (isNew) tell();
   }
 
   const answer = async (address) => (address === "comparison" ? comparisonOf(session.state, session.data) : null);
