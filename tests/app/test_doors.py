@@ -32,6 +32,7 @@ from ispom_app.features.agents.tool import tools
 assert tools()["greet"].changes
 assert tools()["greet"].function(AgentSession(session), times=3) == {{"count": 5}}
 screen = Screen(session)
+screen.show_tabs(screen.tabs)
 screen.paint()
 assert [panel.text.content for panel in screen.panels if hasattr(panel, "text")] == ["greeted 5 times"]
 screen.server.stop()

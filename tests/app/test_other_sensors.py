@@ -128,6 +128,7 @@ def test_the_page_shows_frames_and_counts_the_others(run: CurrentRun, server, tm
     session: Any = FakeSession(run, tmp_path)
     monkeypatch.setattr(screens, "PortlessViser", lambda label: SimpleNamespace(server=server))
     screen = Screen(session)
+    screen.show_tabs(screen.tabs)
     for kind in ("gnss", "imu", "cameras", "video", "stereo"):
         session.seek(of_kind(run, kind)[1])
         screen.paint()

@@ -40,7 +40,9 @@ class Screen:
         self._open_tabs = frozenset[str]()
         self._tabs = self._add_panels(self.server.gui)
         self._commands = [self._add_action(self.server.gui, action) for action in actions()]
-        self._painted, self._due_s = None, 0.0
+        self._state, self._due_s = None, 0.0
+        self._stale: set[str] = set()
+        """Tabs that do not show the newest state."""
         self._fault = ""
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
@@ -48,8 +50,13 @@ class Screen:
     def start(self) -> None:
         self._thread.start()
 
+    @property
+    def tabs(self) -> frozenset[str]:
+        """Names of all tabs; the empty one is what stands above them."""
+        return frozenset(self._by_tab)
+
     def show_tabs(self, open_tabs: frozenset[str]) -> None:
-        """Which tabs anybody has open: what takes long is drawn for those only."""
+        """Which tabs anybody has open: what nobody sees is not drawn."""
         self._open_tabs = open_tabs
 
     def close(self) -> None:
@@ -61,15 +68,16 @@ class Screen:
         """The panels of all features, those without a tab above the tabs."""
         found = panels()
         for panel in found.pop("", []):
-            self._add("", panel.make(gui, self._session))
+            self.add("", panel.make(gui, self._session))
         tabs = gui.add_tab_group()
         for name, inside in found.items():
             with tabs.add_tab(name):
                 for panel in inside:
-                    self._add(name, panel.make(gui, self._session))
+                    self.add(name, panel.make(gui, self._session))
         return tabs
 
-    def _add(self, tab: str, view: PanelView) -> None:
+    def add(self, tab: str, view: PanelView) -> None:
+        """A panel is shown in this tab, below those that are there."""
         self.panels.append(view)
         self._by_tab.setdefault(tab, []).append(view)
 
@@ -113,15 +121,18 @@ class Screen:
             self._session.post(do.Notify(f"Some controls could not be updated ({fault}); the run continues."))
 
     def paint(self) -> None:
-        """Brings the panels up to date."""
+        """Brings the panels up to date that somebody sees."""
         state = self._session.state
-        if state is not self._painted and (not state.playing or time.monotonic() >= self._due_s):
-            self._painted, self._due_s = state, time.monotonic() + PLAYING_S
-            seen = covered(state)
+        seen, open_tabs = covered(state), [tab for tab in self._by_tab if not tab or tab in self._open_tabs]
+        if state is not self._state and (not state.playing or time.monotonic() >= self._due_s):
+            self._state, self._due_s = state, time.monotonic() + PLAYING_S
             self._cover(seen is not state)
-            for panel in self.panels:
+            self._stale |= self._by_tab.keys()
+        for tab in (tab for tab in open_tabs if tab in self._stale):
+            self._stale.discard(tab)
+            for panel in self._by_tab[tab]:
                 panel.show(seen)
-        if covered(state) is state:
-            for view in (view for tab in self._open_tabs for view in self._by_tab.get(tab, [])):
+        if seen is state:
+            for view in (view for tab in open_tabs for view in self._by_tab[tab]):
                 if (refresh := getattr(view, "refresh", None)) is not None:
                     refresh(state)

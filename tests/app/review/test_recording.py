@@ -109,6 +109,7 @@ def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Pat
     session = started(tmp_path / "recordings", str(alone), trajectory_options=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
     screen = Screen(session)
+    screen.show_tabs(screen.tabs)
     screen.paint()
     assert session.state[ExternalPaths].all[0].of_truth is None and not session.state.notices[1:]
     screen.server.stop()
@@ -126,6 +127,7 @@ def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_p
     assert len(opening) > 1000 and messages(recording.read_bytes()).startswith(opening[:1000])
     assert {"video/image", "left/image", "decisions"} <= {path for path, _ in tape.scene(20).versions}
     screen = Screen(session)
+    screen.show_tabs(screen.tabs)
     screen.paint()
     session.post(FindMatch("stereo.inliers > 0", forwards=False))
     wait_for(lambda: session.state.index < 20, "the match")

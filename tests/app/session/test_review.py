@@ -285,7 +285,7 @@ def test_a_recording_of_the_page_has_picture_length_and_bookmarks_with_it(run: P
 
 def test_every_panel_shows_it(session: Session) -> None:
     screen = Screen(session)
-    screen.show_tabs(frozenset({"Look"}))
+    screen.show_tabs(screen.tabs)
     for exposure in (20, 7, 0):
         session.post(do.Seek(exposure))
         wait_for(lambda exposure=exposure: session.state.index == exposure, "the frame")

@@ -85,6 +85,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 def screen(server: viser.ViserServer, session: FakeSession, clock, monkeypatch: pytest.MonkeyPatch) -> Screen:
     monkeypatch.setattr(screens, "PortlessViser", lambda label: SimpleNamespace(server=server))
     made: Any = Screen(session)  # type: ignore[arg-type]
+    made.show_tabs(made.tabs)
     return made
 
 
@@ -104,7 +105,7 @@ class Shown:
 
 @pytest.fixture
 def shown(screen: Screen) -> Shown:
-    screen.panels.append(found := Shown())
+    screen.add("Methods", found := Shown())
     return found
 
 
@@ -116,9 +117,21 @@ def test_every_panel_shows_the_frame(screen: Screen, session: FakeSession, shown
     assert not session.asked, "showing asks for nothing"
 
 
+def test_what_nobody_sees_is_not_painted_until_its_tab_is_opened(screen: Screen, session: FakeSession, shown: Shown):
+    screen.show_tabs(frozenset({"Files"}))
+    screen.paint()
+    session.seek(17)
+    screen.paint()
+    assert not shown.frames
+    screen.show_tabs(frozenset({"Files", "Methods"}))
+    screen.paint()
+    screen.paint()
+    assert shown.frames == [17]
+
+
 def test_a_state_that_did_not_change_is_not_painted_again(screen: Screen, monkeypatch: pytest.MonkeyPatch):
     screen.paint()
-    monkeypatch.setattr(screen, "panels", [SimpleNamespace(show=lambda state: pytest.fail("painted again"))])
+    screen.add("Methods", SimpleNamespace(show=lambda state: pytest.fail("painted again")))  # type: ignore[arg-type]
     screen.paint()
 
 
@@ -141,7 +154,7 @@ def test_a_panel_that_fails_is_reported_once_and_the_others_go_on(
     def broken(state: State) -> None:
         raise ValueError("no such colour")
 
-    screen.panels.append(SimpleNamespace(show=broken))  # type: ignore[arg-type]
+    screen.add("Files", SimpleNamespace(show=broken))  # type: ignore[arg-type]
     with caplog.at_level(logging.CRITICAL):
         for index in (3, 4):
             session.seek(index)

@@ -32,6 +32,7 @@ def test_every_control_of_the_panels_has_a_hint(tmp_path: Path) -> None:
     session = started(tmp_path)
     wait_for(lambda: session.state.ended, "the end")
     screen = Screen(session)
+    screen.show_tabs(screen.tabs)
     screen.paint()
     handles: list[Any] = list(screen.server.gui._gui_input_handle_from_uuid.values())
     controls = [handle for handle in handles if type(handle).__name__ not in NO_CONTROLS]
