@@ -31,7 +31,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
         return 0
 
     monkeypatch.setattr(command, "serve", serve)
-    monkeypatch.setattr(command, "Session", lambda opener, source, folder, **options: (opener, source, options))
+    monkeypatch.setattr(command, "Session", lambda setup, live: (setup.opener, setup.source, vars(setup)))
     return calls
 
 
