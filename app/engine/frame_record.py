@@ -43,7 +43,7 @@ RESIDUAL = Definition(
 LIVE_ERROR = Definition(
     "error_m",
     "Live error",
-    "live error: distance of the pose as given then from the truth, not aligned; none while provisional",
+    "distance of the pose, as the step gave it, to the true position; without alignment; none while provisional",
     "m",
     alignment="none",
 )

@@ -107,10 +107,17 @@ def of_groups(group: NDArray[np.int64]) -> NDArray[np.uint8]:
     return table[np.where(group < 0, len(GROUPS), group % len(GROUPS))]
 
 
+PUBLISHED = "2013"
+"""What the labels of the methods have that are as they were published then."""
+
+
 def label(method: str) -> str:
-    """A method's name for people: "Monocular (paper)" of monocular.paper."""
+    """A method's name for people: "Monocular, 2013" of monocular.paper, the method as it
+    was published."""
     base, _, kind = method.partition(".")
     text = base[:1].upper() + base[1:].replace("_", " ")
+    if kind == "paper":
+        return f"{text}, {PUBLISHED}"
     return f"{text} ({kind.replace('_', ' ')})" if kind else text
 
 

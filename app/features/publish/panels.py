@@ -38,7 +38,7 @@ def fixed_panels(state: State, run: CurrentRun) -> dict[str, Any]:
     return {
         "listed": listed(),
         "first": values_at(state, run, 0),
-        "legend": legend(),
+        "legend": legend(state.methods),
         "layers": [[m, colours.label(m), METHOD_HINT] for m in state.methods]
         + [[name, label, HINTS[name]] for name, label in LAYERS.items() if name not in OPTIONAL],
         "chunk": CHUNK,

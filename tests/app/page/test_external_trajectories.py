@@ -54,7 +54,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
 def test_the_integration_is_clicked_through_step_by_step(page: Page):
     tab(page, "View")
     page.controls.get_by_text("Integration, step by step").click()
-    choose(page, "Integrated (paper)")
+    choose(page, "Integrated, 2013")
     page.until(f"state.integration?.join() === '{PAPER},0'", "the first step")
     for stage, title in enumerate(("Interpolated at t_j", "Scaled", "Rotated", "Oriented"), 1):
         page.controls.get_by_role("button", name="Next step ▶").click()

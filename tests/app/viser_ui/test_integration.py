@@ -107,8 +107,8 @@ def test_the_panel_offers_what_integrates_and_requests_steps(server: viser.Viser
     made = Panel(server, run)
     panel = made.panel
     panel.show(made.state)
-    assert panel._method.options == ("off", "Integrated", "Integrated (paper)") and not panel._buttons.visible
-    panel._method.value = "Integrated (paper)"
+    assert panel._method.options == ("off", "Integrated", "Integrated, 2013") and not panel._buttons.visible
+    panel._method.value = "Integrated, 2013"
     assert made.asked == [ShowIntegration("integrated.paper")]
     panel.show(made.state.having(IntegrationSteps(Integration("integrated.paper", 2))))
     assert "3 of 5: Scaled" in panel._text.content and "fitted at frame" in panel._text.content
