@@ -214,6 +214,4 @@ def test_a_run_of_the_papers_integration_together_with_the_modern_one(tmp_path: 
     figures = json.loads(Parsed(report(tmp_path / "report.html", tmp_path / "run")).figures)
     lines = {trace["name"]: trace["line"]["color"] for trace in figures[0]["traces"]}
     assert lines["integrated"] != lines["integrated.paper"]
-    assert [
-        t["name"] for f in figures for t in f["traces"] if t["name"] == "integrated.paper: m per unit"
-    ]
+    assert [t["name"] for f in figures for t in f["traces"] if t["name"] == "integrated.paper: m per unit"]
