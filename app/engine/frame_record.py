@@ -64,7 +64,7 @@ ATE = Definition(
     "SE(3) of a method with a metric unit, Sim(3) of others",
 )
 VERDICT = Definition("verdict", "Verdict", "how a method is doing, in two or three words, by its status and its checks")
-LOCATED = Definition("located", "Located", "share of a method's own frames at which it tracked")
+LOCATED = Definition("located", "Localised", "share of a method's own frames at which it tracked")
 DEFINITIONS = {d.key: d for d in (INLIERS, RESIDUAL, LIVE_ERROR, ERROR, ATE, VERDICT, LOCATED)}
 """By key."""
 

@@ -167,7 +167,7 @@ def drawn(page: Learner) -> None:
 def learner(browser, app: App) -> Iterator[Learner]:  # noqa: F811
     page = Learner(browser, app.url, viewer=FAKE)
     yield page
-    assert not page.faults
+    assert not [fault for fault in page.faults if "403" not in fault], "pictures of runs are not shown while it is open"
     page.tab.close()
 
 

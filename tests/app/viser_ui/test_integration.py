@@ -82,7 +82,7 @@ def test_the_numbers_of_a_segment_shrink_from_row_to_row(run: CurrentRun) -> Non
 
 def test_the_numbers_of_a_spline_are_shown_with_those_before(run: CurrentRun) -> None:
     found = table(fit_of(run, "integrated"), 2)
-    assert found["title"] == "3 of 3: Adjusted"
+    assert found["title"] == "3 of 3: Optimised spline"
     rows = {name: values for name, _, values in found["rows"]}
     assert rows["cost"] == ("90", "30") and float(rows["video frames"][0]) == pytest.approx(
         3 * float(rows["video frames"][1]), abs=0.02
