@@ -114,7 +114,7 @@ def test_two_runs_that_are_selected_are_compared_on_one_stage(page: Page) -> Non
     page.tab.locator("#compare-selected").click()
     page.until("state.compared?.[3]", "the comparison")
     page.tab.locator("#compare .verdict").wait_for()
-    assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["second", "first"]
+    assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["first", "second"]
     page.tab.locator("#compare table tr").nth(2).wait_for()
     assert page.tab.locator("#compare tr.of").count() == 2, "the method that both have, and the whole run"
     page.tab.locator("#compare .which span").filter(has_text="Frame").wait_for()
