@@ -63,7 +63,7 @@ class CheckRow(msgspec.Struct, frozen=True):
     hint: str
     sentence: str
     numbers: str
-    """The value, and the side of the threshold that is good."""
+    """The value, and the side of the threshold that is good; empty where the sentence states both."""
     name: str
 
 
@@ -210,9 +210,15 @@ def _check(method: str, decision: Decision, checks: Mapping[str, Check]) -> Chec
         TINTS.get(sign, "quiet"),
         f"{decision.name}{about}; {HINTS[sign]}",
         sentence(decision, checks.get(decision.key)),
-        measured(decision),
+        _numbers(decision, checks.get(decision.key)),
         decision.name,
     )
+
+
+def _numbers(decision: Decision, check: Check | None) -> str:
+    """The value and the limit, where the check's sentence does not state them."""
+    text = "" if check is None else check.passes if decision.passed else check.fails or check.passes
+    return measured(decision) if text and "{threshold" not in text else ""
 
 
 def _facts(step: Step, record: ExposureRecord, here: FrameRecord) -> Iterator[Fact]:

@@ -139,7 +139,8 @@ class IntegrationPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
-        with gui.add_folder("Integration, step by step", expand_by_default=False):
+        self._folder = gui.add_folder("Integration, step by step", expand_by_default=False, visible=False)
+        with self._folder:
             hint = "The steps of the latest fit up to the frame shown, drawn in the 3-D view."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
@@ -162,6 +163,7 @@ class IntegrationPanel:
         options = (*OFF, *map(colours.label, _methods(state)))
         if tuple(self._method.options) != options:
             self._method.options = options
+            self._folder.visible = options != OFF
         value = colours.label(shown.method) if shown is not None else OFF[0]
         if self._method.value != value and value in options:
             self._method.value = value

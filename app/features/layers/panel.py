@@ -15,7 +15,7 @@ from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
 from ...views.viser.panels import Panel, renderer
 from .commands import Choose, Hide
-from .state import Layers
+from .state import Layers, offered
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -30,8 +30,8 @@ class ViewPanel:
         self._session, self._showing, self._seen = session, False, session.state[Layers].undrawn
         self._requested_layers: set[frozenset[str]] = set()
         """The choices made here that are not shown yet."""
-        self._methods: tuple[str, ...] = ()
-        """Those that the boxes and the legend are of."""
+        self._of: tuple[int, tuple[str, ...]] = (-1, ())
+        """The run and the methods that the boxes and the legend are of."""
         self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT, visible=False) for m in names()}
         drawn = {name: name not in OPTIONAL for name in LAYERS}
         self._boxes |= {name: gui.add_checkbox(LAYERS[name], on, hint=HINTS[name]) for name, on in drawn.items()}
@@ -58,11 +58,13 @@ class ViewPanel:
                 self._requested_layers.clear()
             else:
                 self._follow(undrawn)
-        if state.methods != self._methods:
-            self._methods = state.methods
+        if (state.run, state.methods) != self._of:
+            self._of = state.run, state.methods
             self._legend.content = legend(state.methods)
-            for name in names():
-                self._boxes[name].visible = name in state.methods
+            opened = self._session.opened
+            layers = LAYERS if opened is None else offered(opened, state.methods)
+            for name, box in self._boxes.items():
+                box.visible = name in state.methods or name in layers
 
     def _follow(self, undrawn: frozenset[str]) -> None:
         """The boxes, where somebody else hid or chose something: the page's address."""

@@ -112,9 +112,14 @@ def test_more_methods_are_one_list_and_a_choice_has_a_box(server: viser.ViserSer
 
 def test_the_view_lists_the_methods_that_run(server: viser.ViserServer):
     state = State("double:20", methods=("stereo", "lines"), run=1)
-    session: Any = SimpleNamespace(state=state, post=lambda _: None)
+    opened = SimpleNamespace(
+        sequence=SimpleNamespace(rig=doubles.rig()), truth=None, external_trajectories=(), map=None
+    )
+    session: Any = SimpleNamespace(state=state, post=lambda _: None, opened=opened)
     panel = ViewPanel(server.gui, session)
     panel.show(state)
     assert [m for m in names() if panel._boxes[m].visible] == list(state.methods)
     assert all(label(m) in panel._legend.content for m in state.methods)
     assert label("monocular") not in panel._legend.content
+    assert panel._boxes["disparity"].visible and panel._boxes["lines"].visible
+    assert not any(panel._boxes[layer].visible for layer in ("truth", "error", "beside", "map"))
