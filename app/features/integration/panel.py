@@ -36,12 +36,18 @@ SEGMENT: dict[Kind, tuple[str, str]] = {
     ),
     "scaled": ("Scaled", "Distances from the first stereo pose times the ratio of the two segments' lengths."),
     "turned": ("Rotated", "Positions turned about the first stereo pose until the segment's end meets the second one."),
-    "oriented": ("Oriented", "The difference of the last orientation is distributed over the segment, linearly in time."),
+    "oriented": (
+        "Oriented",
+        "The difference of the last orientation is distributed over the segment, linearly in time.",
+    ),
 }
 SPLINE = (
     ("Frames", "Poses of the frames of the window before the optimisation: video frames and stereo pairs."),
     ("Initial spline", "A cumulative cubic B-spline through the localised poses, by least squares, and its knots."),
-    ("Optimised spline", "The spline that fits the images of all cameras best, each at its own time; grey: the initial one."),
+    (
+        "Optimised spline",
+        "The spline that fits the images of all cameras best, each at its own time; grey: the initial one.",
+    ),
 )
 
 SEGMENT_HEAD = (

@@ -235,7 +235,14 @@ def _cells(row: Row, family: str, aligned_alike: bool, best: Mapping[Alike, floa
         alignments = dict.fromkeys(ALIGNED[e.alignment] for e in errors)
         alignment = "" if aligned_alike else ", ".join(alignments)
         is_best = any(e.metres <= best.get((row.source, name, e.alignment), -1.0) for e in errors)
-        found.append({"variant": colours.variant(name), "text": text, "alignment": alignment, "best": is_best and len(errors) == 1})
+        found.append(
+            {
+                "variant": colours.variant(name),
+                "text": text,
+                "alignment": alignment,
+                "best": is_best and len(errors) == 1,
+            }
+        )
     return found
 
 

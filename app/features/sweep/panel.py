@@ -110,9 +110,13 @@ class SweepPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._run, self._sweep = session, -1, session.state[SweepState].sweep
         with gui.add_folder(TITLE, expand_by_default=False):
-            self._method = gui.add_dropdown("method", NONE, hint="The method whose setting is varied; others that it depends on run as well.")
+            self._method = gui.add_dropdown(
+                "method", NONE, hint="The method whose setting is varied; others that it depends on run as well."
+            )
             self._method.on_update(lambda _: self._offer_settings())
-            self._setting = gui.add_dropdown("setting", NONE, hint="The setting that takes the values; all others keep theirs.")
+            self._setting = gui.add_dropdown(
+                "setting", NONE, hint="The setting that takes the values; all others keep theirs."
+            )
             self._setting.on_update(lambda _: self._propose())
             self._about = gui.add_html("")
             self._values = gui.add_text("values", "", hint=VALUES_HINT)

@@ -130,6 +130,8 @@ def test_only_poses_of_frames_that_were_localised_are_a_path() -> None:
     for index, status in enumerate((Status.INITIALISING, Status.TRACKING, Status.LOST, Status.TRACKING)):
         step = Step(index, status, "video", Pose(), method="monocular")
         series.append(ExposureRecord(index, index, "video", (step,), {}, {}, {}))
-    run = SimpleNamespace(series=series, opened=SimpleNamespace(methods=("monocular",)), events=SimpleNamespace(events=()))
+    run = SimpleNamespace(
+        series=series, opened=SimpleNamespace(methods=("monocular",)), events=SimpleNamespace(events=())
+    )
     found = compared_run(cast(Any, run), Branch(0, "run")).methods["monocular"]
     assert found.path.frames.tolist() == [1, 3] and found.localised.tolist() == [False, True, False, True]
