@@ -12,7 +12,6 @@ from ...session.state import FeatureState, State
 from ...views.rerun.blueprint import hidden_paths, words_to_hide
 from ...views.rerun.layers import LAYERS, MEASURES, OPTIONAL
 
-
 WITHOUT_LINES = frozenset({"monocular", "stereo", "integrated"})
 """Methods, also as they were published, that draw nothing besides points and poses."""
 
