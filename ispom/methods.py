@@ -34,7 +34,7 @@ SENSORS: Mapping[Kind, str] = {
     "wheel": "a wheel odometer",
     "laser": "a laser scanner",
 }
-TRANSFER, PER_UNIT = "scale transfer factor", "metres per monocular unit"
+TRANSFER, PER_UNIT = "scale transfer factor", "m per unit"
 BUILT_IN = (
     Method(
         "monocular",

@@ -43,7 +43,7 @@ RESIDUAL = Definition(
 LIVE_ERROR = Definition(
     "error_m",
     "Live error",
-    "live error: distance of the pose as given then from the truth, not aligned; none while provisional",
+    "distance of the pose, as the step gave it, to the true position; without alignment; none while provisional",
     "m",
     alignment="none",
 )
@@ -64,7 +64,7 @@ ATE = Definition(
     "SE(3) of a method with a metric unit, Sim(3) of others",
 )
 VERDICT = Definition("verdict", "Verdict", "how a method is doing, in two or three words, by its status and its checks")
-LOCATED = Definition("located", "Located", "share of a method's own frames at which it tracked")
+LOCATED = Definition("located", "Localised", "share of a method's own frames at which it tracked")
 DEFINITIONS = {d.key: d for d in (INLIERS, RESIDUAL, LIVE_ERROR, ERROR, ATE, VERDICT, LOCATED)}
 """By key."""
 

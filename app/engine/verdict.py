@@ -71,7 +71,7 @@ def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
         headline, detail = made.words(warnings[0], WARNING)
         return made.verdict(Severity.WARNING, headline, detail, warnings[0])
     if step.provisional:
-        return made.verdict(Severity.PROVISIONAL, "Provisional pose", "it waits for the first fit")
+        return made.verdict(Severity.PROVISIONAL, "Provisional pose", "waiting for the first stereo pairs")
     return _initialising(made) if step.status == Status.INITIALISING else _tracking(made, values)
 
 

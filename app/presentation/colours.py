@@ -108,10 +108,18 @@ def of_groups(group: NDArray[np.int64]) -> NDArray[np.uint8]:
 
 
 def label(method: str) -> str:
-    """A method's name for people: "Monocular (paper)" of monocular.paper."""
+    """A method's name for people: "Lines (monocular)" of lines.monocular, "Monocular, 2013" of monocular.paper."""
     base, _, kind = method.partition(".")
     text = base[:1].upper() + base[1:].replace("_", " ")
-    return f"{text} ({kind.replace('_', ' ')})" if kind else text
+    if not kind:
+        return text
+    return f"{text}, {variant(method)}" if kind == "paper" else f"{text} ({variant(method)})"
+
+
+def variant(method: str) -> str:
+    """What distinguishes it from the method of the same base name; "2013" of one as it was published then."""
+    kind = method.partition(".")[2]
+    return "2013" if kind == "paper" else kind.replace("_", " ")
 
 
 def stage(index: int) -> Rgb:

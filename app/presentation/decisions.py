@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from ispom.types import Check, Decision
 
-BOUNDS = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than", "=": "exactly"}
-ROLES = {"requirement": "needed", "trigger": "applies for", "warning": "good", "finding": "compared with"}
-"""What a threshold is for a check of each kind."""
+LIMITS = {">=": "minimum", "<=": "limit", ">": "must be above", "<": "must be below", "=": "must be"}
+TRIGGERS = {">=": "applies from", "<=": "applies up to", ">": "applies above", "<": "applies below", "=": "applies at"}
+"""What a threshold is, by the relation of the passing side: of a requirement or a warning, and of a trigger."""
 
 
 @dataclass(frozen=True)
@@ -55,33 +55,18 @@ def sentence(decision: Decision, check: Check | None) -> str:
 
 
 def limit(decision: Decision) -> str:
-    """Which values are on the passing side, so that no reader takes it for the outcome: `needed: at least 12`."""
+    """Which values are on the passing side, so that no reader takes it for the outcome: `minimum 12`."""
     unit = f" {decision.unit}" if decision.unit else ""
     if decision.kind == "finding":
-        return f"{ROLES['finding']} {number(decision.threshold)}{unit}"
-    return f"{ROLES[decision.kind]}: {BOUNDS[decision.relation]} {number(decision.threshold)}{unit}"
+        return f"compared with {number(decision.threshold)}{unit}"
+    words = TRIGGERS if decision.kind == "trigger" else LIMITS
+    return f"{words[decision.relation]} {number(decision.threshold)}{unit}"
 
 
 def measured(decision: Decision) -> str:
-    """The value, and the side of the threshold that passes: `0.157 deg (applies for: at least 0.5 deg)`."""
+    """The value, and the side of the threshold that passes: `0.157 deg (applies from 0.5 deg)`."""
     unit = f" {decision.unit}" if decision.unit else ""
     return f"{number(decision.value)}{unit} ({limit(decision)})"
-
-
-def margin(decision: Decision) -> str:
-    """How far the value is from the threshold, and on which side: `3 too low`, `31 % too high`, `0.7 deg to spare`.
-
-    Empty for a finding, which has no good side, and where more than the comparison decided.
-    """
-    if decision.kind == "finding" or (decision.margin and (decision.margin > 0) != decision.passed):
-        return ""
-    unit = f" {decision.unit}" if decision.unit else ""
-    gap = f"{number(abs(decision.margin))}{unit}"
-    if decision.kind == "trigger":
-        return f"{gap} beyond" if decision.passed else f"{gap} to go"
-    if decision.passed:
-        return f"{gap} to spare"
-    return f"{gap} too {'low' if decision.relation in ('>', '>=') else 'high'}" if decision.relation != "=" else ""
 
 
 def named(decision: Decision) -> str:

@@ -93,10 +93,12 @@ class OnScreen:
         self.put(run)
         self._store.set(source_options=options)
 
-    def open_run(self, run: CurrentRun, source: str) -> None:
-        """Puts a run of another source on the screen."""
+    def open_run(self, run: CurrentRun, source: str, *, keep: bool) -> None:
+        """Puts a run of another source on the screen; the one before stays in the table of runs if it is to be kept."""
         if self.run is not None:
             self.run.stop()
+        if keep:
+            self._keep(self._store.state)
         self._store.emit(Opening(source))
         self.put(run)
         self._store.set(source_options=self._setup.source_options)

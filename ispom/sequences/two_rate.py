@@ -70,8 +70,5 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
 
 def _emulation(stereo_every: int, video_scale: float) -> str:
     pairs = "every pair" if stereo_every == 1 else f"one pair in {stereo_every}"
-    size = "full size" if video_scale == 1 else f"{video_scale:g} of its size"
-    return (
-        f"An emulation from a stereo recording: every left image at {size} is the video, {pairs} is the stereo, so "
-        "that the video camera sits in the left camera and frames coincide."
-    )
+    size = {1.0: "full size", 0.5: "half size"}.get(video_scale, f"{video_scale:g} of its size")
+    return f"Emulated from a stereo recording: video = left image, {size}; stereo = {pairs}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.presentation.decisions import answers, margin, mark, measured, sentence
+from ispom_app.presentation.decisions import answers, mark, measured, sentence
 
 from ispom.types import Check, Decision
 
@@ -36,7 +36,7 @@ def test_a_finding_is_neither_good_nor_bad():
     (answer,) = answers([finding])
     assert (answer.question, answer.text, mark(finding)) == ("", "", "·")
     assert measured(finding) == "0.3 px (compared with 0.1 px)"
-    assert measured(Decision("points", 1386, 12, True)) == "1386 (needed: at least 12)"
+    assert measured(Decision("points", 1386, 12, True)) == "1386 (minimum 12)"
 
 
 @pytest.mark.parametrize(("passed", "wanted"), [(True, "·"), (False, "!")])
@@ -70,17 +70,4 @@ def test_a_check_says_its_outcome_in_its_own_words():
 
 def test_a_check_of_another_package_is_a_sentence_as_well():
     decision = Decision("tracks that agree", 8, 15, False, "px", consequence="no pose")
-    assert sentence(decision, None) == "Tracks that agree: 8 px (needed: at least 15 px); no pose."
-
-
-def test_a_margin_says_on_which_side_of_the_threshold_the_value_is():
-    assert margin(PARALLAX.of(1.2, 2.5)) == "1.3 deg to go" and margin(PARALLAX.of(3, 2.5)) == "0.5 deg beyond"
-    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "3 to spare"
-    assert margin(Decision("inliers", 9, 12, False)) == "3 too low"
-    assert margin(Decision("scatter", 51, 20, False, "%", "<=", kind="warning")) == "31 % too high"
-
-
-def test_a_margin_never_contradicts_the_outcome():
-    offset = Decision("disparity offset", -0.3, 0.1, True, "px", ">", kind="finding")
-    assert margin(offset) == "" and margin(PARALLAX.of(3, 2.5, passed=False)) == ""
-    assert margin(Decision("interval", 1, 1, True)) == "0 to spare"
+    assert sentence(decision, None) == "Tracks that agree: 8 px (minimum 15 px); no pose."

@@ -68,7 +68,7 @@ def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.C
     ]
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
     assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
-    assert "emulation" in capsys.readouterr().out and "emulation" in run_file["notes"][0]
+    assert "Emulated" in capsys.readouterr().out and "Emulated" in run_file["notes"][0]
 
 
 def test_metrics_per_method(drive: str, tmp_path: Path) -> None:

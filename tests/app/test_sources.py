@@ -24,7 +24,7 @@ def test_cameras_rates_truth_and_notes_are_reported(tmp_path: Path, capsys: pyte
     assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
     assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 frames, path 0.250 m" in text
     assert "methods monocular, stereo, integrated, monocular.paper, stereo.paper, integrated.paper" in text
-    assert "note An emulation" in text
+    assert "note Emulated" in text
 
 
 def test_gaps_and_uneven_rates_are_reported() -> None:

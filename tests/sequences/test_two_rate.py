@@ -25,7 +25,7 @@ def test_every_left_image_is_video_and_some_pairs_are_stereo(tmp_path: Path) -> 
     assert pair.left.shape == (HEIGHT, WIDTH)
     expected = cv2.resize(recording.read("left", 4), (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
     np.testing.assert_array_equal(frame.image, expected)
-    assert "emulation" in sequence.notes[0] and "one pair in 4" in sequence.notes[0]
+    assert "Emulated" in sequence.notes[0] and "one pair in 4" in sequence.notes[0]
 
 
 def test_the_video_camera_sits_in_the_left_one(tmp_path: Path) -> None:

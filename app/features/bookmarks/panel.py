@@ -29,8 +29,8 @@ class BookmarksPanel:
             self._note = gui.add_text("note", "", hint=f"Up to {NOTE_LENGTH} characters.")
             self._put = gui.add_button("Bookmark this frame", icon=viser.Icon.BOOKMARK, hint=HINT)
             self._put.on_click(lambda _: session.post(PutBookmark(self._note.value or None)))
-            self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark that the buttons below are about.")
-            self._buttons = gui.add_button_group("", (GO, REMOVE), hint="Go to: shows its frame. Remove: forgets it.")
+            self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark for the buttons below.")
+            self._buttons = gui.add_button_group("", (GO, REMOVE), hint="Go to: shows its frame. Remove: deletes it.")
             self._buttons.on_click(self._clicked)
 
     @property

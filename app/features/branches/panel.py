@@ -29,14 +29,14 @@ render = renderer(__package__)
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, DELETE = "Show", "Delete"
 COMMANDS = {SHOW: ShowBranch, DELETE: DeleteBranch}
-HINT = "Show: this branch in all views. Delete: forgets it. The mode Compare shows where two differ."
+HINT = "Show: this branch in all views. Delete: removes it. The mode Compare shows where two differ."
 
 
 class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._branches, self._shown = session, (), -1
         self._text = gui.add_html(_text(session.state, self._has_truth))
-        self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
+        self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch for the controls below.")
         self._choice.on_update(lambda _: self._fill())
         self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
         self._buttons.on_click(self._clicked)
@@ -147,7 +147,7 @@ def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, 
     if error is not None:
         ate, hint = _ate(error, unit), f"over {len(error.estimate)} poses, aligned by {ALIGNMENTS[error.alignment]}"
     elif has_truth and tally.provisional:
-        ate, hint = PROVISIONAL, "the method has no fit yet: its poses wait for the first one"
+        ate, hint = PROVISIONAL, "no fit yet: the poses wait for the first stereo pairs"
     return {
         "label": colours.label(method),
         "ate": ate,

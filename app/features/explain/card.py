@@ -21,7 +21,7 @@ from ...engine.history.step_quantities.step import DROPPED
 from ...engine.model.drawn_size import unit_in_metres
 from ...engine.verdict import Severity, Verdict, verdict, waiting
 from ...presentation import colours
-from ...presentation.decisions import answers, limit, margin, mark, sentence
+from ...presentation.decisions import answers, mark, measured, sentence
 from ...presentation.texts import PROVISIONAL, computing_time, length
 from ...presentation.uncertainty import describe
 
@@ -63,7 +63,7 @@ class CheckRow(msgspec.Struct, frozen=True):
     hint: str
     sentence: str
     numbers: str
-    """The threshold, as the values that are good, and the margin."""
+    """The value, and the side of the threshold that is good; empty where the sentence states both."""
     name: str
 
 
@@ -210,9 +210,15 @@ def _check(method: str, decision: Decision, checks: Mapping[str, Check]) -> Chec
         TINTS.get(sign, "quiet"),
         f"{decision.name}{about}; {HINTS[sign]}",
         sentence(decision, checks.get(decision.key)),
-        " · ".join(filter(None, (limit(decision), margin(decision)))),
+        _numbers(decision, checks.get(decision.key)),
         decision.name,
     )
+
+
+def _numbers(decision: Decision, check: Check | None) -> str:
+    """The value and the limit, where the check's sentence does not state them."""
+    text = "" if check is None else check.passes if decision.passed else check.fails or check.passes
+    return measured(decision) if text and "{threshold" not in text else ""
 
 
 def _facts(step: Step, record: ExposureRecord, here: FrameRecord) -> Iterator[Fact]:
@@ -229,10 +235,10 @@ def _facts(step: Step, record: ExposureRecord, here: FrameRecord) -> Iterator[Fa
     if here.error_m is not None:
         yield Fact("error", f"{length(here.error_m)} from the ground truth, {here.aligned}, as known now", ERROR.key)
     if (error := here.number(LIVE_ERROR.key)) is not None:
-        text = f"{length(error)} from the ground truth, not aligned, as given then"
-        yield Fact("live error", text, f"{name}.{LIVE_ERROR.key}")
+        text = f"{length(error)} from the true position, as the step gave it"
+        yield Fact("distance to the true position", text, f"{name}.{LIVE_ERROR.key}")
     if step.provisional:
-        yield Fact("pose", f"{PROVISIONAL}: it waits for the first fit", f"{name}.provisional")
+        yield Fact("pose", f"{PROVISIONAL}: waiting for the first stereo pairs", f"{name}.provisional")
     if step.scale is not None:
         yield Fact("scale", f"{step.scale:.4g} {registered(name).scale}", f"{name}.scale")
     if step.scale_sigma is not None:

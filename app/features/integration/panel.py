@@ -36,24 +36,30 @@ SEGMENT: dict[Kind, tuple[str, str]] = {
     ),
     "scaled": ("Scaled", "Distances from the first stereo pose times the ratio of the two segments' lengths."),
     "turned": ("Rotated", "Positions turned about the first stereo pose until the segment's end meets the second one."),
-    "oriented": ("Oriented", "What the last orientation misses is spread over the segment, linearly in time."),
+    "oriented": (
+        "Oriented",
+        "The difference of the last orientation is distributed over the segment, linearly in time.",
+    ),
 }
 SPLINE = (
-    ("Exposures", "Where the frames of the window were before the adjustment: video frames and stereo pairs."),
-    ("Spline begun with", "A cumulative cubic B-spline through the located poses, by least squares, and its knots."),
-    ("Adjusted", "The spline adjusted to what both cameras saw, each at its own time; grey: as it began."),
+    ("Frames", "Poses of the frames of the window before the optimisation: video frames and stereo pairs."),
+    ("Initial spline", "A cumulative cubic B-spline through the localised poses, by least squares, and its knots."),
+    (
+        "Optimised spline",
+        "The spline that fits the images of all cameras best, each at its own time; grey: the initial one.",
+    ),
 )
 
 SEGMENT_HEAD = (
     ("after the step", "what the step has done to the monocular trajectory"),
-    ("end off by", "distance of the segment's end from the second stereo pose [mm, m]"),
+    ("end differs by", "distance of the segment's end from the second stereo pose [mm, m]"),
     ("direction", "angle between the directions from the first stereo pose to both ends [degrees]"),
     ("orientation", "angle between both orientations at the segment's end [degrees]"),
 )
 SPLINE_HEAD = (
     ("median residual [sigma]", "of the reprojections, in standard deviations of the tracks' noise"),
-    ("before", "with the spline as it began"),
-    ("after", "with the adjusted spline"),
+    ("before", "with the initial spline"),
+    ("after", "with the optimised spline"),
 )
 
 
@@ -77,7 +83,7 @@ def _segment(fit: SegmentFit, stage: int) -> dict[str, Any]:
     else:
         facts.append(("scale", f"{fit.scale:.4g} m per unit"))
         facts.append(("rotation about the first pose", _degrees(fit.turn_rad)))
-    facts.append(("orientation missed at the end", _degrees(fit.residual_rad)))
+    facts.append(("difference of the last orientation", _degrees(fit.residual_rad)))
     unit = length_unit(stage.gap_m for stage in found)
     return {
         "title": f"{at + 1} of {len(found)}: {title}",
@@ -107,7 +113,7 @@ def _spline(fit: SplineFit, stage: int) -> dict[str, Any]:
     facts = [
         ("window", f"{int(fit.video.sum())} video frames and {int((~fit.video).sum())} pairs in {span_s:.2f} s"),
         ("knots", f"{len(fit.knots_ns)}, every {spacing_ms:.0f} ms"),
-        ("adjustment", f"{fit.iterations} iterations; poses moved by up to {length(float(moved.max()))}"),
+        ("optimisation", f"{fit.iterations} iterations; poses moved by up to {length(float(moved.max()))}"),
     ]
     return {
         "title": f"{at + 1} of {len(SPLINE)}: {title}",
@@ -139,8 +145,9 @@ class IntegrationPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
-        with gui.add_folder("Integration, step by step", expand_by_default=False):
-            hint = "How the latest fit up to the frame shown came about, in the 3-D view beside."
+        self._folder = gui.add_folder("Integration, step by step", expand_by_default=False, visible=False)
+        with self._folder:
+            hint = "The steps of the latest fit up to the frame shown, drawn in the 3-D view."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
             self._buttons = gui.add_button_group("", (PREVIOUS, NEXT), visible=False, hint=STEP_HINT)
@@ -162,6 +169,7 @@ class IntegrationPanel:
         options = (*OFF, *map(colours.label, _methods(state)))
         if tuple(self._method.options) != options:
             self._method.options = options
+            self._folder.visible = options != OFF
         value = colours.label(shown.method) if shown is not None else OFF[0]
         if self._method.value != value and value in options:
             self._method.value = value

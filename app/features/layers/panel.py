@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import viser
@@ -14,7 +15,7 @@ from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
 from ...views.viser.panels import Panel, renderer
 from .commands import Choose, Hide
-from .state import Layers
+from .state import Layers, offered
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -29,12 +30,14 @@ class ViewPanel:
         self._session, self._showing, self._seen = session, False, session.state[Layers].undrawn
         self._requested_layers: set[frozenset[str]] = set()
         """The choices made here that are not shown yet."""
-        self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT) for m in names()}
+        self._of: tuple[int, tuple[str, ...]] = (-1, ())
+        """The run and the methods that the boxes and the legend are of."""
+        self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT, visible=False) for m in names()}
         drawn = {name: name not in OPTIONAL for name in LAYERS}
         self._boxes |= {name: gui.add_checkbox(LAYERS[name], on, hint=HINTS[name]) for name, on in drawn.items()}
         for name, box in self._boxes.items():
             box.on_update(lambda _, name=name: self._clicked(name))
-        gui.add_html(legend())
+        self._legend = gui.add_html(legend(()))
 
     @property
     def undrawn(self) -> frozenset[str]:
@@ -55,10 +58,13 @@ class ViewPanel:
                 self._requested_layers.clear()
             else:
                 self._follow(undrawn)
-        for name, box in self._boxes.items():
-            absent = name not in LAYERS and name not in state.methods
-            if box.disabled != absent:
-                box.disabled = absent
+        if (state.run, state.methods) != self._of:
+            self._of = state.run, state.methods
+            self._legend.content = legend(state.methods)
+            opened = self._session.opened
+            layers = LAYERS if opened is None else offered(opened, state.methods)
+            for name, box in self._boxes.items():
+                box.visible = name in state.methods or name in layers
 
     def _follow(self, undrawn: frozenset[str]) -> None:
         """The boxes, where somebody else hid or chose something: the page's address."""
@@ -70,14 +76,14 @@ class ViewPanel:
             self._showing = False
 
 
-def legend() -> str:
-    """What the colours mean, as HTML."""
-    methods = [(colours.css(colours.of(m)), colours.label(m)) for m in names()]
+def legend(methods: Iterable[str]) -> str:
+    """What the colours mean where these methods run, as HTML."""
+    running = [(colours.css(colours.of(m)), colours.label(m)) for m in methods]
     reasons: dict[str, list[str]] = {}
     for status, colour in colours.TRACK.items():
         reasons.setdefault(colours.css(colour), []).append(TrackStatus(status).reason)
     tracks = [(colour, "; ".join(found)) for colour, found in reasons.items()]
-    paths = [*methods, (colours.css(colours.TRUTH), "truth")]
+    paths = [*running, (colours.css(colours.TRUTH), "ground truth")]
     return render("legend.html", groups=[("Paths", paths), ("Tracks", tracks)])
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ...engine.events import Opened
 from ...engine.inspection.colouring import Colouring
 from ...session.state import FeatureState, State
 from ...views.rerun.blueprint import hidden_paths, words_to_hide
-from ...views.rerun.layers import MEASURES, OPTIONAL
+from ...views.rerun.layers import LAYERS, MEASURES, OPTIONAL
+
+WITHOUT_LINES = frozenset({"monocular", "stereo", "integrated"})
+"""Methods, also as they were published, that draw nothing besides points and poses."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,22 @@ class Layers(FeatureState):
     def page(self, state: State) -> dict[str, Any]:
         hidden = hidden_paths(state.methods, hidden_now(state), self.colour_by, state.cameras)
         return {"colour_by": self.colour_by, "hidden": hidden, "words": words_to_hide(self.colour_by)}
+
+
+def offered(opened: Opened, methods: Iterable[str]) -> tuple[str, ...]:
+    """Returns the layers that can show something of a run of these methods."""
+    missing = set[str]()
+    if opened.truth is None:
+        missing |= {"truth", "error"}
+    if not opened.external_trajectories:
+        missing.add("beside")
+    if not opened.sequence.rig.has_stereo:
+        missing |= {"depth", "disparity"}
+    if opened.map is None:
+        missing.add("map")
+    if WITHOUT_LINES.issuperset(name.removesuffix(".paper") for name in methods):
+        missing.add("lines")
+    return tuple(layer for layer in LAYERS if layer not in missing)
 
 
 def hidden_now(state: State) -> frozenset[str]:

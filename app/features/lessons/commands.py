@@ -19,6 +19,7 @@ class Learn(LessonCommand, frozen=True):
     name: str
     place: int | None = None
     """The step, counted from 0; None for the first whose answer was not revealed yet."""
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         session.service(LessonService).enter(self.name, self.place)
@@ -31,6 +32,7 @@ class TurnTo(LessonCommand, frozen=True):
     """Another step of the lesson that is on, counted from 0."""
 
     place: int
+    keeps: ClassVar[bool] = True
 
     def execute(self, session: Controller) -> None:
         session.service(LessonService).turn_to(self.place)

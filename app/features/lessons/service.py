@@ -165,8 +165,12 @@ class LessonService(Service):
         shown = self.run
         if shown is None or not self._is_shown(request):
             shown = self.session.screen.computed_run(request.source, None, request.methods, request.config)
-            self.session.screen.open_run(shown, request.source)
+            self.session.screen.open_run(shown, request.source, keep=self._is_a_persons())
         self._own_request, self._runs = request, {OWN: shown}
+
+    def _is_a_persons(self) -> bool:
+        """Whether the run that is shown, or a fork of it, is not the lesson's own."""
+        return self.run is not self._runs.get(OWN) or bool(self.session.service(BranchService).loss())
 
     def _is_shown(self, request: RunRequest) -> bool:
         shown = self.run

@@ -23,6 +23,10 @@ APPLIED = "Apply restarts the run from the first frame; Fork runs on from the on
 PENDING = f"**Changed, not applied yet.** {APPLIED}"
 FORK = "Fork"
 APPLY_HINT = "Starts the run again from the first frame with these methods and settings, without its branches."
+ALWAYS = ("monocular", "stereo", "integrated")
+"""The methods of the paper, which always have a box; others have one where they run."""
+MORE = "choose a method"
+"""Of the list of more methods, while none is chosen: a choice joins the boxes above."""
 RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
 
@@ -30,12 +34,10 @@ class MethodsPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._state, self._run = session, session.state, -1
         config, running = self._state.config, self._state.methods
-        of_survey = [m for m in names() if method(m).survey]
-        self._on = {m: self._box(gui, m, m in running) for m in names() if m not in of_survey}
-        if of_survey:
-            with gui.add_folder("Methods of the survey", expand_by_default=False):
-                self._on |= {m: self._box(gui, m, m in running) for m in of_survey}
-        self._on = {m: self._on[m] for m in names()}
+        self._on = {m: self._box(gui, m, m in running) for m in names()}
+        hint = "Type a few letters of a method of the survey, or of the methods as they were published in 2013."
+        self._more = gui.add_dropdown("More methods", (MORE,), hint=hint)
+        self._more.on_update(lambda _: self._add(self._more.value))
         for box in self._on.values():
             box.on_update(lambda _: self._hint())
         self._folders: dict[str, viser.GuiFolderHandle] = {}
@@ -87,7 +89,19 @@ class MethodsPanel:
         possible = self._possible
         for name, box in self._on.items():
             box.disabled = name not in possible
+            box.visible = name in ALWAYS or bool(box.value)
+        others = sorted(colours.label(m) for m in possible if not self._on[m].visible)
+        self._more.options = (MORE, *others)
+        self._more.visible = bool(others)
         self._hint()
+
+    def _add(self, label: str) -> None:
+        """Switches a method of the list on, which then has a box like the others."""
+        name = next((m for m in self._possible if colours.label(m) == label), None)
+        if name is not None:
+            self._on[name].value = True
+            self._more.value = MORE
+            self._arrange()
 
     def _hint(self) -> None:
         state = self._state

@@ -12,6 +12,7 @@ from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
 from ...views.web.view_values import listed, value_of, views
 from ..layers.panel import METHOD_HINT, legend
+from ..layers.state import offered
 
 CHUNK = 100
 """Frames whose values are in one file: the page loads those around the frame that it shows."""
@@ -38,9 +39,9 @@ def fixed_panels(state: State, run: CurrentRun) -> dict[str, Any]:
     return {
         "listed": listed(),
         "first": values_at(state, run, 0),
-        "legend": legend(),
+        "legend": legend(state.methods),
         "layers": [[m, colours.label(m), METHOD_HINT] for m in state.methods]
-        + [[name, label, HINTS[name]] for name, label in LAYERS.items() if name not in OPTIONAL],
+        + [[name, LAYERS[name], HINTS[name]] for name in offered(run.opened, state.methods) if name not in OPTIONAL],
         "chunk": CHUNK,
         "count": len(run.history),
     }

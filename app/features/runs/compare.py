@@ -73,10 +73,10 @@ def compared_run(run: CurrentRun, branch: Branch) -> ComparedRun:
 def _method_run(series: Series, method: str, count: int, branch: Branch) -> MethodRun:
     frames, statuses = series.values_of(f"{method}.status", count)
     poses = np.stack([series.values_of(f"{method}.{key}", count)[1] for key in POSE], axis=1)
-    known = np.isfinite(poses).all(axis=1)
+    localised = statuses == tuple(Status).index(Status.TRACKING)
+    known = localised & np.isfinite(poses).all(axis=1)  # a pose during the initialisation does not move yet
     path = Path(frames[known], poses[known, :3], poses[known, 3:])
     measured = branch.measured
-    localised = statuses == tuple(Status).index(Status.TRACKING)
     return MethodRun(path, frames, localised, measured.errors.get(method), measured.seconds.get(method))
 
 

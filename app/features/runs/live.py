@@ -96,9 +96,13 @@ def _row(
         tuple(Ate(name, error.ate_m, error.alignment) for name, error in branch.measured.errors.items()),
         _located(run.series, run.opened.methods),
         alarms(event.severity for event in run.events.events),
-        picture=f"frame?branch={branch.number}&width=160" + (f"&kept={group[:-1]}" if group else ""),
+        picture=_picture(branch.number, group) if len(run.history) else "",
         curves={method: small_curve(curve.metres) for method, curve in branch.measured.curves.items()},
     )
+
+
+def _picture(number: int, group: str) -> str:
+    return f"frame?branch={number}&width=160" + (f"&kept={group[:-1]}" if group else "")
 
 
 def _located(series: Series, methods: tuple[str, ...]) -> dict[str, float]:

@@ -233,10 +233,16 @@ def _cells(row: Row, family: str, aligned_alike: bool, best: Mapping[Alike, floa
         if len(metres) > 1:
             text = f"{length(metres[0], unit).removesuffix(f' {unit.name}')} – {text}"
         alignments = dict.fromkeys(ALIGNED[e.alignment] for e in errors)
-        variant = name.partition(".")[2]
         alignment = "" if aligned_alike else ", ".join(alignments)
         is_best = any(e.metres <= best.get((row.source, name, e.alignment), -1.0) for e in errors)
-        found.append({"variant": variant, "text": text, "alignment": alignment, "best": is_best and len(errors) == 1})
+        found.append(
+            {
+                "variant": colours.variant(name),
+                "text": text,
+                "alignment": alignment,
+                "best": is_best and len(errors) == 1,
+            }
+        )
     return found
 
 

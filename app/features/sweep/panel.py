@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 HEIGHT_PX = 170
-QUANTITIES = {"ate_m": "ATE [m]", "located_percent": "frames located [%]"}
+QUANTITIES = {"ate_m": "ATE [m]", "located_percent": "frames localised [%]"}
 """The first of them that is known is drawn: without truth there are no errors."""
 POINTS: Any = {"show": True, "size": 7}
 LOG = 3
@@ -99,8 +99,8 @@ render = renderer(__package__)
 TITLE, RUN, CANCEL, SHOW = "Sweep", "Run the values", "Cancel", "Show as a branch"
 NONE: tuple[str, ...] = ("-",)
 RUN_HINT = (
-    "Runs the source of the run that is shown once with each value, with its other settings, in a process of its own: "
-    "the page goes on meanwhile."
+    "Runs the source once with each value, in processes of their own; all other settings are those of the run shown. "
+    "The page goes on meanwhile."
 )
 VALUES_HINT = f"{FEWEST} to {MOST} of them, with commas between; proposed from the range of the setting."
 SHOW_HINT = "The run of the value above as a branch: in the views, the error curves and the mode Compare."
@@ -110,9 +110,13 @@ class SweepPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._run, self._sweep = session, -1, session.state[SweepState].sweep
         with gui.add_folder(TITLE, expand_by_default=False):
-            self._method = gui.add_dropdown("method", NONE, hint="What is run: a method that the source allows.")
+            self._method = gui.add_dropdown(
+                "method", NONE, hint="The method whose setting is varied; others that it depends on run as well."
+            )
             self._method.on_update(lambda _: self._offer_settings())
-            self._setting = gui.add_dropdown("setting", NONE, hint="What takes the values; all others stay.")
+            self._setting = gui.add_dropdown(
+                "setting", NONE, hint="The setting that takes the values; all others keep theirs."
+            )
             self._setting.on_update(lambda _: self._propose())
             self._about = gui.add_html("")
             self._values = gui.add_text("values", "", hint=VALUES_HINT)

@@ -102,7 +102,8 @@ def measured(run: CurrentRun) -> Measured:
 
 
 def with_curves(branches: Iterable[Branch], begins_ns: Callable[[Branch], int]) -> tuple[Branch, ...]:
-    """With the position errors at the frames, those of forks and their parents by one alignment.
+    """With the position errors at the frames, those of forks and their parents by one alignment. A branch that computed
+    all frames itself has a world of its own.
 
     `begins_ns` is the time of the first frame that a branch computed itself.
     """
@@ -110,7 +111,7 @@ def with_curves(branches: Iterable[Branch], begins_ns: Callable[[Branch], int]) 
     curves: dict[int, dict[str, ErrorCurve]] = {branch.number: {} for branch in branches}
     for method in dict.fromkeys(method for branch in branches for method in branch.measured.errors):
         parts = {
-            b.number: Part(b.measured.errors[method], b.parent, begins_ns(b) if b.parent is not None else 0)
+            b.number: Part(b.measured.errors[method], b.parent if b.at else None, begins_ns(b) if b.at else 0)
             for b in branches
             if method in b.measured.errors
         }

@@ -286,7 +286,7 @@ _STRIPS = {
 }
 _SHORT = {
     TrackStatus.LOST: "not found",
-    TrackStatus.FORWARD_BACKWARD: "fwd-bwd",
+    TrackStatus.FORWARD_BACKWARD: "failed back-check",
     TrackStatus.OUT_OF_IMAGE: "out of the image",
     TrackStatus.NO_DISPARITY: "no disparity",
 }

@@ -15,6 +15,12 @@ from ispom.settings import Setting, settings
 UNITS = {"px": "px", "m": "m", "s": "s", "ns": "ns", "deg": "°", "rad": "rad", "percent": "%", "ms": "ms"}
 WIDE = 1000.0
 """A range whose ends differ by more than this factor is typed, not slid."""
+LABELS = {
+    "min_share": "overlap for a keyframe",
+    "focal_sigma": "focal length uncertainty",
+    "radial_sigma": "distortion uncertainty",
+}
+"""Of settings whose name does not explain itself."""
 
 
 class ConfigForm:
@@ -57,6 +63,8 @@ class ConfigForm:
 
 def label_of(name: str) -> str:
     """`min_parallax_px` -> "min parallax [px]"."""
+    if name in LABELS:
+        return LABELS[name]
     if unit := unit_of(name):
         return f"{' '.join(name.split('_')[:-1])} [{unit}]"
     return " ".join(name.split("_"))

@@ -268,7 +268,7 @@ METHOD = Method(
     FusedConfig,
     "metric",
     "Forster et al. 2017 (preintegrated IMU), Dellaert and Kaess 2017 (factor graphs)",
-    "metres per monocular unit",
+    "m per unit",
     {"visual": "monocular"},
     CHECKS,
     {

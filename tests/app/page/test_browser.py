@@ -257,7 +257,7 @@ def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page)
     drawn = len(page.state["hidden"])  # colours of tracks that are not chosen
     of_theme = len(page.state["words"]["dark"])
     for hidden in (drawn + 1, drawn):
-        page.controls.get_by_text("true path", exact=True).click()
+        page.controls.get_by_text("ground truth", exact=True).first.click()
         both = f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden + of_theme}"
         page.until(both, "the layer")
         page.tab.wait_for_timeout(500)  # the viewer watches itself every 250 ms

@@ -54,7 +54,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
 def test_the_integration_is_clicked_through_step_by_step(page: Page):
     tab(page, "View")
     page.controls.get_by_text("Integration, step by step").click()
-    choose(page, "Integrated (paper)")
+    choose(page, "Integrated, 2013")
     page.until(f"state.integration?.join() === '{PAPER},0'", "the first step")
     for stage, title in enumerate(("Interpolated at t_j", "Scaled", "Rotated", "Oriented"), 1):
         page.controls.get_by_role("button", name="Next step ▶").click()
@@ -65,6 +65,6 @@ def test_the_integration_is_clicked_through_step_by_step(page: Page):
     choose(page, "Integrated")
     page.until("state.integration?.join() === 'integrated,0'", "the spline")
     page.controls.get_by_role("button", name="Next step ▶").click()
-    page.controls.get_by_text("2 of 3: Spline begun with").wait_for()
+    page.controls.get_by_text("2 of 3: Initial spline").wait_for()
     choose(page, "off")
     page.until("state.integration === null", "the end of looking")

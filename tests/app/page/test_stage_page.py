@@ -83,13 +83,13 @@ def test_hiding_a_layer_changes_that_and_nothing_else(page: Staged):
     page.controls.get_by_role("tab", name="View").click()
     count_messages = "window.fake.asked.filter(([kind]) => kind === 14).length"
     before, hidden = page.tab.evaluate(count_messages), len(page.state["hidden"])
-    page.controls.get_by_text("true path", exact=True).click()
+    page.controls.get_by_text("ground truth", exact=True).first.click()
     page.until(f"state.hidden.length === {hidden + 1}", "the layer to be hidden")
     page.until(f"{count_messages} === {before + 1}", "the viewer to be told")
     _, message = page.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
     assert re.search(r'overrides/world/truth/visualizers":{"EntityBehavior":{"visible":\[false\]}}}', message)
     count = page.tab.evaluate("window.fake.asked.filter(([kind]) => kind === 14).length")
-    page.controls.get_by_text("true path", exact=True).click()
+    page.controls.get_by_text("ground truth", exact=True).first.click()
     page.until(f"window.fake.asked.filter(([kind]) => kind === 14).length === {count + 1}", "it to be shown again")
     _, message = page.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
     assert '"visible":[true]' in message

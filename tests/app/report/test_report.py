@@ -74,7 +74,7 @@ def test_one_file_contains_everything_and_loads_nothing(run: Path, tmp_path: Pat
     assert not parsed.open and "default-src 'none'" in html.unescape(page)
     assert parsed.references and all(r.startswith(("#", "data:image/jpeg;base64,")) for r in parsed.references)
     run_file = yaml.safe_load((run / "run.yaml").read_text())
-    for word in ("emulation", "monocular.max_tracks", "500", run_file["versions"]["numpy"], "SHA-256", "run.rrd"):
+    for word in ("Emulated", "monocular.max_tracks", "500", run_file["versions"]["numpy"], "SHA-256", "run.rrd"):
         assert word in parsed.words
     for word in ("ATE (RMS) [", "keyframes", "off the epipolar line", "median [ms]", "parallax", "slowest"):
         assert word in parsed.words
@@ -214,6 +214,4 @@ def test_a_run_of_the_papers_integration_together_with_the_modern_one(tmp_path: 
     figures = json.loads(Parsed(report(tmp_path / "report.html", tmp_path / "run")).figures)
     lines = {trace["name"]: trace["line"]["color"] for trace in figures[0]["traces"]}
     assert lines["integrated"] != lines["integrated.paper"]
-    assert [
-        t["name"] for f in figures for t in f["traces"] if t["name"] == "integrated.paper: metres per monocular unit"
-    ]
+    assert [t["name"] for f in figures for t in f["traces"] if t["name"] == "integrated.paper: m per unit"]

@@ -73,6 +73,15 @@ def test_runs_that_share_nothing_are_aligned_by_themselves() -> None:
     assert all(np.array_equal(found[n].metres, own[min(n, 1)].position_errors_m) for n in (0, 1, 2))
 
 
+def test_a_branch_that_computed_all_frames_itself_is_aligned_by_itself() -> None:
+    measured = [Measured({"stereo": error(40, drift)}) for drift in (0.001, 0.05)]
+    branches = Branch(0, "first run", measured=measured[0]), Branch(1, "stored", 0, 0, measured=measured[1])
+    found = with_curves(branches, lambda _: 0)
+    for each, known in zip(found, measured, strict=True):
+        curve = each.measured.curves["stereo"]
+        assert curve.branches == 1 and np.array_equal(curve.metres, known.errors["stereo"].position_errors_m)
+
+
 def test_branches_get_their_curves_together_and_one_that_was_not_measured_stays_so() -> None:
     measured = [Measured({"stereo": error(count, drift)}) for count, drift in ((40, 0.001), (60, 0.05))]
     branches = Branch(0, "first run", measured=measured[0]), Branch(1, "fork", 0, SHARED, measured=measured[1])

@@ -8,7 +8,9 @@ from typing import Annotated, Any, Literal
 
 import pytest
 import viser
-from ispom_app.features.methods.panel import APPLIED, PENDING, MethodsPanel
+from ispom_app.features.layers.panel import ViewPanel
+from ispom_app.features.methods.panel import ALWAYS, APPLIED, MORE, PENDING, MethodsPanel
+from ispom_app.presentation.colours import label
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
 from ispom_app.views.viser.controls import ConfigForm, label_of
@@ -92,3 +94,32 @@ def test_the_methods_panel_offers_all_methods_together(server: viser.ViserServer
     session.state = replace(state, config=restart.config, methods=restart.methods, run=2)
     panel.show(session.state)
     assert panel._on["stereo"].value and panel._text.content == APPLIED
+
+
+def test_more_methods_are_one_list_and_a_choice_has_a_box(server: viser.ViserServer):
+    opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
+    state = State("double:20", methods=("stereo",), run=1)
+    session: Any = SimpleNamespace(state=state, opened=opened, post=lambda _: None)
+    panel = MethodsPanel(server.gui, session)
+    panel.show(state)
+    boxes = [m for m, box in panel._on.items() if box.visible]
+    assert boxes == list(ALWAYS) and label("lines") in panel._more.options
+    assert not {label(m) for m in boxes} & set(panel._more.options)
+    panel._add(label("lines"))
+    assert panel._on["lines"].value and panel._on["lines"].visible and panel._folders["lines"].visible
+    assert panel._more.value == MORE and label("lines") not in panel._more.options and panel._text.content == PENDING
+
+
+def test_the_view_lists_the_methods_that_run(server: viser.ViserServer):
+    state = State("double:20", methods=("stereo", "lines"), run=1)
+    opened = SimpleNamespace(
+        sequence=SimpleNamespace(rig=doubles.rig()), truth=None, external_trajectories=(), map=None
+    )
+    session: Any = SimpleNamespace(state=state, post=lambda _: None, opened=opened)
+    panel = ViewPanel(server.gui, session)
+    panel.show(state)
+    assert [m for m in names() if panel._boxes[m].visible] == list(state.methods)
+    assert all(label(m) in panel._legend.content for m in state.methods)
+    assert label("monocular") not in panel._legend.content
+    assert panel._boxes["disparity"].visible and panel._boxes["lines"].visible
+    assert not any(panel._boxes[layer].visible for layer in ("truth", "error", "beside", "map"))

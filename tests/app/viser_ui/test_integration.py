@@ -82,7 +82,7 @@ def test_the_numbers_of_a_segment_shrink_from_row_to_row(run: CurrentRun) -> Non
 
 def test_the_numbers_of_a_spline_are_shown_with_those_before(run: CurrentRun) -> None:
     found = table(fit_of(run, "integrated"), 2)
-    assert found["title"] == "3 of 3: Adjusted"
+    assert found["title"] == "3 of 3: Optimised spline"
     rows = {name: values for name, _, values in found["rows"]}
     assert rows["cost"] == ("90", "30") and float(rows["video frames"][0]) == pytest.approx(
         3 * float(rows["video frames"][1]), abs=0.02
@@ -107,8 +107,8 @@ def test_the_panel_offers_what_integrates_and_requests_steps(server: viser.Viser
     made = Panel(server, run)
     panel = made.panel
     panel.show(made.state)
-    assert panel._method.options == ("off", "Integrated", "Integrated (paper)") and not panel._buttons.visible
-    panel._method.value = "Integrated (paper)"
+    assert panel._method.options == ("off", "Integrated", "Integrated, 2013") and not panel._buttons.visible
+    panel._method.value = "Integrated, 2013"
     assert made.asked == [ShowIntegration("integrated.paper")]
     panel.show(made.state.having(IntegrationSteps(Integration("integrated.paper", 2))))
     assert "3 of 5: Scaled" in panel._text.content and "fitted at frame" in panel._text.content

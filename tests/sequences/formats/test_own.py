@@ -340,7 +340,7 @@ def test_a_raw_rig_is_rectified_and_keeps_its_place(tmp_path: Path) -> None:
 
 def test_without_a_video_the_left_images_are_the_video(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_described(tmp_path / "x", video=False)), stereo_every=2)
-    assert sequence.kinds[:4] == ("stereo", "video", "video", "stereo") and "emulation" in sequence.notes[0]
+    assert sequence.kinds[:4] == ("stereo", "video", "video", "stereo") and "Emulated" in sequence.notes[0]
 
 
 def test_left_and_right_folders_with_a_rig_need_no_sequence_yaml(tmp_path: Path) -> None:

@@ -91,8 +91,8 @@ def test_a_method_without_words_of_its_own_gets_a_verdict_from_its_checks() -> N
     few = Decision("tracks that agree", 8, 15, False, key="agree")
     odd = Decision("shutter", 9, 5, False, "ms", "<=", key="shutter", kind="warning")
     lost = found("stereo", Status.LOST, few)
-    assert lost.sentence == "Lost: tracks that agree: 8 (needed: at least 15)."
-    assert found("stereo", Status.TRACKING, odd).sentence == "Warning: shutter: 9 ms (good: at most 5 ms)."
+    assert lost.sentence == "Lost: tracks that agree: 8 (minimum 15)."
+    assert found("stereo", Status.TRACKING, odd).sentence == "Warning: shutter: 9 ms (limit 5 ms)."
     assert found("stereo", Status.TRACKING, Decision("odd", 1, 2, False, kind="finding")).severity == Severity.OK
 
 

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.history.series import Series
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.commands import Fork
 from ispom_app.features.runs.commands import CompareRuns, OpenSource, ShowKept
+from ispom_app.features.runs.compare import compared_run
 from ispom_app.features.runs.live import kept_rows
 from ispom_app.session import commands as do
+from ispom_app.session.branches.branches import Branch
 from ispom_app.session.branches.kept import MOST_KEPT, Kept, limited
 from ispom_app.session.branches.service import BranchService
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 
+from ispom.geometry import Pose
 from ispom.methods import Config
+from ispom.types import Status, Step
 from tests.alone import METHODS
 from tests.app.helpers import started, wait_for
 
@@ -114,3 +122,16 @@ def test_a_run_that_is_gone_cannot_be_compared(session: Session) -> None:
     session.post(CompareRuns("live:0", "live:7"))
     wait_for(lambda: session.state.notices, "the sentence")
     assert session.state[Branches].comparison is None
+
+
+def test_only_poses_of_frames_that_were_localised_are_a_path() -> None:
+    """During the initialisation a method has poses that do not move: no scale comes from those."""
+    series = Series(("monocular",))
+    for index, status in enumerate((Status.INITIALISING, Status.TRACKING, Status.LOST, Status.TRACKING)):
+        step = Step(index, status, "video", Pose(), method="monocular")
+        series.append(ExposureRecord(index, index, "video", (step,), {}, {}, {}))
+    run = SimpleNamespace(
+        series=series, opened=SimpleNamespace(methods=("monocular",)), events=SimpleNamespace(events=())
+    )
+    found = compared_run(cast(Any, run), Branch(0, "run")).methods["monocular"]
+    assert found.path.frames.tolist() == [1, 3] and found.localised.tolist() == [False, True, False, True]

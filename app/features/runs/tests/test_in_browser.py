@@ -109,18 +109,37 @@ def test_the_table_lists_finished_runs_keeps_notes_and_opens_one(page: Page, app
 
 
 def test_two_runs_that_are_selected_are_compared_on_one_stage(page: Page) -> None:
-    for name in ("first", "second"):
+    for name in ("second", "first"):  # the shorter one is A
         row(page, name).locator("input[type=checkbox]").click()
     page.tab.locator("#compare-selected").click()
     page.until("state.compared?.[3]", "the comparison")
     page.tab.locator("#compare .verdict").wait_for()
-    assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["second", "first"]
+    assert page.tab.locator("#compare .pair option:checked").all_inner_texts() == ["second", "first"], (
+        "A was selected first"
+    )
     page.tab.locator("#compare table tr").nth(2).wait_for()
     assert page.tab.locator("#compare tr.of").count() == 2, "the method that both have, and the whole run"
     page.tab.locator("#compare .which span").filter(has_text="Frame").wait_for()
     drawn = "[...document.querySelectorAll('#compare .images img')].every((image) => image.naturalWidth > 0)"
     page.until(drawn, "both images")
     assert not page.faults
+
+
+def test_after_a_fork_the_mode_compare_compares_it_with_its_parent(page: Page) -> None:
+    play_demo(page)
+    page.until("state.ended && !state.playing", "the end")
+    page.send("{do: 'seek', index: 20}")
+    page.until("state.index === 20", "the frame")
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("button", name="Fork at frame").click()
+    page.until("state.address.branch !== '0' && !state.playing", "the fork")
+    page.tab.locator("#modes input[value=compare]").check(force=True)
+    page.until("state.compared?.[3]", "the comparison")
+    checked = page.tab.locator("#compare .pair option:checked")
+    checked.nth(1).wait_for(state="attached")
+    names = checked.all_inner_texts()
+    assert names[0] == "first run" and names[1].endswith("fork at frame 21")
+    assert page.tab.locator("#compare .verdict").inner_text() and not page.faults
 
 
 def test_the_mode_survives_a_reload_and_is_the_pages_own(page: Page, app: App, browser) -> None:  # noqa: F811

@@ -47,7 +47,7 @@ def test_errors_of_variants_share_a_column_that_names_its_only_alignment() -> No
     assert [c["family"] for c in message["columns"]] == ["monocular", "stereo"]
     assert [c["alignment"] for c in message["columns"]] == ["Sim(3)", ""]
     new, old = message["rows"]
-    assert [cell["variant"] for cell in old["ate"][0]] == ["", "paper"]
+    assert [cell["variant"] for cell in old["ate"][0]] == ["", "2013"]
     assert new["ate"] == [[], [{"variant": "", "text": "1.50 m", "alignment": "Sim(3)", "best": False}]]
 
 

@@ -73,6 +73,7 @@ function show(state) {
   controls?.follow(!people.drives());
   panes.follow(!people.drives());
   panes.show(shown);
+  panes.offer("Lesson", taught ? [taught.name, taught.place, taught.phase].join() : "");
   publishedView?.show(shown);
   ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
@@ -110,8 +111,11 @@ listen(window, press);
 const controls = published ? null : openControls(dark.matches, press, command, (tab) => openTab({ viser: tab }));
 const publishedView = published ? openPublishedView(command) : null;
 const tabs = { own: "", viser: "" };
-const panes = openPanes(command, publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement }, (own) =>
-  openTab({ own }),
+const panes = openPanes(
+  command,
+  publishedView ? { View: publishedView.page } : { Controls: at("controls").parentElement },
+  (own) => openTab({ own }),
+  published ? {} : { Lesson: at("lesson") },
 );
 
 // Which of viser's tabs can be seen, for what nobody sees is not drawn.

@@ -23,6 +23,8 @@ export function makeCompare(command, answer, modes, openRuns) {
   let asked = "";
   let askedAt = 0;
   let due = null;
+  let rows = []; // of the runs, as the server sent them last
+  let proposed = ""; // the fork whose comparison was begun by itself
 
   function seek(index) {
     command({ do: "seek", index });
@@ -36,6 +38,19 @@ export function makeCompare(command, answer, modes, openRuns) {
     const key = JSON.stringify([next.compared, next.branches, next.run, next.compared && next.computed]);
     if (key !== asked) load(key);
     if (found || !next.compared) frame();
+    propose(next);
+  }
+
+  // A fork is compared with what it was forked from, once, when it stands still.
+  function propose({ compared, playing, target, people, run }) {
+    const fork = rows.find(({ shown }) => shown);
+    const parent = fork && rows.find(({ key }) => key === fork.parent);
+    const drives = people?.driving || (people?.driver === null && people.may_drive);
+    if (published || compared || playing || target !== null || !parent || !drives) return;
+    const key = JSON.stringify([run, fork.key]);
+    if (key === proposed) return;
+    proposed = key;
+    command({ do: "compare_runs", a: parent.key, b: fork.key });
   }
 
   // Not more often than once a second; the latest key is always asked for in the end.
@@ -52,6 +67,7 @@ export function makeCompare(command, answer, modes, openRuns) {
 
   function paint(answer) {
     found = state.compared ? answer : null;
+    rows = answer.rows;
     const source = answer.rows.find(({ shown }) => shown)?.source;
     const runs = answer.rows.filter(
       ({ kind, shown, source: of }) => kind === "live" || shown || (of === source && !["sweep", "experiment"].includes(kind)),
@@ -67,6 +83,7 @@ export function makeCompare(command, answer, modes, openRuns) {
       if (!details.contains(document.activeElement)) listDifferences();
     }
     frame();
+    propose(state);
   }
 
   function choose(runs, pair) {

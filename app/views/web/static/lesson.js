@@ -64,7 +64,7 @@ export function makeLesson(send, command) {
       moves(),
     );
     if (after === null) place.scrollTop = 0;
-    else place.querySelector(".verdict, .after").scrollIntoView();
+    else requestAnimationFrame(() => place.querySelector(".verdict, .after")?.scrollIntoView()); // the plots are back then
   }
 
   function moves() {

@@ -45,7 +45,7 @@ export function makeModes(command, changed) {
     const count = done ? `${done} of ${found.length} done.` : `${found.length} lessons.`;
     head.append(
       element("h1", "", "Lessons"),
-      element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; the current run will be closed.`),
+      element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; your run stays in the table of runs.`),
     );
     const cards = element("ol", "lessons");
     cards.append(...found.map(card));

@@ -16,8 +16,9 @@ const KEYS = /** @type {Record<string, number>} */ ({ ArrowLeft: -1, ArrowRight:
  * @param {(message: object) => void} command sends what a person asks for
  * @param {Record<string, HTMLElement>} own tabs of the page, behind those of the features
  * @param {(tab: string) => void} chosen is called when another tab is open
+ * @param {Record<string, HTMLElement>} offered tabs in front, hidden until they are offered
  */
-export function openPanes(command, own, chosen = () => {}) {
+export function openPanes(command, own, chosen = () => {}, offered = {}) {
   const place = /** @type {HTMLElement} */ (document.getElementById("panels"));
   const bar = element("div", "tabs");
   place.prepend(bar);
@@ -29,6 +30,7 @@ export function openPanes(command, own, chosen = () => {}) {
   /** @type {Record<string, { component: Component, place: HTMLElement }>} */
   const views = {};
   let open = "";
+  let occasion = ""; // of the tab that is there only sometimes
 
   /** @param {string} name */
   function choose(name) {
@@ -50,15 +52,18 @@ export function openPanes(command, own, chosen = () => {}) {
     pages[name] = page;
     if (page.parentElement !== place) place.append(page); // a frame that is moved is loaded again
     page.classList.add("page", "away");
-    Object.assign(page, { id: `tab-${name}`, role: "tabpanel", ariaLabel: name });
+    page.id ||= `tab-${name}`;
+    Object.assign(page, { role: "tabpanel", ariaLabel: name });
     const tab = bar.appendChild(element("button", "", name));
     Object.assign(tab, { type: "button", role: "tab" });
     tab.setAttribute("aria-controls", page.id);
     tab.addEventListener("click", () => choose(name));
+    return tab;
   }
   bar.addEventListener("keydown", ({ key }) => {
     if (!KEYS[key]) return;
-    const next = tabs().at((tabs().indexOf(/** @type {HTMLElement} */ (document.activeElement)) + KEYS[key]) % tabs().length);
+    const there = tabs().filter(({ hidden }) => !hidden);
+    const next = there.at((there.indexOf(/** @type {HTMLElement} */ (document.activeElement)) + KEYS[key]) % there.length);
     choose(next?.textContent ?? open);
     next?.focus();
   });
@@ -66,6 +71,7 @@ export function openPanes(command, own, chosen = () => {}) {
 
   /** @param {Panel[]} listed */
   function make(listed) {
+    for (const [name, page] of Object.entries(offered)) addTab(name, page).hidden = true;
     for (const { name, tab, script } of listed) {
       if (!pages[tab]) addTab(tab, element("div"));
       const view = pages[tab].appendChild(element("div"));
@@ -86,6 +92,19 @@ export function openPanes(command, own, chosen = () => {}) {
 
   return {
     choose,
+    /**
+     * Shows a tab that is there only sometimes, in front where there is something new in it.
+     * @param {string} name
+     * @param {string} now what is in it; empty for nothing, and then the tab is not there
+     */
+    offer(name, now) {
+      const tab = tabs().find(({ textContent }) => textContent === name);
+      if (!tab || (now === occasion && tab.hidden === !now)) return;
+      occasion = now;
+      tab.hidden = !now;
+      if (now) choose(name);
+      else if (open === name) choose(tabs().find(({ hidden }) => !hidden)?.textContent ?? "");
+    },
     /** @param {boolean} following whether somebody else is in control */
     follow: (following) => place.classList.toggle("following", following),
     /** @param {News} news */

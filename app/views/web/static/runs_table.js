@@ -266,7 +266,7 @@ export function makeRuns(command, ask, close, compared) {
 
   // Runs on one source share a stage; of others, what differs is listed here.
   async function compare() {
-    const pair = found.rows.filter(({ key }) => selected.has(key));
+    const pair = [...selected].map((chosen) => found.rows.find(({ key }) => key === chosen)); // A was selected first
     const [a, b] = pair;
     at("differences").hidden = true;
     if (a.source === b.source)

@@ -117,7 +117,10 @@ export function makeStart(command, modes, changed) {
     event.preventDefault();
     openPath(at("path").value.trim());
   });
-  at("all-lessons").addEventListener("click", () => modes.set("learn"));
+  at("all-lessons").addEventListener("click", () => {
+    modes.set("learn");
+    close();
+  });
   at("continue").addEventListener("click", ({ target }) => {
     ask(target.parentElement.querySelector(".fault"), { do: "learn", name: lesson.name }, () => modes.set("learn") ?? true);
   });

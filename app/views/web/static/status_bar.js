@@ -84,7 +84,7 @@ function showOrigin(origin) {
   if (at("origin").textContent !== (origin ?? "")) at("origin").textContent = origin ?? "";
   at("origin").title =
     origin === "recorded"
-      ? "This frame comes with ISPOM, and was recorded when the same run was computed before. It is computed here as well, and takes over then."
+      ? "This frame comes with ISPOM, and was recorded in an earlier run with the same settings. This computer is computing the run as well, and its frames take over."
       : "This frame was computed here.";
 }
 

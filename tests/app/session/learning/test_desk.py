@@ -14,6 +14,7 @@ from ispom_app.features.lessons.library import Library
 from ispom_app.features.lessons.state import Learning, Lessons
 from ispom_app.features.plots.commands import Plot
 from ispom_app.session import commands as do
+from ispom_app.session.branches.service import BranchService
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.session import Session
 from ispom_app.session.state import covered
@@ -135,6 +136,18 @@ def test_what_cannot_be_computed_is_reported_and_the_question_stays_open(session
     at(session, 4, "asking")
     assert "stereo.paper says nothing of the clock" in refused(session, Reveal())
     assert at(session, 4, "asking").revealed is None
+
+
+def test_the_run_before_a_lesson_stays_in_the_table_and_those_of_its_steps_do_not(session: Session):
+    wait_for(lambda: session.state.phase == "ready", "the first run")
+    before = session.run
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    kept = session.service(BranchService).kept
+    assert [each.source for each in kept] == ["double:30"] and kept[0].runs[0] is before
+    session.post(TurnTo(1))
+    at(session, 1, "asking")
+    assert session.service(BranchService).kept == kept and session.state.question is None
 
 
 def test_an_unknown_lesson_or_step_is_reported(session: Session):
