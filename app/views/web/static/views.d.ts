@@ -1,5 +1,16 @@
 // Written by `python -m tests.app.view_types` from the view values of the features (app/features/NAME/view.py).
 
+/** The line; `text` is empty where there is nothing to speak of. */
+export interface AnswerView {
+  tone: "lost" | "ok" | "quiet" | "warning";
+  text: string;
+  working: boolean;
+  diagnose: number | null;
+  thorough: boolean;
+  applies: boolean;
+  show: number | null;
+}
+
 /** A part that was left out. */
 export interface BlameRow {
   name: string;
@@ -44,6 +55,7 @@ export interface DoctorView {
   silent: string[];
   left: string[];
   helped: boolean;
+  untried: boolean;
 }
 
 export interface EventRow {
