@@ -98,6 +98,18 @@ export interface Fact {
   quantity: string;
 }
 
+export interface FunnelStage {
+  name: string;
+  count: number;
+  limits: boolean;
+  why: string;
+}
+
+/** Of the methods that tracked features at the frame shown; none of others. */
+export interface FunnelView {
+  methods: MethodFunnel[];
+}
+
 /** The checks behind one question. */
 export interface Group {
   question: string;
@@ -127,6 +139,12 @@ export interface MethodCard {
   failed: CheckRow[];
   ongoing: Since[];
   details: Details | null;
+}
+
+export interface MethodFunnel {
+  label: string;
+  colour: string;
+  stages: FunnelStage[];
 }
 
 /** What one setting did to the stretch. */
