@@ -22,7 +22,10 @@ export interface BlameRow {
 /** Of the frame shown; none before somebody asks. */
 export interface BlameView {
   possible: boolean;
+  frame: number;
+  doing: string;
   methods: MethodBlame[];
+  silent: string[];
 }
 
 export interface CheckRow {
@@ -121,6 +124,7 @@ export interface Group {
 export interface MethodBlame {
   label: string;
   colour: string;
+  frame: number;
   said: string[];
   rows: BlameRow[];
 }
