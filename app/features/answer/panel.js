@@ -10,7 +10,7 @@ export function answer({ tone, text, working, diagnose, thorough, applies, show 
   const act = (name, command, title, kind = "act live") =>
     html`<button type="button" class="${kind}" data-do="${JSON.stringify(command)}" title="${title}">${name}</button>`;
   return html`<div class="answer ${text && tone}">
-    <div class="line" role="status" title="${text}" tabindex="${text ? 0 : undefined}">${text}</div>
+    <div class="line" role="status" aria-live="${working ? "off" : "polite"}" title="${text}" tabindex="${text ? 0 : undefined}">${text}</div>
     ${working && act("Cancel", { do: "cancel_examination" }, "Ends the examination without an answer")}
     ${
       diagnose !== null &&

@@ -94,7 +94,7 @@ def event_shown(events: tuple[RunEvent, ...], frame: int, examined: Examined) ->
 def cause(found: Diagnosis) -> tuple[str, bool]:
     """What a diagnosis says in words, and whether a setting that can be applied is the cause."""
     if not found.causes:
-        return unexplained(found), False
+        return _lower(unexplained(found)), False
     helped = None if found.helped is None else found.helped.best
     first = found.causes[0]
     if helped is not None and helped.trial.key == first.suspect.key:

@@ -1,7 +1,8 @@
 """View values: what a feature shows of a frame, as a typed value that a component of the page draws.
 
 A feature has them in `features/NAME/view.py`, in `VIEWS`, and `features/NAME/panel.js` exports a component of the same
-name. It is drawn in a tab of the left pane, or in a place of the page of its own. The page's types are written from them: `python -m tests.app.view_types`.
+name. It is drawn in a tab of the left pane, or in a place of the page of its own. The page's types are written from
+them: `python -m tests.app.view_types`.
 """
 
 from __future__ import annotations

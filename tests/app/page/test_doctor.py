@@ -1,4 +1,4 @@
-"""The doctor in the page: "Why?" below an event examines that one, and the answer leads to frames."""
+"""The doctor in the page: "Diagnose" below an event examines that one, and the answer leads to frames."""
 
 from __future__ import annotations
 

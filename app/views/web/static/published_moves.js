@@ -23,7 +23,7 @@ export const commandsOf = {
     const events = [...(data.axis.events ?? []), ...(data.axis.marks?.bookmarks?.marks ?? []).map(({ at }) => ({ at, severity: "" }))];
     const frames = events.filter(({ severity }) => !alarming || ALARMING.includes(severity)).map(({ at }) => at);
     const index = nearest(frames, state.index, forwards);
-    const what = alarming ? "anomaly" : "event";
+    const what = alarming ? "problem" : "event";
     return index === undefined ? `No ${what} ${forwards ? "after" : "before"} frame ${state.index}.` : show(index, data);
   },
   speed: ({ factor }) => ({ speed: factor }),
