@@ -19,7 +19,7 @@ from ...session.state import State
 from ...views.web.view_values import View
 from ..doctor.service import CANCELLED
 from ..doctor.state import Examined
-from ..doctor.stretch import event_at, worst_event
+from ..doctor.stretch import Stretch, event_at, worst_event
 from ..doctor.view import unexplained, untried
 
 TOO_LOW = {"max_tracks": "only {} tracks are allowed"}
@@ -62,8 +62,7 @@ def answer(state: State, run: CurrentRun | None, frame: int) -> AnswerView:
         return _without_event(state, run, frame, examined)
     tone: Tone = "lost" if happened.severity == Severity.LOST else "warning"
     show = happened.frame if happened.frame != frame else None
-    event = None if examined.stretch is None else examined.stretch.event
-    about = event is not None and _same(happened, event)
+    about = examined.stretch is not None and _is_about(examined.stretch, happened)
     if about and examined.diagnosis is not None:
         return _explained(tone, f"{_what(happened)}: ", examined.diagnosis, happened.frame, show)
     text = f"{_what(happened)}: {_detail(happened)}" if _detail(happened) else f"{_what(happened)}."
@@ -86,9 +85,9 @@ def event_shown(events: tuple[RunEvent, ...], frame: int, examined: Examined) ->
     """The worst warning or loss that holds at a frame; of those as severe, the one that was examined."""
     found = event_at(events, frame)
     worst = worst_event(found)
-    about = None if examined.stretch is None else examined.stretch.event
-    known = [e for e in found if about is not None and worst is not None and _same(e, about)]
-    return known[0] if worst is not None and known and known[0].severity == worst.severity else worst
+    stretch = examined.stretch
+    known = [e for e in found if stretch is not None and worst is not None and e.severity == worst.severity]
+    return next((e for e in known if stretch is not None and _is_about(stretch, e)), worst)
 
 
 def cause(found: Diagnosis) -> tuple[str, bool]:
@@ -114,8 +113,12 @@ def _value(value: object) -> str:
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
 
 
-def _same(one: RunEvent, other: RunEvent) -> bool:
-    return (one.kind, one.method, one.frame) == (other.kind, other.method, other.frame)
+def _is_about(stretch: Stretch, event: RunEvent) -> bool:
+    """Whether a stretch was examined for an event, or at the frame where that began."""
+    known = stretch.event
+    return stretch.at == event.frame or (
+        known is not None and (known.kind, known.method, known.frame) == (event.kind, event.method, event.frame)
+    )
 
 
 def _what(event: RunEvent) -> str:
@@ -158,11 +161,13 @@ def _progress(examined: Examined) -> str:
     progress, stretch = examined.progress, examined.stretch
     if progress is None or stretch is None:
         return ""
-    where = f"Diagnosing frames {stretch.first} to {stretch.last}"
-    left = max(examined.limit_s - examined.taken_s, 0)
-    return (
-        f"{where}: {progress.doing} ({progress.done} of {progress.total}). {examined.taken_s} s, at most {left} s left."
+    text = (
+        f"Diagnosing frames {stretch.first} to {stretch.last}: {progress.doing} ({progress.done} of {progress.total})."
     )
+    if not examined.taken_s:  # the compiler may still work, and its time does not count
+        return text
+    left = examined.limit_s - examined.taken_s
+    return f"{text} {examined.taken_s} s, {f'at most {left} s left' if left > 0 else 'about to end'}."
 
 
 def _lower(text: str) -> str:

@@ -48,7 +48,7 @@ function answer({ causes, answer, others, reruns, silent, left }, html) {
 
 /** @param {Suspect} each @param {number} place @param {Html} html */
 const suspect = (each, place, html) => html`<div class="small">
-    <b>${place}. ${each.name}</b> (${each.state}, ${each.strength.toFixed(2)}): ${each.evidence} ${each.undecided}
+    <b>${place}. ${each.name}</b> (${each.state}, ${Math.round(100 * each.strength)} % of the limit): ${each.evidence} ${each.undecided}
   </div>
   <div class="small">${frames(each, html)}</div>`;
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -68,6 +69,11 @@ def test_an_answer_is_of_its_event_and_its_branch_only() -> None:
     assert not shown(60, SCALE, branch=1, values=(examined,)).applies
 
 
+def test_an_answer_at_the_frame_where_an_event_began_is_about_it_too() -> None:
+    other = RunEvent("warning", "stereo", 2, 0, Severity.WARNING, "Few points: 3 (5 expected).", 22)
+    assert shown(60, SCALE, values=(Examined(Stretch(5, 49, 21, other), None, planted()),)).applies
+
+
 def test_of_equal_events_the_examined_one_is_shown() -> None:
     other = RunEvent("warning", "stereo", 3, 0, Severity.WARNING, "Few points: 3 (5 expected).")
     assert shown(60, other, SCALE).diagnose == 3
@@ -90,6 +96,8 @@ def test_while_the_doctor_works_it_says_what_and_how_long() -> None:
     found = shown(3, values=(working,))
     assert found.working and found.diagnose is None
     assert all(part in found.text for part in ("it is blurred", "12 of 68", "9 s", "51 s"))
+    compiling = shown(3, values=(replace(working, taken_s=0),))
+    assert compiling.working and "60" not in compiling.text, "its time has not begun"
 
 
 def test_a_problem_of_the_examination_is_named_and_a_cancelled_one_is_not() -> None:
