@@ -97,9 +97,13 @@ def unexplained(found: Diagnosis) -> str:
     """The answer where there is no cause."""
     if found.undecided:
         return found.answer
-    late = "The time was too short for all of them." if found.left else ""
-    tried = (each.answer for each in (found.set_back, found.reruns) if each is not None)
-    return " ".join(filter(None, (f"Not explained; {len(found.ranked)} causes tested.", late, *tried)))
+    reruns = [each for each in (found.set_back, found.reruns) if each is not None]
+    late = [each for each in reruns if each.note in (NOT_SET_BACK, NOT_TRIED)]
+    tried = any(each.tried for each in reruns)
+    settings = "Not all settings were tried." if late and tried else "Settings not tried." if late else ""
+    others = ", no time was left for the others" if found.left else ""
+    answers = [each.answer for each in reruns if each not in late]
+    return " ".join(filter(None, (f"Not explained; {len(found.ranked)} causes tested{others}.", settings, *answers)))
 
 
 def untried(found: Diagnosis) -> bool:

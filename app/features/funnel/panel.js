@@ -17,8 +17,8 @@ export function funnel({ methods }, html) {
 }
 
 /** @param {MethodFunnel} of @param {Html} html */
-const method = ({ label, colour, stages }, html) => html`<div class="funnel" style="--colour:${colour}">
-    <b>${label}</b>
+const method = ({ label, colour, frame, stages }, html) => html`<div class="funnel" style="--colour:${colour}">
+    <b title="at frame ${frame}">${label}</b>
     ${stages.map((each, i) => html`${i > 0 && html`<span class="quiet">›</span>`}${stage(each, html)}`)}
   </div>`;
 

@@ -52,26 +52,35 @@ class FunnelStage(msgspec.Struct, frozen=True):
 class MethodFunnel(msgspec.Struct, frozen=True):
     label: str
     colour: str
+    frame: int
+    """Of its step, which may be before the frame shown."""
     stages: tuple[FunnelStage, ...]
 
 
 class FunnelView(msgspec.Struct, frozen=True):
-    """Of the methods that tracked features at the frame shown; none of others."""
+    """Of the methods that track features; none of others."""
 
     methods: tuple[MethodFunnel, ...]
 
 
 def funnel(state: State, run: CurrentRun | None, frame: int) -> FunnelView:
-    """The stages of each method at the frame."""
-    record = state.displayed
-    if run is None or record is None:
+    """The stages of each method at its newest frame up to the one shown, so that rows do not come and go."""
+    shown = state.displayed
+    if run is None or shown is None:
         return FunnelView(())
     found = []
-    for step in record.steps:
-        stages = _stages(step, _numbers(run, step.method, frame), _detected(run, step.method, frame), run, frame)
-        if stages:
-            found.append(MethodFunnel(colours.label(step.method), colours.css(colours.of(step.method)), stages))
-    return FunnelView(tuple(found))
+    for method in state.methods:
+        at = run.series.last_step(method, frame)
+        if at is None:
+            continue
+        record = shown if at == frame else run.history[at]
+        found += [_method(step, run, at) for step in record.steps if step.method == method]
+    return FunnelView(tuple(each for each in found if each.stages))
+
+
+def _method(step: Step, run: CurrentRun, frame: int) -> MethodFunnel:
+    stages = _stages(step, _numbers(run, step.method, frame), _detected(run, step.method, frame), run, frame)
+    return MethodFunnel(colours.label(step.method), colours.css(colours.of(step.method)), frame, stages)
 
 
 def _config(run: CurrentRun, frame: int) -> Config:

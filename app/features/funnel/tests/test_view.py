@@ -38,11 +38,11 @@ def shown(*steps: Step, max_tracks: int = 50, earlier: tuple[Any, ...] = (), thi
     for record in records:
         series.append(record)
     config = Config({"monocular": ModernMonocularConfig(max_tracks=max_tracks)})
-    run: Any = SimpleNamespace(series=series, playback=SimpleNamespace(earlier=earlier, config=config))
+    run: Any = SimpleNamespace(series=series, history=records, playback=SimpleNamespace(earlier=earlier, config=config))
     last = records[-1]
     if thinned:
         last = ExposureRecord(last.index, 0, "video", (Step(0, Status.TRACKING, method="monocular"),), {}, {}, {})
-    return funnel(State("double:9", displayed=last), run, last.index)
+    return funnel(State("double:9", methods=("monocular",), displayed=last), run, last.index)
 
 
 def counts(of: MethodFunnel) -> dict[str, int]:
@@ -75,6 +75,12 @@ def test_the_detection_is_the_last_one_before_the_frame() -> None:
     steps = step([NEW] * 50), step([ALIVE] * 40 + [NEW] * 8), step([ALIVE] * 44 + [NEW] * 6, 44, 44)
     (found,) = shown(*steps).methods
     assert counts(found)["detected"] == 48
+
+
+def test_between_two_frames_of_a_method_its_newest_one_is_shown() -> None:
+    between = Step(0, Status.TRACKING, method="stereo")
+    (found,) = shown(step([NEW] * 50), step([ALIVE] * 45, 44, 40), between).methods
+    assert (found.frame, counts(found)["inliers"]) == (1, 40)
 
 
 def test_a_frame_before_a_fork_has_the_settings_of_then() -> None:

@@ -108,7 +108,7 @@ export interface FunnelStage {
   why: string;
 }
 
-/** Of the methods that tracked features at the frame shown; none of others. */
+/** Of the methods that track features; none of others. */
 export interface FunnelView {
   methods: MethodFunnel[];
 }
@@ -148,6 +148,7 @@ export interface MethodCard {
 export interface MethodFunnel {
   label: string;
   colour: string;
+  frame: number;
   stages: FunnelStage[];
 }
 
