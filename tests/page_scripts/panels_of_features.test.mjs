@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { answer } from "../../app/features/answer/panel.js";
 import { events, explain } from "../../app/features/explain/panel.js";
 import { doctor } from "../../app/features/doctor/panel.js";
 import { html } from "../../app/views/web/static/preact.js";
@@ -70,4 +71,18 @@ test("an examination shows its progress and can be cancelled, and then its cause
   const drawn = doctor({ ...nothing, causes: [cause], helped: true }, html);
   assert.deepEqual(asks(drawn), ["examine", "fork_with_remedy"]);
   assert.match(words(drawn), /The likely cause: blur.*use --fast/s);
+});
+
+test("the answer line has what can be done at the frame, and nothing else", () => {
+  const calm = { tone: "ok", text: "x", working: false, diagnose: null, thorough: false, applies: false, show: null };
+  const asks = (change) => found(answer({ ...calm, ...change }, html), "data-do").map((each) => JSON.parse(each["data-do"]));
+  assert.deepEqual(asks({}), []);
+  assert.deepEqual(asks({ working: true }), [{ do: "cancel_examination" }]);
+  assert.deepEqual(asks({ diagnose: 21, show: 21 }), [
+    { do: "examine", at: 21 },
+    { do: "seek", index: 21 },
+  ]);
+  assert.deepEqual(asks({ diagnose: 21, thorough: true }), [{ do: "examine", at: 21, thorough: true }]);
+  assert.deepEqual(asks({ applies: true }), [{ do: "fork_with_remedy" }]);
+  assert.equal(found(answer({ ...calm, text: "long" }, html), "title")[0].title, "long");
 });

@@ -112,6 +112,8 @@ class EventKind:
     """Whether it goes on for a while, from a first frame to a last one; else it happens at one frame."""
     quiet_frames: int = 0
     """One that holds again so few frames after it ended is still the same event."""
+    happened: str = ""
+    """What happened, between the method's name and the frame's: "is lost since", "jumped at"; empty: its label."""
 
 
 @cache

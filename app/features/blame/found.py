@@ -11,7 +11,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.methods import method as registered
 from ispom.solvers.influence.blame import Blame, Influence, blame, problem_of
-from ispom.solvers.influence.problem import PartKind, Shift
+from ispom.solvers.influence.problem import PartKind, Problem, Shift
 from ispom.solvers.influence.resection import ResectionProblem
 from ispom.types import Sequence, Status, Step, Tracks
 
@@ -19,6 +19,8 @@ from ...engine.inspection.sightings import camera_pose
 from ...engine.playback import Playback
 from ...engine.run_folder.placements import placed
 
+Reported = Mapping[str, tuple[Step, tuple[Problem, ...]]]
+"""By method: its Step, and the problems that it solved for it."""
 ROWS, COLUMNS = ("upper", "middle", "lower"), ("left", "centre", "right")
 """Thirds of an image."""
 LISTED: dict[PartKind, int] = {"group": 5, "track": 5, "frame": 4, "prior": 2, "sensor": 5}
@@ -107,30 +109,36 @@ def pose_blames(playback: Playback, methods: tuple[str, ...], units_m: Mapping[s
     `units_m` are those of the methods' worlds [m], where more is known than the playback knows by now. Raises
     InputError where no method did, with the reasons, or the frame cannot be read.
     """
-    index, reported, found, reasons = playback.position, playback.reported_problems(), list[PoseBlame](), list[str]()
-    kind = playback.sequence.kinds[index]
-    for method in methods:
-        if method not in reported:
-            reasons.append(f"{method} does not use frame {index}, which is of the kind {kind}")
-            continue
-        step, problems = reported[method]
-        if step.world_from_frame is None:
-            reasons.append(f"{method} has no pose at frame {index}, which is of the kind {kind}")
-            continue
-        problem = problem_of(problems, step.world_from_frame, step.frame, playback.sequence.rig)
-        if problem is None and step.status != Status.TRACKING:
-            reasons.append(f"{method} is {step.status} at frame {index} and has not solved for its pose")
-            continue
-        if problem is None:
-            others = " and ".join(registered(method).asks.values())
-            builds = f", but builds on {others}" if others else ""
-            reasons.append(f"{method} does not report what it solves{builds}")
-            continue
-        unit_m = units_m.get(method, playback.unit_m(method))
-        found.append(PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m))
+    reported = playback.reported_problems()
+    answers = [pose_blame(playback, reported, method, units_m) for method in methods]
+    found = [each for each in answers if isinstance(each, PoseBlame)]
+    reasons = [each for each in answers if isinstance(each, str)]
     if not found:
         raise InputError(f"{'; '.join(reasons) or 'no method runs'}: choose another frame or another method")
     return found
+
+
+def pose_blame(playback: Playback, reported: Reported, method: str, units_m: Mapping[str, float]) -> PoseBlame | str:
+    """Of one method, from what the playback's `reported_problems` gave; or why there is none.
+
+    `units_m` as for `pose_blames`.
+    """
+    index = playback.position
+    kind = playback.sequence.kinds[index]
+    if method not in reported:
+        return f"{method} does not use frame {index}, which is of the kind {kind}"
+    step, problems = reported[method]
+    if step.world_from_frame is None:
+        return f"{method} has no pose at frame {index}, which is of the kind {kind}"
+    problem = problem_of(problems, step.world_from_frame, step.frame, playback.sequence.rig)
+    if problem is None and step.status != Status.TRACKING:
+        return f"{method} is {step.status} at frame {index} and has not solved for its pose"
+    if problem is None:
+        others = " and ".join(registered(method).asks.values())
+        builds = f", but builds on {others}" if others else ""
+        return f"{method} does not report what it solves{builds}"
+    unit_m = units_m.get(method, playback.unit_m(method))
+    return PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m)
 
 
 def units_m(placements: Iterable[Mapping[str, Any]]) -> dict[str, float]:

@@ -1,27 +1,29 @@
 // @ts-check
-// What moved this pose: a button, and of each method the answer and the parts that were left out.
+// Which points decided this pose: a button, and of each method the answer and the parts that were left out.
 
 /** @import { BlameRow, BlameView, MethodBlame } from "../../views/web/static/views.js" */
 /** @import { Html } from "../../views/web/static/preact.js" */
 
 /** @param {BlameView} view @param {Html} html */
-export function blame({ possible, methods }, html) {
+export function blame({ possible, frame, doing, methods, silent }, html) {
+  const answered = methods.length > 0 || silent.length > 0;
   return html`<details class="live">
-    <summary>What moved this pose</summary>
+    <summary>What decided this pose</summary>
     <div class="explain">
-      <button type="button" class="act" data-do='{"do":"ask_blame"}' disabled="${!possible}"
-        title="Leaves tracks, groups of them, keyframes, priors and sensors out of what each method solved at this frame.">Find what moved this pose</button>
-      ${
-        !methods.length &&
-        html`<div class="small">Parts are left out of what the methods solved at the frame shown, and how far that moves the pose is listed.</div>`
-      }
-      ${methods.map((each) => method(each, html))}
+      <button type="button" class="act" data-do='{"do":"ask_blame"}' disabled="${!possible || Boolean(doing)}"
+        title="Leaves tracks, groups of them, keyframes, priors and sensors out of what each method solved at this frame.">Which points decided this pose?</button>
+      ${doing && html`<div class="small" role="status">${doing[0].toUpperCase()}${doing.slice(1)} …</div>`}
+      ${!answered && !doing && html`<div class="small">Lists how far the pose moves without each part of what the methods solved.</div>`}
+      ${methods.map((each) => method(each, frame, html))}
+      ${silent.map((reason) => html`<div class="small">${reason}</div>`)}
     </div>
   </details>`;
 }
 
-/** @param {MethodBlame} of @param {Html} html */
-const method = ({ label, colour, said, rows }, html) => html`<h3 class="method" style="--colour:${colour}">${label}</h3>
+/** @param {MethodBlame} of @param {number} shown @param {Html} html */
+const method = ({ label, colour, frame, said, rows }, shown, html) => html`<h3 class="method" style="--colour:${colour}">
+    ${label}${frame !== shown && html`<span>its newest pose, at frame ${frame}</span>`}
+  </h3>
   ${said.map((sentence) => html`<div>${sentence}</div>`)}
   <table>
     <tr>

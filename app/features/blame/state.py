@@ -1,4 +1,4 @@
-"""What the page says of what moved the pose shown."""
+"""What the page says of what moved the poses shown."""
 
 from __future__ import annotations
 
@@ -14,17 +14,21 @@ from .found import PoseBlame
 class Blames(FeatureState):
     run: int = -1
     """The number of the run that was asked about."""
+    index: int = -1
+    """The frame that was asked about."""
     found: tuple[PoseBlame, ...] = ()
-    """At one frame, by method; empty until somebody asks."""
+    """By method, of its newest pose up to that frame; empty until somebody asks."""
+    silent: tuple[tuple[str, str], ...] = ()
+    """Methods without an answer, and why."""
+    doing: str = ""
+    """What is done for the answer now; empty once it is there."""
 
     def reduce(self, event: object) -> Blames:
         return Blames() if isinstance(event, Opening | Opened) else self
 
-    def at(self, state: State) -> tuple[PoseBlame, ...]:
-        """What is known of the frame shown."""
-        shown = state.displayed
-        here = shown is not None and self.run == state.run
-        return tuple(each for each in self.found if here and shown is not None and each.index == shown.index)
+    def at(self, state: State) -> Blames:
+        """Returns it where it is of the frame shown, and else that nobody asked."""
+        return self if (self.run, self.index) == (state.run, state.index) else Blames()
 
     def page(self, state: State) -> dict[str, Any]:
-        return {"blame": [each.method for each in self.at(state)]}
+        return {"blame": [each.method for each in self.at(state).found]}

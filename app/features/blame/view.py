@@ -1,4 +1,4 @@
-"""What moved this pose: the answer, and a row for each part; a click shows its tracks in the image."""
+"""Which points decided this pose: the answer, and a row for each part; a click shows its tracks in the image."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ class BlameRow(msgspec.Struct, frozen=True):
 class MethodBlame(msgspec.Struct, frozen=True):
     label: str
     colour: str
+    frame: int
+    """Of its pose, which may be before the frame shown."""
     said: tuple[str, ...]
     rows: tuple[BlameRow, ...]
 
@@ -38,13 +40,20 @@ class BlameView(msgspec.Struct, frozen=True):
 
     possible: bool
     """Whether there is a frame to ask about."""
+    frame: int
+    doing: str
+    """What is done for the answer now; empty once it is there."""
     methods: tuple[MethodBlame, ...]
+    silent: tuple[str, ...]
+    """Why other methods have no answer."""
 
 
 def blame(state: State, run: CurrentRun | None, frame: int) -> BlameView:
     """What is known of the frame shown."""
-    found = state[Blames].at(state) if run is not None else ()
-    return BlameView(run is not None and frame >= 0, tuple(method_blame(each) for each in found))
+    found = state[Blames].at(state) if run is not None else Blames()
+    silent = tuple(f"{reason[:1].upper()}{reason[1:]}." for _, reason in found.silent)
+    possible = run is not None and frame >= 0
+    return BlameView(possible, frame, found.doing, tuple(method_blame(each) for each in found.found), silent)
 
 
 def method_blame(of: PoseBlame) -> MethodBlame:
@@ -59,7 +68,7 @@ def method_blame(of: PoseBlame) -> MethodBlame:
         )
         for each in of.listed()
     )
-    return MethodBlame(colours.label(of.method), colours.css(colours.of(of.method)), tuple(answer(of)), rows)
+    return MethodBlame(colours.label(of.method), colours.css(colours.of(of.method)), of.index, tuple(answer(of)), rows)
 
 
 VIEWS = (View("blame", "Explain", 102, blame),)

@@ -11,9 +11,11 @@ class Examine(PageCommand, frozen=True):
     """Examines the stretch around a frame of the run that is shown; None: around the frame that is shown."""
 
     at: int | None = None
+    thorough: bool = False
+    """Whether it has the time to try settings, too."""
 
     def execute(self, session: Controller) -> None:
-        session.service(DoctorService).start(self.at)
+        session.service(DoctorService).start(self.at, thorough=self.thorough)
 
 
 class ForkWithRemedy(PageCommand, frozen=True):

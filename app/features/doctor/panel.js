@@ -12,12 +12,12 @@ export function doctor(view, html) {
       view.progress
         ? html`<button type="button" class="act" data-do='{"do":"cancel_examination"}' title="Ends the examination without an answer.">Cancel</button>`
         : html`<button type="button" class="act" data-do='{"do":"examine"}'
-            title="Examines the frames before and after the one shown: which single cause explains best what went wrong there?">Find the cause</button>`
+            title="Examines the frames before and after the one shown: which single cause explains best what went wrong there?">Diagnose</button>`
     }
     ${
       view.helped &&
       html`<button type="button" class="act" data-do='{"do":"fork_with_remedy"}'
-        title="Keeps this run, and runs on from before the stretch with the setting that helped most, as a branch.">Fork with what helped</button>`
+        title="Keeps this run, and runs on from before the stretch with the setting that helped most, as a branch.">Apply what helped</button>`
     }
     ${view.stretch && html`<h3>Cause<span>frames ${view.stretch[0]} to ${view.stretch[1]}</span></h3>`}
     ${view.progress && html`<div class="small" role="status">${view.progress}</div>`}
@@ -41,14 +41,14 @@ function answer({ causes, answer, others, reruns, silent, left }, html) {
     <summary>What else was tested</summary>
     ${others.map((each, i) => suspect(each, causes.length + i + 1, html))}
     ${reruns.map((each) => table(each, html))}
-    ${silent.length > 0 && html`<div>The recording says nothing about: ${silent.join(", ")}.</div>`}
-    ${left.length > 0 && html`<div>No time was left for: ${left.join(", ")}.</div>`}
+    ${silent.length > 0 && html`<div>Not testable: ${silent.join(", ")}.</div>`}
+    ${left.length > 0 && html`<div>Not tested, no time was left: ${left.join(", ")}.</div>`}
   </details>`;
 }
 
 /** @param {Suspect} each @param {number} place @param {Html} html */
 const suspect = (each, place, html) => html`<div class="small">
-    <b>${place}. ${each.name}</b> (${each.state}, ${each.strength.toFixed(2)}): ${each.evidence} ${each.undecided}
+    <b>${place}. ${each.name}</b> (${each.state}, ${Math.round(100 * each.strength)} % of the limit): ${each.evidence} ${each.undecided}
   </div>
   <div class="small">${frames(each, html)}</div>`;
 

@@ -29,6 +29,8 @@ NOISE = 1
 WHOLE = 400
 """A run of so many measurements, or fewer, is rerun from its start to its end where a setting is set back; of a longer
 one only the stretch is."""
+NOT_SET_BACK = "Not all settings were set back to their defaults: no time was left."
+NOT_TRIED = "Settings not tried: no time was left."
 Advance = Callable[[str], bool]
 """Called before each frame with what is done; False where no time is left. It may raise to end the work."""
 Steps = Mapping[str, list[tuple[int, Step]]]
@@ -71,7 +73,7 @@ def set_back(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns | Non
             tried.append(bench.tried(trial))
             left.remove(trial.option)
     except _Late:
-        note = "No time was left to set all settings back to their defaults."
+        note = NOT_SET_BACK
     except InputError as fault:
         note = f"The run cannot be rerun: {fault}."
     return Reruns(first, last, tuple(tried), tuple(left), note, set_back=True)
@@ -97,7 +99,7 @@ def rerun(origin: Origin, stretch: Stretch, advance: Advance, known: Collection[
         bench = _Bench(playback, playback.snapshot, first, last, advance)
         unchanged = bench.unchanged()
     except _Late:
-        return Reruns(first, last, note="No time was left to rerun the stretch with other settings.")
+        return Reruns(first, last, note=NOT_TRIED)
     except InputError as fault:
         return Reruns(first, last, note=f"The stretch cannot be rerun: {fault}.")
     note = _difference(rows, bench.rows)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import time
+from dataclasses import dataclass, field, replace
 from threading import Event, Thread
 
 from ispom.errors import InputError
@@ -12,6 +13,7 @@ from ...engine import warmup
 from ...engine.playback import Playback
 from ...session import moves
 from ...session.branches.service import BranchService
+from ...session.branches.state import Branches
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
@@ -23,6 +25,8 @@ from .state import Examined
 from .stretch import Stretch, stretch_of
 
 CANCELLED = "cancelled"
+THOROUGH_S = 180.0
+"""For an examination that also tries the settings for which the first one had no time left."""
 COMPILER_S = 0.1
 """For the compiler at a time, before its progress is shown again."""
 
@@ -35,11 +39,19 @@ class _Cancelled(Exception):
 class _Work:
     """What the worker's thread and the examination's share. The fields are only ever replaced."""
 
+    limit_s: float
+    """After so many seconds nothing new begins."""
     stop: Event = field(default_factory=Event)
     progress: Progress | None = None
     diagnosis: Diagnosis | None = None
     problem: str = ""
     thread: Thread | None = None
+    began_s: float | None = None
+    """By time.monotonic; None while the compiler works."""
+
+    @property
+    def taken_s(self) -> int:
+        return 0 if self.began_s is None else int(time.monotonic() - self.began_s)
 
     def run(self, playback: Playback, stretch: Stretch, origin: Origin) -> None:
         sequence, methods, config = playback.sequence, playback.methods, playback.config
@@ -47,7 +59,8 @@ class _Work:
             while not warmup.ready(methods, config, COMPILER_S):  # before its time begins to count
                 count = stretch.last - stretch.first + 1
                 self.report(Progress(0, count, warmup.message(methods, config)))
-            self.diagnosis = examine(sequence, stretch, SECONDS, self.report, origin=origin)
+            self.began_s = time.monotonic()
+            self.diagnosis = examine(sequence, stretch, self.limit_s, self.report, origin=origin)
         except _Cancelled:
             self.problem = CANCELLED
         except InputError as fault:
@@ -75,8 +88,9 @@ class DoctorService(Service):
     def busy(self) -> bool:
         return self._work is not None
 
-    def start(self, at: int | None) -> None:
-        """Begins an examination. InputError where there is no run, its source is gone or live, or one goes on."""
+    def start(self, at: int | None, *, thorough: bool = False) -> None:
+        """Begins an examination; a thorough one has more time. InputError where there is no run, its source is gone or
+        live, or one goes on."""
         run = self.run
         if run is None:
             raise InputError("there is no run yet: open a source first")
@@ -88,12 +102,13 @@ class DoctorService(Service):
         sequence = run.playback.sequence
         frame = max(self.state.index, 0) if at is None else at
         stretch = stretch_of(sequence, frame, FRAMES, run.events.events)
-        work, self._examined = _Work(), run
+        work, self._examined = _Work(THOROUGH_S if thorough else SECONDS), run
         self._work = work
         origin = Origin.of_run(run, stretch)
         work.thread = Thread(target=work.run, args=(run.playback, stretch, origin), name="doctor", daemon=True)
         work.thread.start()
-        self.store.put(Examined(stretch, Progress(0, stretch.last - stretch.first + 1, "reading images")))
+        progress = Progress(0, stretch.last - stretch.first + 1, "reading images")
+        self.store.put(Examined(stretch, progress, branch=self.state[Branches].shown, limit_s=round(work.limit_s)))
 
     def fork_with_remedy(self) -> None:
         """Forks the run before the stretch, with the setting that helped. InputError where none did, or another run is
@@ -101,7 +116,7 @@ class DoctorService(Service):
         run, found = self.run, self.state[Examined].diagnosis
         reruns = None if found is None else found.helped
         if run is None or run is not self._examined or reruns is None or reruns.best is None:
-            raise InputError("no setting helped the run that is shown: find its cause first")
+            raise InputError("no setting helped the run that is shown: diagnose it first")
         config = config_of(reruns.best.trial, run.playback.config)
         self.session.player.move(*moves.seek(run, max(reruns.first - 1, 0)))
         name = reruns.best.trial.option.removeprefix("--")
@@ -121,11 +136,12 @@ class DoctorService(Service):
         if work is None or work.thread is None:
             return
         if work.thread.is_alive():
-            if work.progress is not None and work.progress != shown.progress:
-                self.store.put(Examined(shown.stretch, work.progress))
+            now = replace(shown, progress=work.progress or shown.progress, taken_s=work.taken_s)
+            if (now.progress, now.taken_s) != (shown.progress, shown.taken_s):
+                self.store.put(now)
             return
         self._work = None
-        self.store.put(Examined(shown.stretch, None, work.diagnosis, work.problem))
+        self.store.put(replace(shown, progress=None, diagnosis=work.diagnosis, problem=work.problem))
 
     def close(self) -> None:
         work = self._work

@@ -7,6 +7,7 @@ from typing import Any
 
 from ispom.evaluation.doctor.finding import Diagnosis
 
+from ...session.branches.state import Branches
 from ...session.state import FeatureState, State
 from .job import Progress
 from .stretch import Stretch
@@ -24,6 +25,16 @@ class Examined(FeatureState):
     """Once it has ended."""
     problem: str = ""
     """Why it ended without one."""
+    branch: int = 0
+    """The number of the branch that is examined."""
+    taken_s: int = 0
+    """Whole seconds that it has taken so far, without the compilation before it."""
+    limit_s: int = 0
+    """After so many seconds it begins nothing new."""
+
+    def at(self, state: State) -> Examined:
+        """Returns it where it is of the branch that is shown, and else that there is none."""
+        return self if self.branch == state[Branches].shown else Examined()
 
     def page(self, state: State) -> dict[str, Any]:
         """How far it is, and the keys of the causes that it found."""

@@ -24,9 +24,9 @@ def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
         text += [_frames(found.causes[0])] if found.causes[0].finding.frames else []
     text += [f"  {i}. {line(each)}" for i, each in enumerate(found.ranked[:SHOWN], 1)]
     if found.silent:
-        text.append(f"The recording says nothing about: {', '.join(found.silent)}.")
+        text.append(f"Not testable: {', '.join(found.silent)}.")
     if found.left:
-        text.append(f"No time was left for: {', '.join(found.left)}. Give more --seconds.")
+        text.append(f"Not tested, no time was left: {', '.join(found.left)}. Give more --seconds.")
     return text + [row for each in (found.set_back, found.reruns) if each is not None for row in rerun_lines(each)]
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import msgspec
 
-from ispom.evaluation.doctor.finding import Ranked
+from ispom.evaluation.doctor.finding import Diagnosis, Ranked
 from ispom.evaluation.doctor.reruns import Reruns
 
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.web.view_values import View
+from .rerun import NOT_SET_BACK, NOT_TRIED
 from .state import Examined
 from .text import SHOWN, rerun_table
 
@@ -63,11 +64,13 @@ class DoctorView(msgspec.Struct, frozen=True):
     """Causes for which no time was left."""
     helped: bool
     """Whether a setting helped, with which the run can be forked."""
+    untried: bool
+    """Whether more time would show more."""
 
 
 def doctor(state: State, run: CurrentRun | None, frame: int) -> DoctorView:
     """What the examination found so far."""
-    return view_of(state[Examined] if run is not None else Examined())
+    return view_of(state[Examined].at(state) if run is not None else Examined())
 
 
 def view_of(examined: Examined) -> DoctorView:
@@ -79,14 +82,35 @@ def view_of(examined: Examined) -> DoctorView:
         stretch=None if stretch is None else (stretch.first, stretch.last),
         progress="" if progress is None else f"{progress.done} of {progress.total}: {progress.doing}",
         problem=examined.problem,
-        answer="" if found is None or found.causes else found.answer,
+        answer="" if found is None or found.causes else unexplained(found),
         causes=() if found is None else tuple(_suspect(each) for each in found.causes),
         others=tuple(_suspect(each) for each in ranked if not each.finding.found),
         reruns=tuple(_table(each) for each in reruns if each is not None),
         silent=() if found is None else tuple(found.silent),
         left=() if found is None else tuple(found.left),
         helped=found is not None and found.helped is not None,
+        untried=found is not None and untried(found),
     )
+
+
+def unexplained(found: Diagnosis) -> str:
+    """The answer where there is no cause."""
+    if found.undecided:
+        return found.answer
+    reruns = [each for each in (found.set_back, found.reruns) if each is not None]
+    late = [each for each in reruns if each.note in (NOT_SET_BACK, NOT_TRIED)]
+    tried = any(each.tried for each in reruns)
+    settings = "Not all settings were tried." if late and tried else "Settings not tried." if late else ""
+    others = ", no time was left for the others" if found.left else ""
+    answers = [each.answer for each in reruns if each not in late]
+    return " ".join(filter(None, (f"Not explained; {len(found.ranked)} causes tested{others}.", settings, *answers)))
+
+
+def untried(found: Diagnosis) -> bool:
+    """Whether more time would show more, where there is no cause."""
+    reruns = [each for each in (found.set_back, found.reruns) if each is not None]
+    late = any(each.note in (NOT_SET_BACK, NOT_TRIED) for each in reruns)
+    return not found.causes and (late or bool(found.left))
 
 
 def _suspect(each: Ranked) -> Suspect:

@@ -62,7 +62,7 @@ def event_sentences(events: Iterable[RunEvent]) -> str:
 
 def none_left(known: Iterable[RunEvent], frame: int, *, forwards: bool, alarming: bool) -> str:
     """A sentence that says so, and how many lie the other way."""
-    what, where = ("anomaly" if alarming else "event"), "after" if forwards else "before"
+    what, where = ("problem" if alarming else "event"), "after" if forwards else "before"
     others = sum(
         (e.frame < frame) == forwards and e.frame != frame for e in known if e.severity.alarming or not alarming
     )

@@ -31,7 +31,7 @@ export function explain(view, html) {
     <details><summary>Tracks and numbers</summary><div class="explain">${cards.map((card) => facts(card, view.plotted, html))}</div></details>
     <div class="explain">
       <button type="button" class="act" data-do="${JSON.stringify({ do: "step_to_event", forwards: true, alarming: true })}"
-        title="The next frame with a warning or a loss. Frames are computed until there is one.">Run to the next anomaly</button>
+        title="The next frame with a warning or a loss. Frames are computed until there is one.">Next problem</button>
     </div>`;
 }
 
@@ -135,6 +135,6 @@ function event(row, here, html) {
     </button>
     ${
       row.alarming &&
-      html`<button type="button" class="why live" data-doctor="${row.frame}" title="Finds the cause: which single change explains best what went wrong at frame ${row.frame}?"><span class="text">Why?</span></button>`
+      html`<button type="button" class="why live" data-doctor="${row.frame}" title="Which single change explains best what went wrong at frame ${row.frame}?"><span class="text">Diagnose</span></button>`
     }`;
 }

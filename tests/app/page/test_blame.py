@@ -29,8 +29,8 @@ def page(browser, tiny: App) -> Iterator[Page]:  # noqa: F811
 
 
 def test_a_click_on_a_row_shows_its_tracks(page: Page):
-    page.explain.get_by_text("What moved this pose", exact=True).click()
-    page.explain.get_by_role("button", name="Find what moved this pose").click()
+    page.explain.get_by_text("What decided this pose", exact=True).click()
+    page.explain.get_by_role("button", name="Which points decided this pose?").click()
     page.until("state.blame.includes('stereo')", "the answer")
     row = page.explain.locator("[data-select^='tracks:stereo:']").first
     wanted = row.get_attribute("data-select")

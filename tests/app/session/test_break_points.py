@@ -131,7 +131,7 @@ def test_the_end_of_the_events_is_reported_with_their_number(session: Session) -
 def test_a_run_that_ends_without_another_event_says_so(session: Session) -> None:
     session.post(do.Seek(40))
     wait_for(lambda: session.state.computed == 41, "exposure 40")
-    while not (text := asked(session, StepToEvent(alarming=True))).startswith("No anomaly after"):
+    while not (text := asked(session, StepToEvent(alarming=True))).startswith("No problem after"):
         assert text.startswith("Frame ")
     assert session.state.ended and session.state.until is None
 

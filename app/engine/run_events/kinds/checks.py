@@ -18,6 +18,7 @@ SCALE = EventKind(
     detect_scale,
     lasts=True,
     quiet_frames=30,
+    happened="is unsure of its scale since",
 )
 
 
@@ -33,6 +34,7 @@ MOTION = EventKind(
     detect_motion,
     lasts=True,
     quiet_frames=30,
+    happened="sees a second motion since",
 )
 
 

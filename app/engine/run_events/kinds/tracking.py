@@ -21,7 +21,13 @@ def detect_lost(moment: Moment) -> str | bool | None:
 
 
 LOST = EventKind(
-    "lost", "Lost", Severity.LOST, "A method has no pose at a frame that it used.", detect_lost, lasts=True
+    "lost",
+    "Lost",
+    Severity.LOST,
+    "A method has no pose at a frame that it used.",
+    detect_lost,
+    lasts=True,
+    happened="is lost since",
 )
 
 
@@ -39,7 +45,13 @@ def detect_no_map(moment: Moment) -> str | bool | None:
 
 
 NO_MAP = EventKind(
-    "no_map", "No map", Severity.WARNING, f"A method has had no map for {LONG} frames.", detect_no_map, lasts=True
+    "no_map",
+    "No map",
+    Severity.WARNING,
+    f"A method has had no map for {LONG} frames.",
+    detect_no_map,
+    lasts=True,
+    happened=f"had no map in {LONG} frames, up to",
 )
 
 
@@ -82,6 +94,7 @@ SEGMENT = EventKind(
     Severity.WARNING,
     "A method starts again; nothing connects the new part of its trajectory to the one before.",
     detect_segment,
+    happened="began a new segment at",
 )
 
 
@@ -126,6 +139,7 @@ JUMP = EventKind(
     Severity.WARNING,
     f"A pose that moves on goes more than {JUMP_RATIO} times as far as usual, and than its uncertainty allows.",
     detect_jump,
+    happened="jumped at",
 )
 
 KINDS = (LOST, NO_MAP, MAP, RELOCALISED, SEGMENT, JUMP)

@@ -44,10 +44,24 @@ def test_the_answer_is_of_the_frame_shown(session: Session) -> None:
     wait_for(lambda: session.state.displayed is not None and session.state.displayed.index == AT, "the frame")
     computed = session.state.computed
     session.post(AskBlame())
-    wait_for(lambda: session.state[Blames].at(session.state), "the answer", 60.0)
-    (found,) = session.state[Blames].at(session.state)
+    wait_for(lambda: session.state[Blames].at(session.state).found, "the answer", 60.0)
+    (found,) = session.state[Blames].at(session.state).found
     assert found.method == "stereo" and found.index == AT and found.listed()
     assert session.state.computed == computed and session.state.activity is None
     session.post(do.Seek(AT + 1))
     wait_for(lambda: session.state.displayed is not None and session.state.displayed.index == AT + 1, "the next")
-    assert not session.state[Blames].at(session.state)
+    assert not session.state[Blames].at(session.state).found
+    session.post(AskBlame())
+    wait_for(lambda: session.state[Blames].at(session.state).found, "the answer", 60.0)
+    asked = session.state[Blames].at(session.state)
+    assert asked.found[0].index == AT and not asked.doing, "between two pairs, of the newest one"
+
+
+def test_a_method_without_an_answer_has_a_reason(session: Session) -> None:
+    session.post(do.Seek(1))
+    wait_for(lambda: session.state.index == 1, "the frame")
+    asked = session.state[Blames]
+    session.post(AskBlame())
+    wait_for(lambda: (now := session.state[Blames]) is not asked and not now.doing, "the answer", 60.0)
+    now = session.state[Blames].at(session.state)
+    assert [method for method, _ in now.silent] == ["stereo"] and not now.found

@@ -88,7 +88,7 @@ function show(state) {
 function cover() {
   const sheet = document.querySelector(".sheet:not([hidden])");
   document.body.dataset.sheet = sheet?.id ?? "";
-  for (const id of ["panes", "dock"]) document.getElementById(id).inert = Boolean(sheet);
+  for (const id of ["answer", "panes", "dock"]) document.getElementById(id).inert = Boolean(sheet);
 }
 
 function fileName() {

@@ -1,5 +1,16 @@
 // Written by `python -m tests.app.view_types` from the view values of the features (app/features/NAME/view.py).
 
+/** The line; `text` is empty where there is nothing to speak of. */
+export interface AnswerView {
+  tone: "lost" | "ok" | "quiet" | "warning";
+  text: string;
+  working: boolean;
+  diagnose: number | null;
+  thorough: boolean;
+  applies: boolean;
+  show: number | null;
+}
+
 /** A part that was left out. */
 export interface BlameRow {
   name: string;
@@ -11,7 +22,10 @@ export interface BlameRow {
 /** Of the frame shown; none before somebody asks. */
 export interface BlameView {
   possible: boolean;
+  frame: number;
+  doing: string;
   methods: MethodBlame[];
+  silent: string[];
 }
 
 export interface CheckRow {
@@ -44,6 +58,7 @@ export interface DoctorView {
   silent: string[];
   left: string[];
   helped: boolean;
+  untried: boolean;
 }
 
 export interface EventRow {
@@ -86,6 +101,18 @@ export interface Fact {
   quantity: string;
 }
 
+export interface FunnelStage {
+  name: string;
+  count: number;
+  limits: boolean;
+  why: string;
+}
+
+/** Of the methods that track features; none of others. */
+export interface FunnelView {
+  methods: MethodFunnel[];
+}
+
 /** The checks behind one question. */
 export interface Group {
   question: string;
@@ -97,6 +124,7 @@ export interface Group {
 export interface MethodBlame {
   label: string;
   colour: string;
+  frame: number;
   said: string[];
   rows: BlameRow[];
 }
@@ -115,6 +143,13 @@ export interface MethodCard {
   failed: CheckRow[];
   ongoing: Since[];
   details: Details | null;
+}
+
+export interface MethodFunnel {
+  label: string;
+  colour: string;
+  frame: number;
+  stages: FunnelStage[];
 }
 
 /** What one setting did to the stretch. */
