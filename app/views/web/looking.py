@@ -81,6 +81,8 @@ class Looking:
                 self._own["loop"] = None
             case do.LoopEdge(edge):
                 self._take(moves.loop_edge(here, edge))
+            case do.SetLoop(start, end):
+                self._take(moves.set_loop(here, start, end))
             case do.Play(on):
                 self._play(here, run, not here.playing if on is None else on)
             case do.StepBy(count):

@@ -1,7 +1,8 @@
 """View values: what a feature shows of a frame, as a typed value that a component of the page draws.
 
 A feature has them in `features/NAME/view.py`, in `VIEWS`, and `features/NAME/panel.js` exports a component of the same
-name. The page's types are written from them: `python -m tests.app.view_types`.
+name. It is drawn in a tab of the left pane, or in a place of the page of its own. The page's types are written from
+them: `python -m tests.app.view_types`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class View:
     name: str
     """Of the component."""
     tab: str
-    """Of the page's left pane."""
+    """Of the page's left pane; or, with a # before it, the id of the page's element that it has for itself."""
     place: int
     """Tabs, and views in a tab, are in the order of their places."""
     of: Callable[[State, CurrentRun | None, int], msgspec.Struct]

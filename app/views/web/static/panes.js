@@ -1,6 +1,7 @@
 // @ts-check
 // The left pane: tabs of what people read, drawn by the features' components (app/features/NAME/panel.js) from the view
 // values that the server sends, and tabs that the page brings. A value comes once, and then its fields that have changed.
+// A view whose tab is "#ID" has that element of the page for itself.
 import { html, render } from "./preact.js";
 import { element } from "./element.js";
 import { listenToPanels } from "./panels.js";
@@ -63,12 +64,21 @@ export function openPanes(command, own, chosen = () => {}) {
     next?.focus();
   });
   listenToPanels({ body: place }, command, () => {});
+  const places = [place];
+
+  /** @param {string} id */
+  function placeOfItsOwn(id) {
+    const own = /** @type {HTMLElement} */ (document.querySelector(id));
+    listenToPanels({ body: own }, command, () => {});
+    places.push(own);
+    return own;
+  }
 
   /** @param {Panel[]} listed */
   function make(listed) {
     for (const { name, tab, script } of listed) {
-      if (!pages[tab]) addTab(tab, element("div"));
-      const view = pages[tab].appendChild(element("div"));
+      if (!tab.startsWith("#") && !pages[tab]) addTab(tab, element("div"));
+      const view = tab.startsWith("#") ? placeOfItsOwn(tab) : pages[tab].appendChild(element("div"));
       view.dataset.view = name;
       import(new URL(`panels/${script}`, document.baseURI).href).then((made) => {
         views[name] = { component: made[name], place: view };
@@ -76,7 +86,7 @@ export function openPanes(command, own, chosen = () => {}) {
       });
     }
     for (const [name, page] of Object.entries(own)) addTab(name, page);
-    choose(listed[0]?.tab ?? Object.keys(own)[0]);
+    choose(Object.keys(pages)[0]);
   }
 
   /** @param {string} name */
@@ -87,7 +97,9 @@ export function openPanes(command, own, chosen = () => {}) {
   return {
     choose,
     /** @param {boolean} following whether somebody else is in control */
-    follow: (following) => place.classList.toggle("following", following),
+    follow(following) {
+      for (const each of places) each.classList.toggle("following", following);
+    },
     /** @param {News} news */
     show({ panels, views: changed = {} }) {
       if (panels && !open) make(panels);

@@ -34,6 +34,12 @@ export const commandsOf = {
     const [start, end] = edge === "start" ? [index, after > index ? after : null] : [before < index ? before : 0, index];
     return start < (end ?? frames.length - 1) ? { loop: [start, end] } : `a loop needs two frames: frame ${index} cannot be its ${edge}`;
   },
+  set_loop: ({ start, end = null }, _, { frames }) => {
+    const last = Math.min(end ?? Infinity, frames.length - 1);
+    return start < last
+      ? { loop: [Math.max(start, 0), end === null ? null : last] }
+      : `a loop needs two frames: it cannot go from frame ${start} to ${last}`;
+  },
   hide: ({ names }, _, data) => ({ hidden: names.filter((name) => data.paths[name]) }),
   plot: ({ name }, { plots }, data) => {
     if (plots.includes(name)) return { plots: plots.filter((each) => each !== name) };
