@@ -62,13 +62,13 @@ class _Values:
 class StoredTape:
     """Reads as a Tape does. Files of one recording follow each other."""
 
-    def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
-        """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
-        version."""
+    def __init__(self, *paths: Path, kinds: Sequence[Kind] = (), layout: bytes = b"") -> None:
+        """`kinds` of the frames, where they are known; `layout` takes the place of the recording's own, as `.rrd`
+        messages. InputError where a file is no finished recording of this version."""
         self.run = uuid4().hex
         self.overlay = Overlay()
         self.recording_id = ""
-        self._kinds = kinds
+        self._kinds, self._layout = kinds, layout
         self._lock = threading.Lock()
         self._files: list[BinaryIO] = []
         self._opening: list[_Message] = []
@@ -98,7 +98,7 @@ class StoredTape:
                     return b""
                 file.seek(begin)
                 content.append(file.read(end - begin))
-        return b"".join(content)
+        return b"".join([*content, self._layout])
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame."""

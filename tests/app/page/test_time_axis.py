@@ -154,9 +154,9 @@ def test_a_loop_is_dragged_by_its_edges_and_its_bar_and_moved_by_key(page: Page)
 @in_chromium
 def test_hovering_says_exposure_time_and_what_happened(page: Page) -> None:
     hint = page.tab.locator("#axis-hint")
-    page.tab.locator("#axis").hover(position={"x": 1270, "y": 20})
+    page.tab.locator("#axis").hover(position={"x": 1270, "y": 26})
     assert hint.inner_text().split("\n")[:2] == ["Video frames", "frame 43 · 1.30 s · video"]
-    page.tab.locator("#axis").hover(position={"x": 177, "y": 45})
+    page.tab.locator("#axis").hover(position={"x": 177, "y": 54})
     lines = hint.inner_text().split("\n")
     assert lines[:2] == ["Monocular: marks are keyframes, red is lost", "frame 0 · 0.00 s · video"]
     assert "Monocular: keyframe" in lines

@@ -3,7 +3,7 @@
 import { SENSORS, drawAxis, heightOf, laneAt } from "./axis_picture.js";
 import { makeLoopEdges } from "./loop_edges.js";
 import { makePlots } from "./quantity_plots.js";
-import { GUTTER, nearestFrame, placeOf } from "./time_scale.js";
+import { GUTTER, nearestFrame, PAD, placeOf } from "./time_scale.js";
 
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const NEAR_PX = 4; // an event so near to the pointer is named
@@ -58,7 +58,8 @@ export function makeAxis(seek, command) {
     draw();
   }).observe(strip);
   strip.addEventListener("pointerdown", (event) => {
-    if (event.clientX - strip.getBoundingClientRect().left < GUTTER - 8) return; // the labels of the rows
+    const x = event.clientX - strip.getBoundingClientRect().left;
+    if (x < GUTTER - 8 || x > width - PAD + 8) return; // the labels of the rows, or the values
     strip.setPointerCapture(event.pointerId);
     asked = null;
     seekTo(event);
@@ -118,7 +119,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const box = at("axis-hint");
   const { left, top } = strip.getBoundingClientRect();
   const plot = target.closest?.(".plot")?.dataset.name;
-  box.hidden = !axis.times.length || (plot !== undefined && clientX - left < GUTTER);
+  box.hidden = !axis.times.length || (plot !== undefined && (clientX - left < GUTTER || clientX - left > strip.clientWidth - PAD + 8));
   if (box.hidden) return;
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
