@@ -84,8 +84,8 @@ class LiveStream:
         self.grown.notify()
 
     def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
-        """Shows a finished recording of a run, in one file or several, in place of one that goes on. InputError where it
-        cannot be read."""
+        """Shows a finished recording of a run, in one file or several, in place of one that goes on. InputError where
+        it cannot be read."""
         tape = StoredTape(*recordings, kinds=kinds, layout=layout_of(opened))
         self.close()
         self._failure = None
