@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import rerun as rr
@@ -86,7 +87,7 @@ class LiveStream:
     def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
         """Shows a finished recording of a run, in one file or several, in place of one that goes on. InputError where
         it cannot be read."""
-        tape = StoredTape(*recordings, kinds=kinds, layout=layout_of(opened))
+        tape = StoredTape(*recordings, kinds=kinds, layout=partial(layout_of, opened))
         self.close()
         self._failure = None
         self.tape = tape
@@ -151,9 +152,9 @@ class LiveStream:
         self.grown.notify()
 
 
-def layout_of(opened: Opened) -> bytes:
-    """The layout that the page knows, as `.rrd` messages."""
-    return _written(opened.recording_id, lambda stream: blueprint.send(stream, opened))
+def layout_of(opened: Opened, recording_id: str) -> bytes:
+    """The layout that the page knows, as `.rrd` messages for a recording with this id."""
+    return _written(recording_id, lambda stream: blueprint.send(stream, opened))
 
 
 def _opening(recorder: Recorder) -> bytes:
