@@ -1,7 +1,8 @@
 """One colour per meaning, everywhere: 3-D, images, plots, lamps and report.
 
 From Okabe and Ito's colour-blind safe set (Color Universal Design, 2008). The methods' colours and the truth's grey
-have a contrast of at least 3 on white and on Rerun's near-black, so that they read in both themes.
+have a contrast of at least 3 on white and on Rerun's near-black, so that they read in both themes. Amber is a warning's
+alone: no method and no branch is near it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ METHOD: dict[str, Rgb] = {
     "monocular": (213, 94, 0),  # vermilion
     "stereo": (0, 114, 178),  # blue
     "integrated": (0, 158, 115),  # bluish green
-    "monocular.paper": (166, 118, 29),  # ochre
+    "monocular.paper": (198, 118, 126),  # dusty rose
     "stereo.paper": (106, 120, 205),  # periwinkle
     "integrated.paper": (179, 96, 146),  # reddish purple, a little darker
 }

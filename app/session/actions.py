@@ -60,9 +60,9 @@ for _each in (
     Action(100, "start", "Home", "Go to the start", "The first frame.", do.Seek(0)),
     Action(110, "end", "End", "Go to the end", "The newest computed frame.", do.GoToEnd()),
     Action(
-        120, "loop_start", "a", "Loop from here", "Playing goes round from the frame shown on.", do.LoopEdge("start")
+        120, "loop_start", "i", "Loop from here", "Playing goes round from the frame shown on.", do.LoopEdge("start")
     ),
-    Action(130, "loop_end", "b", "Loop to here", "Playing goes round up to the frame shown.", do.LoopEdge("end")),
+    Action(130, "loop_end", "o", "Loop to here", "Playing goes round up to the frame shown.", do.LoopEdge("end")),
     Action(140, "no_loop", "l", "No loop", "Playing goes on to the end again.", do.NoLoop()),
 ):
     offer(_each)

@@ -112,6 +112,17 @@ class LoopEdge(PageCommand, frozen=True):
         session.store.emit(*moves.loop_edge(session.state, self.edge))
 
 
+class SetLoop(PageCommand, frozen=True):
+    """Playing goes round between two frames."""
+
+    start: int
+    end: int | None = None
+    """None: the last one of the source."""
+
+    def execute(self, session: Controller) -> None:
+        session.store.emit(*moves.set_loop(session.state, self.start, self.end))
+
+
 class NoLoop(PageCommand, frozen=True):
     """Playing goes on to the end again."""
 
@@ -188,4 +199,4 @@ class Shutdown(Command, frozen=True):
     """Close the recording and end the worker."""
 
 
-Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
+Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | SetLoop | NoLoop | Speed

@@ -103,6 +103,15 @@ def loop_edge(state: State, edge: Literal["start", "end"]) -> tuple[Event, ...]:
     return (changed(loop=loop),)
 
 
+def set_loop(state: State, start: int, end: int | None) -> tuple[Event, ...]:
+    """Playing goes round between these frames, `end` None for the last one; InputError where that is not two frames."""
+    last = state.total - 1
+    loop = Loop(max(start, 0), None if end is None else min(end, last))
+    if loop.start >= (last if loop.end is None else loop.end):
+        raise InputError(f"a loop needs two frames: it cannot go from frame {start} to {last if end is None else end}")
+    return (changed(loop=loop),)
+
+
 def around(state: State, run: CurrentRun) -> tuple[Event, ...]:
     """Back to the start of the loop, where playing came to its end."""
     if state.loop is None or len(run.history) <= state.loop.start:

@@ -25,7 +25,7 @@ class EventSink(Protocol):
         recording of its first frames, which are shown from there until they are computed. InputError as `replay`."""
         ...
 
-    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+    def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
         """Shows a finished recording, in one file or several, in place of a run; `kinds` are those of its frames.
         InputError where it cannot be read."""
         ...
@@ -65,7 +65,9 @@ class Viewers:
         self._sink, self._restarts, self._looked_at = self._configured_sink, RESTARTS, -1
         kinds: tuple[Kind, ...] = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
-        self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history, beginning)
+        self._begin = lambda sink: (
+            sink.replay(opened, *files, kinds=kinds) if files else sink.open(opened, history, beginning)
+        )
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:

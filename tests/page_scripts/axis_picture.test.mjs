@@ -42,9 +42,9 @@ test("of 5,000 frames no pixel is drawn twice in a row", () => {
   assert.ok(5000 < count && count < 6060, `${count}: six rows of 1,000 pixels, bars, ticks of the ruler`);
 });
 
-test("losses span their frames, and a loop its own", () => {
+test("losses span their frames", () => {
   const boxes = drawn(
-    axisOf({ times: [...Array(100).keys()], kinds: "v".repeat(100), methods: [method("own", { lost: [[10, 19]] })], loop: [40, 60] }),
+    axisOf({ times: [...Array(100).keys()], kinds: "v".repeat(100), methods: [method("own", { lost: [[10, 19]] })] }),
     1016,
     (i) => 10 * i,
   );
@@ -52,7 +52,6 @@ test("losses span their frames, and a loop its own", () => {
     boxes.filter(([, , , , fill]) => fill === "--alarm").map(([x, , width]) => [x, width]),
     [[100, 100]],
   );
-  assert.deepEqual(boxes[0].slice(0, 3), [400, 0, 200]);
 });
 
 test("a run without frames is an empty picture", () => {

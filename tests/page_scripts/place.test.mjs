@@ -51,6 +51,8 @@ test("a loop has a start before its end", () => {
   assert.deepEqual(after({ do: "loop_edge", edge: "end" }), { loop: [0, 3] });
   assert.deepEqual(after({ do: "loop_edge", edge: "end" }, { ...state, index: 1, loop: [2, null] }), { loop: [0, 1] });
   assert.deepEqual(after({ do: "loop_edge", edge: "start" }, { ...state, index: 6, loop: [2, 5] }), { loop: [6, null] });
+  assert.deepEqual(after({ do: "set_loop", start: 2, end: 5 }), { loop: [2, 5] });
+  assert.match(after({ do: "set_loop", start: 5, end: 5 }), /two frames/);
   assert.match(after({ do: "loop_edge", edge: "end" }, { ...state, index: 0 }), /two frames/);
   assert.match(after({ do: "loop_edge", edge: "start" }, { ...state, index: 9 }), /two frames/);
 });

@@ -8,12 +8,14 @@ const element = () => ({
   hidden: false,
   style: { setProperty() {} },
   clientWidth: 1016,
+  dataset: {},
   addEventListener() {},
+  appendChild: (part) => part,
   replaceChildren() {},
   querySelector: () => ({ getContext: () => pictures++ < Infinity && ink }),
 });
 globalThis.devicePixelRatio = 1;
-globalThis.document = { getElementById: element, documentElement: null };
+globalThis.document = { getElementById: element, createElement: element, documentElement: null };
 globalThis.getComputedStyle = () => ({ getPropertyValue: () => "" });
 globalThis.ResizeObserver = class {
   observe() {}

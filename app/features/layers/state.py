@@ -9,7 +9,7 @@ from typing import Any
 from ...engine.events import Opened
 from ...engine.inspection.colouring import Colouring
 from ...session.state import FeatureState, State
-from ...views.rerun.blueprint import hidden_paths, words_to_hide
+from ...views.rerun.blueprint import hidden_paths
 from ...views.rerun.layers import LAYERS, MEASURES, OPTIONAL
 
 WITHOUT_LINES = frozenset({"monocular", "stereo", "integrated"})
@@ -38,7 +38,7 @@ class Layers(FeatureState):
 
     def page(self, state: State) -> dict[str, Any]:
         hidden = hidden_paths(state.methods, hidden_now(state), self.colour_by, state.cameras)
-        return {"colour_by": self.colour_by, "hidden": hidden, "words": words_to_hide(self.colour_by)}
+        return {"colour_by": self.colour_by, "hidden": hidden}
 
 
 def offered(opened: Opened, methods: Iterable[str]) -> tuple[str, ...]:

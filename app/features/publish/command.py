@@ -6,6 +6,7 @@ import math
 import shlex
 import sys
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...session.current_run import CurrentRun
 from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
+from ...views.rerun.live import layout_of
 from ...views.web.rerun_assets import viewer_assets
 from ..branches.stage import trajectories, visible_branches
 from .messages import finished_state, numbers_message, run_message
@@ -72,7 +74,7 @@ def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[
     found = {name: packed(content) for name, content in _panels(state, run, plain)}
     found |= _comparisons(review, plain)
     found["data/numbers.bin"] = packed(plain.message(numbers_message(run)))
-    writer = StageWriter(folders[0] / RECORDING, _others(session, state))
+    writer = StageWriter(folders[0] / RECORDING, _others(session, state), partial(layout_of, run.opened))
     rest = sum(map(len, found.values())) + len(packed(message))
     stage = writer.fitting(int(most_bytes - rest))
     message["stage"] = {"recording": stage.recording, "frames": stage.frames}

@@ -10,7 +10,7 @@ from typing import Any
 _PART = r"[^\s\\/\"'<>|:;,()&]+"
 _PATH = re.compile(rf"(?<![\w/\\.:])(?:~|[A-Za-z]:)?(?:[\\/]{_PART})+[\\/]({_PART})?")
 """An absolute path of at least two parts. What comes after a scheme (http://) or within a word (m/s) is none."""
-VERBATIM = frozenset({"hidden", "words", "eye", "curves", "paths"})
+VERBATIM = frozenset({"hidden", "eye", "curves", "layout", "paths"})
 """Keys of a message whose values name entities of Rerun, which look like paths."""
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import gzip
 import re
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,9 +60,12 @@ class Stage:
 class StageWriter:
     """Reads a recording once, and makes stages of it with different images."""
 
-    def __init__(self, recording: Path, overlay: Iterable[Entry] = ()) -> None:
-        """`overlay` is drawn over all frames. InputError where the file is no finished recording of this version."""
-        tape = StoredTape(recording)
+    def __init__(
+        self, recording: Path, overlay: Iterable[Entry] = (), layout: Callable[[str], bytes] | None = None
+    ) -> None:
+        """`overlay` is drawn over all frames; `layout` as of StoredTape. InputError where the file is no finished
+        recording of this version."""
+        tape = StoredTape(recording, layout=layout)
         self._recording_id, self._opening = tape.recording_id, uncompressed(tape.opening())
         tape.close()
         self._overlay = [columns_of(entry.path, entry.value) for entry in overlay]

@@ -19,7 +19,7 @@ FIRST = "first run"
 """Name of the one that was started from the first frame."""
 STORED = "stored run"
 """Of one that was read from its folder."""
-COLOURS = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
+COLOURS = ((124, 179, 66), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
 """Of the branches, in turn."""
 MOST = 12
 """Limit on the number of branches; each needs memory and files."""

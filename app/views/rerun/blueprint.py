@@ -1,6 +1,7 @@
 """The layout of the Rerun viewer: one 3-D view and one image, which are the stage of the page.
 
-A layer is hidden by paths of the layout (`hidden_paths`), which the page sets in the layout as the viewer has it: a new
+The page has the legend of the image, and gives the image the room that its shape needs (stage_layout.js). A layer is
+hidden by paths of the layout (`hidden_paths`), which the page sets in the layout as the viewer has it: a new
 layout would take back time, camera and tabs. The views keep their ids for that.
 """
 
@@ -43,8 +44,8 @@ MARGIN = 0.4
 """Room for a legend at the left, as a fraction of the run."""
 IMAGES = {"video": "Video", "left": "Left", "right": "Right"}
 """Tabs of the image, by camera."""
-WORLD_SHARE = 0.54
-"""Of the 3-D view, in the width of the stage; the page's buttons stand over it."""
+WORLD_SHARE = 0.4
+"""Of the 3-D view, in the width of the stage, until the page divides it; the page's buttons stand over it."""
 GRID_LINES = 12
 """About how many lines of the ground grid the true path crosses."""
 GRID_COLOUR = (128, 128, 128, 50)
@@ -55,18 +56,14 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
     page, so that curves and verdicts stand below, then the time. Such a viewer begins at the first frame: there is no
     documented way to give it another one, therefore the image is one that the first frame has."""
     rig = opened.sequence.rig
-    hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras)
-    cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
-    cameras |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
-    cameras = {name: camera for name, camera in cameras.items() if camera is not None}
-    images = [_image(name, each, hidden_in[f"/{image_root(name)}"]) for name, each in cameras.items()]
+    hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras, has_legend=is_alone)
+    cameras = _cameras(opened)
+    images = [_image(name, each, hidden_in[f"/{image_root(name)}"], is_alone) for name, each in cameras.items()]
     world = _world(opened, hidden_in["/world"], is_alone)
     first = _first_camera(opened, tuple(cameras), is_alone)
-    stage = rrb.Horizontal(
-        world,
-        *([rrb.Tabs(*images, active_tab=list(cameras).index(first))] if images else []),
-        column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)],
-    )
+    tabs = [rrb.Tabs(*images, active_tab=list(cameras).index(first))] if images else []
+    stage = rrb.Horizontal(world, *tabs, column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)])
+    stage.id = uuid5(NAMESPACE_URL, "ispom:stage")
     return rrb.Blueprint(
         rrb.Vertical(stage, _curves(opened, hidden_in), row_shares=[3, 1]) if is_alone else stage,
         rrb.BlueprintPanel(state="hidden"),
@@ -75,6 +72,21 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _cameras(opened: Opened) -> dict[str, Camera]:
+    """Those with an image, by the name of its tab."""
+    rig = opened.sequence.rig
+    found = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
+    found |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
+    return {name: camera for name, camera in found.items() if camera is not None}
+
+
+def page_layout(opened: Opened) -> dict[str, Any]:
+    """What the page needs to divide the stage: where the layout has its container, and by path of each image's view the
+    size of the image in the viewer's coordinates."""
+    sizes = {image_root(name): entities.image_size(camera).tolist() for name, camera in _cameras(opened).items()}
+    return {"container": STAGE, "images": {f"/view/{_view_id(f'/{root}')}": size for root, size in sizes.items()}}
 
 
 def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> str:
@@ -102,7 +114,8 @@ def hidden_paths(
     methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state", cameras: Iterable[str] = ()
 ) -> list[str]:
     """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden, and tracks
-    are coloured so. `cameras` are those besides the video camera and the pair."""
+    are coloured so; the legends always, for the page has its own. `cameras` are those besides the video camera and the
+    pair."""
     return [
         f"/view/{_view_id(origin)}/ViewContents/overrides/{path}/visualizers"
         for origin, paths in _hidden_entities(methods, hidden, colour_by, cameras).items()
@@ -138,7 +151,12 @@ def released(layout: rrb.Blueprint) -> Iterator[rrb.Blueprint]:
 
 
 def _hidden_entities(
-    methods: Iterable[str], hidden: Collection[str], colour_by: Colouring, cameras: Iterable[str]
+    methods: Iterable[str],
+    hidden: Collection[str],
+    colour_by: Colouring,
+    cameras: Iterable[str],
+    *,
+    has_legend: bool = False,
 ) -> dict[str, list[str]]:
     """By the origin of each view: which of its entities are hidden."""
     methods = tuple(methods)
@@ -157,7 +175,7 @@ def _hidden_entities(
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
-    images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in IMAGES}
+    images = {name: [*_hidden_in_image(name, hidden, colour_by, has_legend)] for name in IMAGES}
     roots = sorted({image_root(name) for name in cameras} - images.keys())
     images |= {root: [f"{root}/{layer}" for layer in IMAGE_LAYERS if layer in hidden] for root in roots}
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
@@ -170,30 +188,18 @@ def _hidden_entities(
     )
 
 
-def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring) -> Iterator[str]:
+def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring, has_legend: bool) -> Iterator[str]:
     """Layers, and all but one way to colour the tracks. An entity that was shown once stays so below a hidden one:
-    therefore the words of their legends by themselves."""
-    by_state = {"tracks", "legend"} if colour_by != "state" else set()
+    therefore the words of the legends by themselves."""
+    by_state = {"tracks"} if colour_by != "state" else set()
     if camera == "right":
         yield from (f"right/{layer}" for layer in ("tracks", "lines") if layer in hidden)
         return
-    yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
+    yield from (f"{camera}/{layer}" for layer in IMAGE_LAYERS if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
-    unused = [by for by in ("state", *SCALES) if by != colour_by]
-    yield from (f"{_legend(camera, by)}/{theme}" for by in unused for theme in entities.INKS)
-
-
-def words_to_hide(colour_by: Colouring) -> dict[str, list[str]]:
-    """By theme of the viewer, paths as `hidden_paths`: the words of the legend in the ink for the other one."""
-    return {
-        theme: [
-            f"/view/{_view_id('/' + camera)}/ViewContents/overrides/{_legend(camera, colour_by)}/{other}/visualizers"
-            for camera in ("video", "left")
-            for other in entities.INKS
-            if other != theme
-        ]
-        for theme in entities.INKS
-    }
+    for by in ("state", *SCALES):
+        if not has_legend or by != colour_by:
+            yield from (_legend(camera, by), *(f"{_legend(camera, by)}/{theme}" for theme in entities.INKS))
 
 
 def _legend(camera: str, by: str) -> str:
@@ -241,11 +247,11 @@ def least_size(opened: Opened) -> float:
     return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
 
 
-def _image(name: str, camera: Camera, hidden: list[str]) -> rrb.View:
-    width, height = entities.shown_size(camera)
+def _image(name: str, camera: Camera, hidden: list[str], is_alone: bool) -> rrb.View:
+    width, height = entities.shown_size(camera) if is_alone else entities.image_size(camera)
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     root = image_root(name)
-    hidden = [*hidden, f"{root}/legend/light"]  # a viewer is dark until a page says that it is not
+    hidden = [*hidden, f"{root}/legend/light"] if is_alone else hidden  # Rerun is dark until somebody changes that
     title = IMAGES.get(name, name)
     view = rrb.Spatial2DView(origin=f"/{root}", name=title, overrides=_hide(hidden), visual_bounds=bounds)
     return _with_stable_id(view)
@@ -289,5 +295,7 @@ def _view_id(origin: str) -> Any:
 
 CURVES = f"/container/{uuid5(NAMESPACE_URL, 'ispom:curves')}"
 """Where a layout for a viewer without the page has the row of curves."""
+STAGE = f"/container/{uuid5(NAMESPACE_URL, 'ispom:stage')}"
+"""Where the layout has the 3-D view and the images."""
 EYE = f"/view/{_view_id('/world')}/EyeControls3D"
 """Where the layout has the eye of the 3-D view."""

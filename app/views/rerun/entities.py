@@ -100,8 +100,8 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
 
 
 NAME_STEP = np.array([0.0, -1.5, 1.5])
-"""From the end of one path to its name, and from one name to the next where paths end together, in the shared world and
-in depths of a camera: apart from each other seen from above as from the side."""
+"""From the end of one path to its name, and half of that from one name to the next where paths end together, in the
+shared world and in depths of a camera: apart from each other seen from above as from the side."""
 
 
 def name(text: str, place: Array, colour: colours.Rgb) -> rr.Points3D:
@@ -234,7 +234,7 @@ def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> I
     """Legend next to or below the image: the number of tracks of each status, in its colour, and of those that move by
     themselves."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
-    items = [(int(s), f"{counts[s]} {_SHORT.get(s, s.name.lower())}") for s in TrackStatus if counts[s]]
+    items = [(int(s), f"{counts[s]} {status_text(s)}") for s in TrackStatus if counts[s]]
     if moved is not None:
         items.append((MOVING, f"{len(moved)} move alone"))
     yield from legend_entries(
@@ -266,6 +266,11 @@ def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array
     return at * size * shown_scale(camera.width, camera.height)
 
 
+def image_size(camera: Camera) -> Array:
+    """Width and height (2,) of the shown image in Rerun's coordinates."""
+    return np.array([camera.width, camera.height]) * shown_scale(camera.width, camera.height)
+
+
 def shown_size(camera: Camera) -> Array:
     """Width and height (2,), in Rerun's coordinates, of the shown image with its legend."""
     width, height = camera.width, camera.height
@@ -290,6 +295,11 @@ _SHORT = {
     TrackStatus.OUT_OF_IMAGE: "out of the image",
     TrackStatus.NO_DISPARITY: "no disparity",
 }
+
+
+def status_text(status: TrackStatus) -> str:
+    """A status in a legend."""
+    return _SHORT.get(status, status.name.lower())
 
 
 def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:

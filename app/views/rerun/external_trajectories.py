@@ -75,7 +75,9 @@ class ExternalTrajectoryLog:
         if pose is not None:
             yield Entry(place, entities.transform(pose))
             size = float(np.ptp(outlines.reshape(-1, 3), axis=0).max())
-            end = pose.translation - (1 + external.number) * size * entities.NAME_STEP  # not where those of methods are
+            end = (
+                pose.translation - 2 * (1 + external.number) * size * entities.NAME_STEP
+            )  # not where methods have theirs
             colour = colours.colour_of_external(external.number)
             yield Entry(f"world/beside/{external.name}/name", entities.name(external.name, end, colour))
             if external.name not in self._seen:

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import rerun as rr
@@ -83,9 +84,10 @@ class LiveStream:
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
         self.grown.notify()
 
-    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
-        """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
-        tape = StoredTape(*recordings, kinds=kinds)
+    def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+        """Shows a finished recording of a run, in one file or several, in place of one that goes on. InputError where
+        it cannot be read."""
+        tape = StoredTape(*recordings, kinds=kinds, layout=partial(layout_of, opened))
         self.close()
         self._failure = None
         self.tape = tape
@@ -150,12 +152,25 @@ class LiveStream:
         self.grown.notify()
 
 
+def layout_of(opened: Opened, recording_id: str) -> bytes:
+    """The layout that the page knows, as `.rrd` messages for a recording with this id."""
+    return _written(recording_id, lambda stream: blueprint.send(stream, opened))
+
+
 def _opening(recorder: Recorder) -> bytes:
-    """The layout and what holds for the whole run, as `.rrd` bytes."""
-    stream = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id)
+    """The layout and what holds for the whole run, as `.rrd` messages."""
+
+    def write(stream: rr.RecordingStream) -> None:
+        blueprint.send(stream, recorder.opened)
+        send(stream, recorder.opening())
+
+    return _written(recorder.recording_id, write)
+
+
+def _written(recording_id: str, write: Callable[[rr.RecordingStream], None]) -> bytes:
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
     unread = rr.binary_stream(stream)
-    blueprint.send(stream, recorder.opened)
-    send(stream, recorder.opening())
+    write(stream)
     content = messages(unread.read(flush_timeout_sec=FLUSH_S))
     stream.disconnect()
     return content

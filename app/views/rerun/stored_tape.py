@@ -6,7 +6,7 @@ import threading
 from array import array
 from bisect import bisect_left, bisect_right
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -62,9 +62,9 @@ class _Values:
 class StoredTape:
     """Reads as a Tape does. Files of one recording follow each other."""
 
-    def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
-        """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
-        version."""
+    def __init__(self, *paths: Path, kinds: Sequence[Kind] = (), layout: Callable[[str], bytes] | None = None) -> None:
+        """`kinds` of the frames, where they are known; `layout` gives, for the id of the recording, the `.rrd` messages
+        of one that takes the place of its own. InputError where a file is no finished recording of this version."""
         self.run = uuid4().hex
         self.overlay = Overlay()
         self.recording_id = ""
@@ -80,6 +80,7 @@ class StoredTape:
         self._last = len(kinds) - 1
         for path in paths:
             self._add(path)
+        self._layout = layout(self.recording_id) if layout is not None else b""
 
     @property
     def end(self) -> int:
@@ -98,7 +99,7 @@ class StoredTape:
                     return b""
                 file.seek(begin)
                 content.append(file.read(end - begin))
-        return b"".join(content)
+        return b"".join([*content, self._layout])
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame."""

@@ -183,7 +183,9 @@ class World:
     def _name(self, method: str, pose: Pose) -> Entry:
         """Of the method, at the end of its path: it stays there when there is no pose."""
         placed = self.placements.get(method, Similarity())
-        step = (1 + self._opened.methods.index(method)) * placed.scale * self._size(method).camera * entities.NAME_STEP
+        number = self._opened.methods.index(method)
+        side = -number if number % 2 else 1 + number  # 1, -1, 3, -3: two steps between any two
+        step = side * placed.scale * self._size(method).camera * entities.NAME_STEP
         place = placed.inverse().apply(placed.apply(pose.translation) + step)
         return Entry(f"world/{method}/name", entities.name(colours.label(method), place, colours.of(method)))
 

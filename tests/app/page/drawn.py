@@ -39,10 +39,10 @@ class View:
     height: int
 
     @staticmethod
-    def find(screen: np.ndarray, image: np.ndarray) -> View:
-        """Where this image is, whatever its size; AssertionError where it is not."""
+    def find(screen: np.ndarray, image: np.ndarray, width_px: float) -> View:
+        """Where this image is, at about this width; AssertionError where it is not."""
         best, found = -1.0, None
-        for width in range(370, 420):
+        for width in range(round(width_px) - 12, round(width_px) + 3):
             size = (width, round(width * image.shape[0] / image.shape[1]))
             if size[1] >= screen.shape[0]:
                 break

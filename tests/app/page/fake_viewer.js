@@ -22,7 +22,10 @@ window.fake = {
       constructor(options) {
         window.fake.options = options;
       }
-      async start() {}
+      async start(canvas) {
+        canvas.tabIndex = 0;
+        canvas.addEventListener("keydown", (event) => event.preventDefault()); // as the viewer keeps all keys
+      }
       open_channel() {}
       close_channel() {}
       send_rrd_to_channel() {}

@@ -28,12 +28,12 @@ def violations(where: Any) -> list[str]:
 
 
 def in_scheme(page: Page, scheme: str) -> None:
-    """The page loads again when the system turns dark or light."""
-    if page.tab.evaluate(f"matchMedia('(prefers-color-scheme: {scheme})').matches"):
-        return
-    with page.tab.expect_navigation():
-        page.tab.emulate_media(color_scheme=scheme)
-    page.until("window.ispom?.state.ended", "the page")
+    """The system turns dark or light, which changes colours and nothing else."""
+    page.tab.evaluate("window.same = true")
+    page.tab.emulate_media(color_scheme=scheme)
+    of_viser = "document.getElementById('controls').contentDocument.documentElement"
+    page.until(f"{of_viser}.getAttribute('data-mantine-color-scheme') === '{scheme}'", "viser's colours")
+    assert page.tab.evaluate("window.same"), "the page was loaded again"
 
 
 @pytest.fixture(scope="module")

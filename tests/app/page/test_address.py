@@ -174,7 +174,7 @@ def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     page.controls.get_by_role("button", name="Bookmark this frame").click()
     page.until("window.ispom.axis.marks.bookmarks?.marks.length === 2", "the second one")
     assert page.tab.evaluate("window.ispom.axis.marks.bookmarks.marks")[1]["note"] == "here it jumps"
-    page.tab.locator("#axis").hover(position={"x": 176 + 1090 * 33 / 43, "y": 3})
+    page.tab.locator("#axis").hover(position={"x": 176 + 904 * 33 / 43, "y": 3})
     assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
     go(page, 2)
     page.controls.get_by_role("button", name="Go to", exact=True).click()

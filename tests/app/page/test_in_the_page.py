@@ -77,6 +77,34 @@ def test_a_picture_without_the_viewer_has_all_the_rest_and_says_so(browser, app:
     page.tab.close()
 
 
+TEXTS_IN_A_ROW = """(() => {
+  const parts = [...document.querySelectorAll("#bar > *, #transport > *")];
+  const boxes = parts.map((e) => [e.id || e.dataset.do || e.textContent, e.getBoundingClientRect()]);
+  const seen = boxes.filter(([, box]) => box.width && box.height);
+  const common = (a, b, low, high) => Math.min(a[high], b[high]) - Math.max(a[low], b[low]) > 1;
+  const over = ([, a], [, b]) => common(a, b, "left", "right") && common(a, b, "top", "bottom");
+  const pairs = seen.flatMap((a, i) => seen.slice(i + 1).filter((b) => over(a, b)).map((b) => [a[0], b[0]]));
+  return JSON.stringify([...pairs, ...seen.filter(([, box]) => box.right > innerWidth + 1).map(([name]) => name)]);
+})()"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(760, 900), (1067, 600), (1280, 720), (1920, 1080)])
+def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: int, height: int):
+    """1067x600 are what a browser's zoom of 150 % leaves of 1600x900."""
+    page.tab.set_viewport_size({"width": width, "height": height})
+    assert page.tab.evaluate(TEXTS_IN_A_ROW) == "[]"
+    box = page.tab.locator("#exposure").bounding_box()
+    assert box["width"] > 0 and box["x"] + box["width"] <= width, "the frame counter"
+    assert page.tab.locator("#left").is_visible() == (width > 900)
+    rows = page.tab.locator("#at-image").bounding_box()
+    dock = page.tab.locator("#dock").bounding_box()
+    assert rows["x"] + rows["width"] <= width + 1 and rows["y"] + rows["height"] <= dock["y"] + 1
+    if width < 900:
+        page.tab.locator("#fold").click()
+        page.tab.locator("#left").wait_for()
+    page.tab.set_viewport_size({"width": 1280, "height": 720})
+
+
 def test_the_splitter_never_cuts_the_controls(page: Page):
     splitter = page.tab.locator("#splitter")
     splitter.focus()

@@ -149,6 +149,31 @@ def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page
     page.until("state.index === 22", "the keyframe")
 
 
+REACHED = """(() => {
+  const found = document.activeElement;
+  const { id, dataset, textContent } = found;
+  return found === document.body ? "" : id || dataset.do || dataset.eye || dataset.part || textContent;
+})()"""
+
+
+def test_tab_goes_through_all_controls_in_their_order_and_leaves_the_canvas(page: Page):
+    begin(page, "no_loop")  # which gives it edges on the axis
+    page.open_tab("Explain")
+    page.tab.locator("#help").focus()
+    reached: list[str] = []
+    for _ in range(90):
+        page.tab.keyboard.press("Tab")
+        reached.append(page.tab.evaluate(REACHED))
+        if reached[-1] == "home":
+            break
+    wanted = ["Explain", "splitter", "canvas", "frame", "camera", "start", "play", "end", "speed"]
+    wanted += ["loop_start", "loop_end", "no-loop", "bookmark", "add-plot", "start", "end", "home"]
+    assert [name for name in reached if name in wanted] == wanted
+    page.tab.locator("#canvas").focus()
+    page.tab.keyboard.press("Shift+Tab")
+    assert page.tab.evaluate(REACHED) == "splitter"
+
+
 @pytest.mark.parametrize("name", BUTTONS)
 def test_every_button_of_the_time_dock(page: Page, name: str):
     begin(page, name)

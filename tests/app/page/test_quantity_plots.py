@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -138,8 +139,13 @@ def plot(page: Page, name: str = NAME):
 @in_chromium
 def test_the_usual_plots_have_curves_and_values_at_the_frame_shown(page: Page) -> None:
     assert page.tab.locator(".plot").count() == 2
-    values = plot(page, "inliers").locator(".now span").all_inner_texts()
-    assert len(values) == 3 and all(float(value) > 0 for value in values)
+    lines = plot(page, "inliers").locator(".now div")
+    assert lines.locator(".whose").all_inner_texts() == ["Monocular", "Stereo", "Integrated"]
+    assert all(float(value) > 0 for value in lines.locator(".value").all_inner_texts())
+    last = page.tab.evaluate("document.getElementById('rows').clientWidth - 200")  # the axis ends there
+    boxes = [line.bounding_box() for line in lines.all()]
+    assert all(box["x"] > last for box in boxes), "they stand beside the curves"
+    assert all(a["y"] + a["height"] <= b["y"] for a, b in pairwise(boxes))
 
 
 @in_chromium
@@ -155,7 +161,7 @@ def test_a_click_on_a_check_plots_it_and_a_reload_keeps_it(page: Page) -> None:
 @in_chromium
 def test_a_click_into_a_plot_shows_the_frame_there_and_hovering_its_value(page: Page) -> None:
     box = plot(page).bounding_box()
-    x = 176 + (box["width"] - 190) / 4
+    x = 176 + (box["width"] - 376) / 4
     page.tab.mouse.click(box["x"] + x, box["y"] + box["height"] / 2)
     page.until("Math.abs(state.index - 11) <= 1 && !state.playing", "the frame at a quarter")
     cursor = page.tab.locator("#cursor").bounding_box()

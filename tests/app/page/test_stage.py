@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.engine.playback import Playback
-from ispom_app.views.rerun.blueprint import WORLD_SHARE
 from ispom_app.views.rerun.file_recording import FileRecording
 
 from tests import doubles
@@ -67,11 +66,17 @@ TABS_PX = {"video": 40, "left": 105}
 """Where the tabs of the image are, from its left edge."""
 
 
+def world_share(page: Page) -> float:
+    """Of the 3-D view, in the width of the stage."""
+    assert not page.tab.evaluate("window.ispom.viewer.eye.division.below")
+    return page.tab.evaluate("window.ispom.viewer.eye.division.world")
+
+
 def turn(page: Page, camera: str) -> None:
     """Shows the image of this camera, by a click on its tab."""
     box = page.tab.locator("#canvas").bounding_box()
     assert box is not None
-    page.tab.mouse.click(box["x"] + WORLD_SHARE * box["width"] + TABS_PX[camera], box["y"] + 12)
+    page.tab.mouse.click(box["x"] + world_share(page) * box["width"] + TABS_PX[camera], box["y"] + 12)
 
 
 class Stage(Page):
@@ -91,7 +96,7 @@ class Stage(Page):
             turn(self, camera)
             screen = screen_of(self.tab)  # views find their sizes a frame or two after the first
             try:
-                return View.find(screen, image(frame))
+                return View.find(screen, image(frame), self.tab.locator("#at-image").bounding_box()["width"])
             except AssertionError:
                 assert time.monotonic() < until, f"timed out waiting for the image of {camera}"
 

@@ -45,8 +45,11 @@ def test_the_page_says_which_exposure_the_views_still_show(page: Staged, index: 
     page.send(f"{{do: 'seek', index: {index}}}")
     for place in ("#behind", "#shown"):
         page.tab.locator(place).get_by_text(f"loading frame {index}: the views show 20 or already {index}").wait_for()
+    opacity = "Number(getComputedStyle(document.getElementById('canvas')).opacity)"
+    page.until(f"{opacity} < 0.5", "the picture of another frame to fade")
     page.tab.evaluate("window.fake.serial = 1_000_000")
     page.tab.locator("#shown").wait_for(state="hidden")
+    page.until(f"{opacity} === 1", "the right one")
     assert not page.tab.locator("#behind").inner_text()
 
 

@@ -106,7 +106,7 @@ in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt
 @in_chromium
 def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
     dock = page.tab.locator("#axis")
-    dock.click(position={"x": 176 + 545, "y": 6})
+    dock.click(position={"x": 176 + 452, "y": 6})
     page.until("Math.abs(state.index - 21) <= 1", "the middle")
     dock.click(position={"x": 172, "y": 20})
     page.until("state.index === 0", "the first")
@@ -115,17 +115,48 @@ def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
     page.tab.mouse.down()
     for x in (500, 900, 1278):
         page.tab.mouse.move(box["x"] + x, box["y"] + 300)
-        page.until(f"state.index >= {int((x - 196) / 1090 * 43)}", "the drag")
+        page.until(f"state.index >= {min(int((x - 196) / 904 * 43), 43)}", "the drag")
     page.tab.mouse.up()
     page.until("state.index === 43", "the last")
 
 
 @in_chromium
+def test_a_loop_is_dragged_by_its_edges_and_its_bar_and_moved_by_key(page: Page) -> None:
+    page.send("{do: 'set_loop', start: 10, end: 30}")
+    page.until("String(state.loop) === '10,30'", "the loop")
+    index = page.state["index"]
+
+    def drag(part: str, by: float) -> None:
+        box = page.tab.locator(part).bounding_box()
+        at, y = box["x"] + box["width"] / 2, box["y"] + 2
+        page.tab.mouse.move(at, y)
+        page.tab.mouse.down()
+        page.tab.mouse.move(at + by / 2, y + 40)
+        page.tab.mouse.move(at + by, y + 40)
+        page.tab.mouse.up()
+
+    step = 904 / 43  # pixels of a frame, about: stereo frames come between
+    drag("[data-part=start]", 5 * step)
+    page.until("state.loop[0] > 12 && state.loop[0] < 18 && state.loop[1] === 30", "its first frame")
+    drag("[data-part=end]", -40 * step)
+    page.until("state.loop[1] === state.loop[0] + 1", "its last frame, which stays behind the first")
+    drag(".loop-bar", -30 * step)
+    page.until("String(state.loop) === '0,1'", "both")
+    page.tab.locator("[data-part=start]").focus()
+    page.tab.keyboard.press("Tab")
+    page.tab.keyboard.press("ArrowRight")
+    page.until("String(state.loop) === '0,2'", "the edge that has the focus")
+    assert page.state["index"] == index, "nothing else moves"
+    page.send("action('no_loop')")
+    page.until("state.loop === null && document.querySelectorAll('.loop-edge:not([hidden])').length === 0", "no loop")
+
+
+@in_chromium
 def test_hovering_says_exposure_time_and_what_happened(page: Page) -> None:
     hint = page.tab.locator("#axis-hint")
-    page.tab.locator("#axis").hover(position={"x": 1270, "y": 20})
+    page.tab.locator("#axis").hover(position={"x": 1270, "y": 26})
     assert hint.inner_text().split("\n")[:2] == ["Video frames", "frame 43 · 1.30 s · video"]
-    page.tab.locator("#axis").hover(position={"x": 177, "y": 45})
+    page.tab.locator("#axis").hover(position={"x": 177, "y": 54})
     lines = hint.inner_text().split("\n")
     assert lines[:2] == ["Monocular: marks are keyframes, red is lost", "frame 0 · 0.00 s · video"]
     assert "Monocular: keyframe" in lines

@@ -51,7 +51,7 @@ LOOKS = {
     "Shift+ArrowRight": "window.ispom.shown.index === 23",
     "Shift+ArrowLeft": "window.ispom.shown.index === 12",
     "Home": "window.ispom.shown.index === 0",
-    "a": "window.ispom.shown.loop?.[0] === 20",
+    "i": "window.ispom.shown.loop?.[0] === 20",
     "Space": "window.ispom.shown.playing || window.ispom.shown.index > 21",
 }
 """Of each key at frame 20, as in test_keys.py."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import cv2
@@ -18,6 +20,7 @@ from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.model.true_path import FIRST
 from ispom_app.engine.playback import Playback
 from ispom_app.presentation import colours
+from ispom_app.session.branches.branches import COLOURS as BRANCHES
 from ispom_app.views.rerun import entities
 from ispom_app.views.rerun.batch import Entry
 from ispom_app.views.rerun.blueprint import blueprint
@@ -238,6 +241,19 @@ def test_every_status_has_a_colour_and_methods_read_in_both_themes():
     assert min(np.abs(np.subtract(a, b)).sum() for i, a in enumerate(every) for b in every[:i]) >= 50
     for colour in every:
         assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
+
+
+def test_amber_is_a_warnings_and_no_methods_or_branchs():
+    style = files("ispom_app").joinpath("views/web/static/app.css").read_text()
+    ambers = [tuple(bytes.fromhex(found)) for found in re.findall(r"--caution: #(\w{6})", style)]
+    assert len(ambers) == 2
+    for colour in [*colours.METHOD.values(), *colours.OTHERS, *BRANCHES]:
+        assert min(np.linalg.norm(_lab(colour) - _lab(amber)) for amber in ambers) > 25, colour
+
+
+def _lab(colour) -> np.ndarray:
+    """CIE 1976."""
+    return cv2.cvtColor(np.array([[colour]], np.float32) / 255, cv2.COLOR_RGB2LAB)[0, 0]
 
 
 def test_no_two_methods_of_this_package_share_a_colour():

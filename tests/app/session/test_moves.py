@@ -112,6 +112,13 @@ def test_an_edge_beyond_the_other_begins_another_loop_and_one_exposure_is_none(s
     assert "needs two frames" in refused(session, do.LoopEdge("start"))
 
 
+def test_a_loop_of_two_given_frames_stays_within_the_run(session: Session) -> None:
+    for given, loop in (((12, 16), Loop(12, 16)), ((-3, LAST + 9), Loop(0, LAST)), ((40, None), Loop(40))):
+        session.post(do.SetLoop(*given))
+        wait_for(lambda loop=loop: session.state.loop == loop, "the loop")
+    assert "needs two frames" in refused(session, do.SetLoop(16, 16))
+
+
 def test_another_source_has_no_loop(session: Session) -> None:
     goes(session, do.Seek(5), 5)
     session.post(do.LoopEdge("end"))

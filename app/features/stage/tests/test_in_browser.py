@@ -18,7 +18,6 @@ from ispom_app.features.stage.page_message import StageNews
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.views.rerun.batch import Entry
-from ispom_app.views.rerun.blueprint import WORLD_SHARE
 from ispom_app.views.rerun.eye import FOV_RAD
 from ispom_app.views.rerun.file_recording import FileRecording
 from ispom_app.views.rerun.recorder import Recorder
@@ -28,7 +27,7 @@ from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, app, browser, launched_on  # noqa: F401 - fixtures
-from tests.app.page.test_stage import SEQUENCE, seek
+from tests.app.page.test_stage import SEQUENCE, seek, world_share
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 HEAD_PX = 24
@@ -106,7 +105,7 @@ def on_screen(page: Page, eye: list, xyz: np.ndarray) -> np.ndarray:
     right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
     axes = np.stack([right, np.cross(forward, right), forward])
     x, y, z = axes @ (xyz - position).T
-    height, width = box["height"] - HEAD_PX, WORLD_SHARE * box["width"]
+    height, width = box["height"] - HEAD_PX, world_share(page) * box["width"]
     at = np.stack([x, y], 1) / z[:, None] * 0.5 * height / np.tan(FOV_RAD / 2)
     in_sight = (z > 0) & (np.abs(at) < 0.5 * np.array([width, height]) - 40).all(1)  # not below the buttons either
     middle = np.array([box["x"] + 0.5 * width, box["y"] + HEAD_PX + 0.5 * height])

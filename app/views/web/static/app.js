@@ -26,10 +26,11 @@ import { makeTransport } from "./transport.js";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
 
-const dark = matchMedia("(prefers-color-scheme: dark)");
-const leaving = new AbortController();
-dark.addEventListener("change", () => location.reload(), leaving);
-addEventListener("beforeunload", () => leaving.abort()); // a reload would undo where the page is on its way to
+const dark = matchMedia("(prefers-color-scheme: dark)"); // styles and the Rerun viewer follow it by themselves
+dark.addEventListener("change", () => {
+  controls?.paint(dark.matches);
+  axis.draw();
+});
 
 const at = (id) => document.getElementById(id);
 let state = null;
@@ -43,7 +44,7 @@ const people = makePeople(
   () => axis.data,
   (text) => showNotice({ text, kind: "info" }),
 );
-const viewer = openViewer(dark.matches, (message) => people.command(message), showViewer);
+const viewer = openViewer((message) => people.command(message), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;

@@ -3,12 +3,12 @@
 import { GUTTER, labelledFrames } from "./time_scale.js";
 import { inkOf } from "./quantity_plots.js";
 
-const RULER = 17;
-const CLOCK = 11;
-const LANE = 12;
+const RULER = 21;
+const CLOCK = 14;
+const LANE = 15;
 const LABEL_PX = 60; // at least between two frame numbers
 const BAR = 3; // what is computed
-const EVENTS = 10;
+const EVENTS = 14;
 const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not good news
 
 const OUTAGE = 3; // times the usual interval between two measurements of a sensor
@@ -72,16 +72,15 @@ export function drawAxis(canvas, width, axis, place) {
   };
   if (!axis.times.length) return;
   const all = [...axis.times.keys()];
-  if (axis.loop) box(place(axis.loop[0]), place(axis.loop[1] ?? all.length - 1), 0, height, colour("accent"), 0.22);
   box(place(0), place(all.length - 1), RULER - BAR - 1, BAR, colour("field"));
   if (axis.computed) box(place(0), place(axis.computed - 1), RULER - BAR - 1, BAR, colour("accent"), 0.6);
   for (const index of labelledFrames(all.length, width / LABEL_PX)) {
     box(Math.round(place(index)), Math.round(place(index)) + 1, RULER - 5, 4, colour("quiet"));
-    text(String(index), place(index), RULER - 7, colour("quiet"), "center");
+    text(String(index), place(index), RULER - 8, colour("quiet"), "center");
   }
   let y = RULER;
   for (const kind of clocks(axis)) {
-    text(NAMES[kind], 14, y + CLOCK - 2, colour("quiet"));
+    text(NAMES[kind], 14, y + CLOCK - 3, colour("quiet"));
     if (!"vsc".includes(kind)) {
       for (const [first, last] of outagesOf(axis, kind)) box(place(first), place(last), y + 4, CLOCK - 8, colour("alarm"));
     }
@@ -94,21 +93,21 @@ export function drawAxis(canvas, width, axis, place) {
     y += CLOCK;
   }
   for (const { label, colour: own, keyFrames, lost } of axis.methods) {
-    text(label, 14, y + LANE - 3, colour("text"));
+    text(label, 14, y + LANE - 4, colour("text"));
     box(place(0), place(Math.max(axis.computed - 1, 0)), y + LANE / 2 - 1, 2, own, 0.45);
     for (const [first, last] of lost) box(place(first), place(last + 1), y + LANE / 2 - 2, 4, colour("alarm"));
     marks(keyFrames, y + 2, LANE - 4, own, 2);
     y += LANE;
   }
-  if (axis.events?.length) text("Events", 14, y + EVENTS - 2, colour("quiet"));
+  if (axis.events?.length) text("Events", 14, y + EVENTS - 3, colour("quiet"));
   for (const { at, severity } of axis.events ?? []) {
     const x = Math.round(place(at));
     const fill = colour(COLOURS[severity] ?? "good");
-    for (let wide = 0; wide < 4; wide++) box(x - 3 + wide, x + 4 - wide, y + 4 - wide, 1 + 2 * wide, fill);
+    for (let wide = 0; wide < 4; wide++) box(x - 3 + wide, x + 4 - wide, y + 7 - wide, 1 + 2 * wide, fill);
   }
   y += eventRow(axis);
   for (const row of rowsOf(axis)) {
-    text(row.label, 14, y + LANE - 3, colour("text"));
+    text(row.label, 14, y + LANE - 4, colour("text"));
     marks(
       row.marks.map(({ at }) => at),
       y + 2,

@@ -3,33 +3,45 @@ import { keepFocus } from "./focus.js";
 import { listen } from "./keyboard.js";
 import { listenToPanels } from "./panels.js";
 
-const LABELS = { dark: "#b4bcc2", light: "#565e66" };
 const PANEL = 384; // pixels that viser gives its panel
-const ON_WHITE = "#00659c",
-  GRAY = "#5f6870",
-  RED = "#c62828"; // in the dark, viser's own are bright enough
+const ON_WHITE = "#00659c"; // in the dark, viser's own colours are bright enough
+const LIGHT = {
+  "color-custom-outline": ON_WHITE,
+  "color-gray-filled": "#5f6870",
+  "color-red-filled": "#c62828",
+  "color-dimmed": "#565e66",
+};
+const STYLE = `
+  :root:root { --mantine-color-dimmed: #b4bcc2 !important; }
+  :root:root[data-mantine-color-scheme=light] { ${Object.entries(LIGHT)
+    .map(([name, value]) => `--mantine-${name}: ${value} !important;`)
+    .join(" ")} }
+  div[style*="inset: 0px 0px 0px ${PANEL}px"] { display: none !important; }
+  div[style*="width: ${PANEL}px"] { width: var(--pane) !important; }
+  .mantine-Slider-markLabel { color: var(--mantine-color-dimmed); }
+  [role=tab] { padding-inline: 2px !important; font-size: 12px !important; }
+  .following :is(button:not([role=tab], [data-plot], [data-seek]), input, textarea, .mantine-Slider-root) { pointer-events: none; }
+  [data-mantine-color-scheme=light] [role=tab][aria-selected=true], [data-mantine-color-scheme=light] [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`;
 
 export function openControls(dark, press, command, tabOpened) {
   const frame = document.getElementById("controls");
+  let painted = dark;
+  // viser has its colours from this attribute, as all that is made with Mantine.
+  const paint = (nowDark) => {
+    painted = nowDark;
+    frame.contentDocument?.documentElement?.setAttribute("data-mantine-color-scheme", nowDark ? "dark" : "light");
+  };
   frame.addEventListener("load", () => {
     const style = frame.contentDocument.createElement("style");
-    const colour = `${LABELS[dark ? "dark" : "light"]} !important`;
-    const own = { "color-custom-outline": ON_WHITE, "color-gray-filled": GRAY, "color-red-filled": RED };
-    const accents = dark ? [] : Object.entries(own).map(([name, value]) => `--mantine-${name}: ${value} !important;`);
-    style.textContent = `:root:root { --mantine-color-dimmed: ${colour}; ${accents.join(" ")} }
-      div[style*="inset: 0px 0px 0px ${PANEL}px"] { display: none !important; }
-      div[style*="width: ${PANEL}px"] { width: var(--pane) !important; }
-      .mantine-Slider-markLabel { color: ${colour}; }
-      [role=tab] { padding-inline: 2px !important; font-size: 12px !important; }
-      .following :is(button:not([role=tab], [data-plot], [data-seek]), input, textarea, .mantine-Slider-root) { pointer-events: none; }
-      ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
+    style.textContent = STYLE;
     frame.contentDocument.head.append(style);
     const root = frame.contentDocument.documentElement;
     new ResizeObserver(() => root.style.setProperty("--pane", `${frame.parentElement.clientWidth}px`)).observe(frame.parentElement);
+    if (painted !== dark) paint(painted); // it turned while the frame was loaded
     listen(frame.contentWindow, press);
     listenToPanels(frame.contentDocument, command, tabOpened);
     keepFocus(frame.contentDocument);
   });
   frame.src = `viser/${dark ? "?darkMode" : ""}`;
-  return { follow: (following) => frame.contentDocument?.documentElement?.classList.toggle("following", following) };
+  return { paint, follow: (following) => frame.contentDocument?.documentElement?.classList.toggle("following", following) };
 }

@@ -26,6 +26,7 @@ export function listen(page, command) {
     "keydown",
     (event) => {
       pointed = false;
+      if (event.key === "Tab" && event.target.matches("canvas")) return event.stopImmediatePropagation(); // it would keep it
       const key = keyOf(event);
       const own = { "?": toggleKeys, f: frameAgain, Escape: hideKeys }[key];
       if (

@@ -8,7 +8,7 @@
  * @typedef {{ times: number[], kinds: string, keyFrames: number[], events: { at: number, severity: string }[], computed: number, goesOn: boolean }} Facts
  * @typedef {[number, number | null] | null} Loop
  * @typedef {{ index: number, playing: boolean, loop: Loop, speed: number | null }} Place
- * @typedef {{ do: string, on?: boolean | null, count?: number, index?: number, kind?: string, forwards?: boolean, alarming?: boolean, factor?: number | null, edge?: string }} Message
+ * @typedef {{ do: string, on?: boolean | null, count?: number, index?: number, kind?: string, forwards?: boolean, alarming?: boolean, factor?: number | null, edge?: string, start?: number, end?: number | null }} Message
  */
 
 const MOST_HZ = 60; // frames a second of "as fast as possible"
@@ -47,6 +47,13 @@ export const moves = {
     /** @type {[number, number | null]} */
     const wanted = edge === "start" ? [index, after !== null && after > index ? after : null] : [before < index ? before : 0, index];
     return wanted[0] < (wanted[1] ?? computed - 1) ? { loop: wanted } : `A loop needs two frames: frame ${index} cannot be its ${edge}.`;
+  },
+  set_loop: ({ start = 0, end = null }, _, { computed }) => {
+    const last = Math.min(end ?? Infinity, computed - 1);
+    const first = Math.max(start, 0);
+    return first < last
+      ? { loop: [first, end === null ? null : last] }
+      : `A loop needs two frames: it cannot go from frame ${start} to ${end ?? last}.`;
   },
 };
 

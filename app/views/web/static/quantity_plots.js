@@ -1,8 +1,10 @@
 // The stacked plots of the time dock: what the server sent of each curve, and its picture. A click on a check adds a plot.
+import { element } from "./element.js";
 import { GUTTER, placeOf } from "./time_scale.js";
 import { digits, shownUnit } from "./units.js";
 
-const HEIGHT = 46;
+const LEAST_HEIGHT = 46;
+const LINE = 14; // of a value
 const EDGE = 5; // free above and below the curves
 const FAR = 8; // a threshold that would make the plot higher than so many times the largest value is not drawn
 
@@ -50,9 +52,12 @@ export function makePlots(box, command) {
     label.append(button("×", `Closes the plot of ${plot.title}`, () => command({ do: "plot", name: plot.name })));
     const canvas = element.appendChild(document.createElement("canvas"));
     canvas.className = "drawing"; // not by its kind: a saved picture of the page has an image in its place
-    const now = element.appendChild(document.createElement("span"));
+    const now = element.appendChild(document.createElement("div"));
     now.className = "now";
-    return { plot, element, unit, scale, canvas, now, shown: { name: plot.unit, factor: 1 } };
+    const values = plot.curves.filter(({ threshold }) => !threshold).map((curve) => makeValue(curve, now));
+    const height = Math.max(LEAST_HEIGHT, LINE * values.length + 4);
+    element.style.height = `${height}px`;
+    return { plot, element, unit, scale, canvas, values, height, shown: { name: plot.unit, factor: 1 } };
   }
 
   let last = { axis: { times: [] }, width: 0 };
@@ -68,12 +73,13 @@ export function makePlots(box, command) {
     const range = rangeOf(found, isLog);
     row.shown = shownUnit(row.plot.unit, range?.[1] ?? 1);
     row.unit.textContent = row.shown.name;
-    const ink = inkOf(row.canvas, width, HEIGHT);
+    const ink = inkOf(row.canvas, width, row.height);
     if (!range || !axis.times.length) return;
     const [low, high] = range;
     const scaled = isLog ? Math.log10 : (value) => value;
     const span = scaled(high) - scaled(low) || 1;
-    const y = (value) => (high > low ? HEIGHT - EDGE - ((HEIGHT - 2 * EDGE) * (scaled(value) - scaled(low))) / span : HEIGHT / 2);
+    const y = (value) =>
+      high > low ? row.height - EDGE - ((row.height - 2 * EDGE) * (scaled(value) - scaled(low))) / span : row.height / 2;
     const style = getComputedStyle(document.documentElement);
     for (const curve of found) {
       ink.strokeStyle = curve.threshold ? style.getPropertyValue("--quiet") : curve.colour;
@@ -91,24 +97,16 @@ export function makePlots(box, command) {
     ink.font = "10px Inter, system-ui, sans-serif";
     ink.textAlign = "right";
     ink.fillText(digits(high * row.shown.factor), GUTTER - 6, EDGE + 8);
-    ink.fillText(digits(low * row.shown.factor), GUTTER - 6, HEIGHT - EDGE);
+    ink.fillText(digits(low * row.shown.factor), GUTTER - 6, row.height - EDGE);
   }
 
-  // The values at the frame shown, beside the cursor.
-  function moveTo(index, x, width) {
-    for (const row of rows) {
-      const parts = row.plot.curves.filter((curve) => !curve.threshold).map((curve) => [curve, valueAt(curves.get(curve.id), index)]);
-      const known = parts.filter(([, value]) => Number.isFinite(value));
-      const texts = known.map(([curve, value]) => {
-        const part = document.createElement("span");
-        part.style.setProperty("--colour", curve.colour);
-        part.textContent = digits(value * row.shown.factor);
-        return part;
-      });
-      row.now.replaceChildren(...texts, known.length ? ` ${row.shown.name}` : "");
-      const flipped = x > width - 170;
-      row.now.style.left = flipped ? "" : `${x + 7}px`;
-      row.now.style.right = flipped ? `${width - x + 7}px` : "";
+  // The values at the frame shown, in the unit of their row.
+  function moveTo(index) {
+    for (const { values, shown } of rows) {
+      for (const { id, text } of values) {
+        const now = digits(valueAt(curves.get(id), index) * shown.factor);
+        if (text.textContent !== now) text.textContent = now;
+      }
     }
   }
 
@@ -132,6 +130,14 @@ export function makePlots(box, command) {
     },
     curves,
   };
+}
+
+// Whose value it is, and the value: a line of a plot's values.
+function makeValue({ id, label, colour }, place) {
+  const line = place.appendChild(element("div"));
+  line.style.setProperty("--colour", colour);
+  line.append(element("span", "whose", label));
+  return { id, text: line.appendChild(element("span", "value")) };
 }
 
 // The latest value of a curve up to a frame; NaN if there is none.

@@ -18,16 +18,16 @@ const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics 
 const at = (id) => document.getElementById(id);
 
 // `pick` is given what a hand clicked in a view, `drawn` what the views show: see status_bar.js.
-export function openViewer(dark, pick, drawn) {
+export function openViewer(pick, drawn) {
   const canvas = at("canvas");
-  const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn, theme: dark ? "dark" : "light" };
+  const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn };
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
   const heard = (event) => event.type === "selection_change" && picked(viewer, event, pick);
   // Not before the source is open: starting takes seconds of processor time. With the first frame would be too late:
   // that would be out of date when the viewer has started.
   viewer.start = () => {
     viewer.start = () => {};
-    start(canvas, viewer.theme, heard).then(
+    start(canvas, heard).then(
       (handle) => {
         viewer.handle = handle;
         viewer.stage = feed(viewer, canvas);
@@ -54,7 +54,7 @@ function feed(viewer, canvas) {
   return feedLive(viewer.handle, news, () => keepStill(viewer, canvas));
 }
 
-async function start(canvas, theme, onEvent) {
+async function start(canvas, onEvent) {
   at("loaded").hidden = false;
   await wasm_bindgen({ module_or_path: published ? compressed("rerun/re_viewer_bg.wasm.bin") : counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
@@ -62,7 +62,7 @@ async function start(canvas, theme, onEvent) {
     hide_welcome_screen: true,
     persist: false,
     memory_limit: MEMORY,
-    theme,
+    theme: "system",
     // The page has the time, and the only controls of it: two that disagree are worse than one.
     panel_state_overrides: { top: "Hidden", blueprint: "Hidden", selection: "Hidden", time: "Hidden" },
     on_viewer_event: (text) => onEvent(JSON.parse(text)),
@@ -195,11 +195,10 @@ function reveal(viewer) {
 // The page shows one run; once its first frame is drawn, what the viewer holds of earlier ones is memory for nothing.
 const close = (viewer, recordings) => recordings.length && control(viewer, closeRecordings(recordings.map((each) => each.id)));
 
-// The layers whose visibility changed, in the layout as it is: views, camera and time stay. Of legends, the words in the
-// ink of this theme are shown.
+// The layers whose visibility changed, in the layout as it is: views, camera and time stay.
 function showLayers(viewer, store) {
-  const hidden = new Set([...viewer.state.hidden, ...viewer.state.words[viewer.theme]]);
-  const changed = hidden.symmetricDifference(viewer.hidden ?? new Set(viewer.state.words.dark));
+  const hidden = new Set(viewer.state.hidden);
+  const changed = hidden.symmetricDifference(viewer.hidden ?? new Set());
   if (!changed.size) return;
   viewer.hidden = hidden;
   const visible = (path) => [path, { EntityBehavior: { visible: [!hidden.has(path)] } }];

@@ -1,8 +1,9 @@
 // The time dock's rows over one time axis: what happened in the run, the plots, and the cursor. The server sends each frame
 // once; pictures are drawn when something was added, while a run grows once in a while, and else only the cursor moves.
 import { SENSORS, drawAxis, heightOf, laneAt } from "./axis_picture.js";
+import { makeLoopEdges } from "./loop_edges.js";
 import { makePlots } from "./quantity_plots.js";
-import { GUTTER, nearestFrame, placeOf } from "./time_scale.js";
+import { GUTTER, nearestFrame, PAD, placeOf } from "./time_scale.js";
 
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const NEAR_PX = 4; // an event so near to the pointer is named
@@ -19,7 +20,6 @@ export function makeAxis(seek, command) {
     computed: 0,
     marks: {}, // by kind: how they are drawn, and the frames that are marked
     events: [],
-    loop: null,
   };
   let index = -1;
   let width = strip.clientWidth;
@@ -28,8 +28,9 @@ export function makeAxis(seek, command) {
     const x = placeOf(axis.times, width, Math.max(index, 0));
     at("cursor").hidden = index < 0;
     at("cursor").style.left = `${x}px`;
-    plots.moveTo(index, x, width);
+    plots.moveTo(index);
   };
+  let loop = null;
   const draw = () => {
     clearTimeout(due);
     due = null;
@@ -37,9 +38,16 @@ export function makeAxis(seek, command) {
     drawAxis(strip.querySelector("canvas"), width, axis, (i) => placeOf(axis.times, width, i));
     plots.draw(axis, width);
     moveCursor();
+    showLoop(loop, axis.times.length);
   };
   let asked = null;
   const frameAt = ({ clientX }) => nearestFrame(axis.times, width, clientX - strip.getBoundingClientRect().left);
+  const showLoop = makeLoopEdges(
+    at("rows"),
+    frameAt,
+    (frame) => placeOf(axis.times, width, frame),
+    ([start, end]) => command({ do: "set_loop", start, end }),
+  );
   const seekTo = (event) => {
     const wanted = frameAt(event);
     if (axis.times.length && wanted !== asked) seek((asked = wanted));
@@ -50,7 +58,8 @@ export function makeAxis(seek, command) {
     draw();
   }).observe(strip);
   strip.addEventListener("pointerdown", (event) => {
-    if (event.clientX - strip.getBoundingClientRect().left < GUTTER - 8) return; // the labels of the rows
+    const x = event.clientX - strip.getBoundingClientRect().left;
+    if (x < GUTTER - 8 || x > width - PAD + 8) return; // the labels of the rows, or the values
     strip.setPointerCapture(event.pointerId);
     asked = null;
     seekTo(event);
@@ -66,16 +75,17 @@ export function makeAxis(seek, command) {
     plots,
     show: (state) => {
       index = state.index;
-      const loop = String(axis.loop);
-      axis.loop = state.loop;
+      loop = state.loop;
       if (state.axis) take(axis, state.axis);
       if (state.plots) plots.take(state.plots);
       const { results, computed, ...rest } = state.axis ?? {};
       const { values, errors, ...newPlots } = state.plots ?? {};
-      if ([rest, newPlots].some((news) => Object.keys(news).length) || String(state.loop) !== loop) draw();
+      if ([rest, newPlots].some((news) => Object.keys(news).length)) draw();
       else if (results || values || errors) due ??= setTimeout(draw, GROWS_MS);
       moveCursor();
+      showLoop(loop, axis.times.length);
     },
+    draw,
   };
 }
 
@@ -109,7 +119,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const box = at("axis-hint");
   const { left, top } = strip.getBoundingClientRect();
   const plot = target.closest?.(".plot")?.dataset.name;
-  box.hidden = !axis.times.length || (plot !== undefined && clientX - left < GUTTER);
+  box.hidden = !axis.times.length || (plot !== undefined && (clientX - left < GUTTER || clientX - left > strip.clientWidth - PAD + 8));
   if (box.hidden) return;
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [

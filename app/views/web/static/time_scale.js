@@ -1,6 +1,7 @@
-// Where a frame is on the time dock, and which frame is at a place. Times are linear; the labels of the rows are left of them.
+// Where a frame is on the time dock, and which frame is at a place. Times are linear; the labels of the rows are left of
+// them, and the values of the plots right.
 export const GUTTER = 176;
-export const PAD = 14;
+export const PAD = 200;
 
 const room = (width) => Math.max(width - GUTTER - PAD, 1);
 const duration = (times) => Math.max(times.at(-1) ?? 0, 1);

@@ -39,7 +39,7 @@ export function makeTransport(command) {
       play.title = `${text} (Space)`;
     }
     if (document.activeElement !== speed) speed.value = String(state.speed);
-    const loop = state.loop ? `loop ${state.loop[0]}–${state.loop[1] ?? "end"}` : "";
+    const loop = state.loop ? `${state.loop[0]}–${state.loop[1] ?? "end"}` : "";
     if (at("loop").textContent !== loop) at("loop").textContent = loop;
     at("no-loop").hidden = !state.loop;
   };

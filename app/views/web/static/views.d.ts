@@ -121,6 +121,18 @@ export interface Group {
   crowd: CheckRow[];
 }
 
+/** A colour, and what it means; colours between two that are named have no text. */
+export interface LegendItem {
+  colour: string;
+  text: string;
+}
+
+/** The items in the order of their row; none where no tracks are drawn. */
+export interface LegendView {
+  title: string;
+  items: LegendItem[];
+}
+
 export interface MethodBlame {
   label: string;
   colour: string;
