@@ -25,7 +25,7 @@ FORK = "Fork"
 APPLY_HINT = "Starts the run again from the first frame with these methods and settings, without its branches."
 ALWAYS = ("monocular", "stereo", "integrated")
 """The methods of the paper, which always have a box; others have one where they run."""
-MORE = "choose a method"
+MORE: str = "choose a method"
 """Of the list of more methods, while none is chosen: a choice joins the boxes above."""
 RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
