@@ -20,14 +20,14 @@ from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.rerun.live import layout_of
-from ...views.web.rerun_assets import viewer_assets
+from ...views.web.rerun_assets import viewer_files
 from ..branches.stage import trajectories, visible_branches
 from .messages import finished_state, numbers_message, run_message
 from .options import Publish
 from .panels import CHUNK, fixed_panels, frame_panels
 from .private import Plain
 from .review import Review, plain_name, require_run, reviewed
-from .site import packed, page_files, viewer_files, write_site
+from .site import packed, packed_viewer, page_files, write_site
 from .stage import Stage, StageWriter
 
 COMMAND = "publish"
@@ -56,7 +56,7 @@ def publish(options: Publish) -> int:
 
 def _page(runs: int) -> dict[str, bytes]:
     try:
-        return page_files(runs) | viewer_files(viewer_assets())
+        return page_files(runs) | packed_viewer(viewer_files())
     except OSError as error:
         raise InputError(str(error)) from None
 

@@ -18,5 +18,5 @@ class Publish(Programs):
     """Folders that `ispom run` wrote. The first is shown; further ones on the same source are compared with it."""
     out: Path
     """A new or empty folder, or one that this command wrote before."""
-    max_mb: float = 20.0
+    max_mb: float = 23.0
     """Limit on the size of the folder [MB]. Images are stored in a lower quality, or left out, where it takes that."""

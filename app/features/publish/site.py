@@ -25,7 +25,7 @@ from ispom.io.files import read_bytes
 from ispom.io.whole import require_no_links, write_whole
 
 from ...views.web.files import SECURITY, STATIC
-from ...views.web.rerun_assets import NAMES
+from ...views.web.rerun_assets import SCRIPT, WASM, ViewerFiles
 from ...views.web.view_values import scripts
 
 LEFT_OUT = frozenset({"calibration.html", "calibration.js", "calibration.css"})
@@ -66,10 +66,10 @@ def published_page(html: str, runs: int) -> str:
     return html.replace(marks[1], "\n    ".join((marks[1], *head)))
 
 
-def viewer_files(folder: Path) -> dict[str, bytes]:
+def packed_viewer(viewer: ViewerFiles) -> dict[str, bytes]:
     """The Rerun viewer: its script, and its WebAssembly compressed."""
-    script, wasm = (read_bytes(folder / name, WASM_BYTES) for name in NAMES)
-    return {f"rerun/{NAMES[0]}": script, f"rerun/{NAMES[1]}.bin": gzip.compress(wasm, 9, mtime=0)}
+    wasm = gzip.compress(read_bytes(viewer.wasm, WASM_BYTES), 9, mtime=0)
+    return {f"rerun/{SCRIPT}": viewer.script, f"rerun/{WASM}.bin": wasm}
 
 
 def packed(value: Any) -> bytes:

@@ -23,9 +23,19 @@ from ..viser.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
 from .connections import Connections
-from .files import SECURITY, STATIC, VISER_SECURITY, number_of, pictures, recordings, send_file, send_one_of
+from .files import (
+    SECURITY,
+    STATIC,
+    VISER_SECURITY,
+    number_of,
+    pictures,
+    recordings,
+    send_file,
+    send_one_of,
+    send_script,
+)
 from .messages import Pane
-from .rerun_assets import NAMES
+from .rerun_assets import SCRIPT, WASM, ViewerFiles
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
 from .tape_reader import TapeReader
 from .view_values import scripts
@@ -43,8 +53,8 @@ class Backends:
     session: Session
     live: LiveStream
     viser: PortlessViser
-    assets: Callable[[], Path]
-    """The folder of the Rerun viewer's files; may take seconds the first time."""
+    viewer: Callable[[], ViewerFiles]
+    """The Rerun viewer's files; OSError where they are not there."""
     recordings: Path
     """Their folder."""
     show_tabs: Callable[[frozenset[str]], None] = lambda _: None
@@ -89,7 +99,6 @@ class Gateway:
 
     async def _listen(self, app: web.Application) -> AsyncIterator[None]:
         """Hears of what happens in other threads, as long as the server runs."""
-        self._assets = self._unpacking()
         self._states, self._grown = Wakeup(), Wakeup()
         self._people = People(self._states.ring)
         self._to.session.changes.add(self._states.ring)
@@ -97,10 +106,6 @@ class Gateway:
         yield
         self._to.session.changes.remove(self._states.ring)
         self._to.live.grown.remove(self._grown.ring)
-        self._assets.cancel()
-
-    def _unpacking(self) -> asyncio.Task[Path]:
-        return asyncio.create_task(asyncio.to_thread(self._to.assets))
 
     async def _close_sockets(self, app: web.Application) -> None:
         for socket in set(self._sockets):
@@ -158,13 +163,16 @@ class Gateway:
         return await send_file(request, path, SECURITY)
 
     async def _viewer_file(self, request: web.Request) -> web.StreamResponse:
-        if self._assets.done() and self._assets.exception() is not None:
-            self._assets = self._unpacking()  # the disk may have room by now
+        name = request.match_info["name"]
+        if name not in (SCRIPT, WASM):
+            raise web.HTTPNotFound
         try:
-            folder = await asyncio.shield(self._assets)
+            viewer = await asyncio.to_thread(self._to.viewer)
         except OSError as fault:
-            raise web.HTTPServiceUnavailable(text=f"The Rerun viewer could not be unpacked: {fault}") from fault
-        return await send_one_of(request, folder, NAMES, SECURITY)
+            raise web.HTTPServiceUnavailable(text=str(fault)) from fault
+        if name == SCRIPT:
+            return send_script(request, viewer.script, SECURITY)
+        return await send_file(request, viewer.wasm, SECURITY)
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         return await self._kept(request, recordings, {"Content-Disposition": "attachment"})

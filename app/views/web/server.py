@@ -24,7 +24,7 @@ from ..viser.screen import Screen
 from .access import LOOPBACK, Access, checked_base, checked_host
 from .connections import Connections, listener, runner_of
 from .gateway import Backends, Gateway
-from .rerun_assets import viewer_assets
+from .rerun_assets import viewer_files
 
 CLOSE_S = 1.1
 """For the recording to be closed after Ctrl-C."""
@@ -135,7 +135,7 @@ def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     screen.start()
     for module in modules("painter"):
         module.PAINTER(session, live).start()
-    return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_tabs)
+    return Backends(session, live, screen.viser, viewer_files, session.recordings_dir, screen.show_tabs)
 
 
 def _name(host: str) -> str:

@@ -20,7 +20,7 @@ from ispom_app.views.viser.portless import PortlessViser
 from ispom_app.views.web.access import Access
 from ispom_app.views.web.connections import Connections, runner_of
 from ispom_app.views.web.gateway import Backends, Gateway
-from ispom_app.views.web.rerun_assets import NAMES
+from ispom_app.views.web.rerun_assets import WASM, ViewerFiles
 
 T = TypeVar("T")
 COOKIE = "ispom-test"
@@ -107,10 +107,9 @@ def serving(
 
 @asynccontextmanager
 async def served(folder: Path, viser: PortlessViser | None, access: Access) -> AsyncIterator[Served]:
-    for name in NAMES:
-        (folder / name).write_bytes(b"viewer")
+    (folder / WASM).write_bytes(b"viewer")
     session, live, tabs = FakeSession(folder), FakeLive(), []
-    backends = Backends(session, live, viser, lambda: folder, folder, tabs.append)  # type: ignore[arg-type]
+    backends = Backends(session, live, viser, lambda: ViewerFiles(b"script", folder / WASM), folder, tabs.append)  # type: ignore[arg-type]
     gateway = Gateway(backends, access, COOKIE)
     runner = runner_of(gateway.app)
     await runner.setup()

@@ -40,11 +40,8 @@ STEP_BACK = """async (from) => {
 }"""
 """The time from the command to the new state in the page [ms], when nothing is drawn meanwhile."""
 
-HEAPS = """async () => [
-  window.ispom.viewer.handle ? (await wasm_bindgen()).memory.buffer.byteLength : 0,
-  performance.memory.usedJSHeapSize,
-]"""
-"""Of the renderer's memory [bytes]: the Rerun viewer's, which never shrinks, and JavaScript's."""
+HEAP = "performance.memory.usedJSHeapSize"
+"""Of the renderer's memory, JavaScript's [bytes]. The Rerun viewer's, which never shrinks, is not to be had."""
 
 
 def sampled(page: Page, app: App, say: Callable[[str], object], branch: int) -> None:
@@ -56,12 +53,11 @@ def sampled(page: Page, app: App, say: Callable[[str], object], branch: int) -> 
         if time.monotonic() >= due or over:
             due = time.monotonic() + EVERY_S
             browser, own = memory.of_browser(), memory.of_app(app.process.pid)
-            viewers, script = page.tab.evaluate(HEAPS)
             kinds = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in browser.most_common())
-            heaps = f"of the renderer's the viewer's heap {viewers / 1e6:.0f} and scripts {script / 1e6:.0f}"
+            heap = f"of the renderer's scripts {page.tab.evaluate(HEAP) / 1e6:.0f}"
             say(
                 f"{time.monotonic() - began:6.0f} s  frame {state['computed']:5d}  {behind or 'drawn':32}"
-                f"browser {browser.total() / 1e6:5.0f} MB ({kinds}; {heaps})"
+                f"browser {browser.total() / 1e6:5.0f} MB ({kinds}; {heap})"
                 f"  app {own.total() / 1e6:5.0f} MB"
                 f"  both {(browser + own).total() / 1e6:5.0f} MB"
             )

@@ -28,7 +28,7 @@ EVERYWHERE = (
     "/viser",
     "/viser/",
     "/web/app.js",
-    "/rerun/re_viewer.js",
+    "/rerun/viewer.js",
     "/recordings/run.rrd",
     "/pictures/run.jpg",
     "/no",
@@ -118,7 +118,7 @@ def test_another_sites_page_gets_no_file_although_the_browser_sends_the_cookie(t
 
     async def check(at: Served) -> None:
         fetched = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "script"}
-        assert await at.status("/rerun/re_viewer.js", fetched) == 403  # type: ignore[arg-type]
+        assert await at.status("/rerun/viewer.js", fetched) == 403  # type: ignore[arg-type]
         framed = fetched | {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "iframe"}
         assert await at.status("/", framed) == 403  # type: ignore[arg-type]
         linked = fetched | {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}

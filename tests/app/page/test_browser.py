@@ -135,11 +135,11 @@ class Page:
         self.tab.add_init_script(before)
         if viewer is not None:
             script = {"body": viewer, "content_type": "text/javascript"}
-            self.tab.route("**/rerun/re_viewer.js", lambda route: route.fulfill(**script))
+            self.tab.route("**/rerun/viewer.js", lambda route: route.fulfill(**script))
             self.tab.route("**/rerun/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
         if after_viewer:
             self.tab.route(
-                "**/rerun/re_viewer.js",
+                "**/rerun/viewer.js",
                 lambda route: route.fulfill(body=route.fetch().text() + after_viewer, content_type="text/javascript"),
             )
         self.tab.goto(url)
@@ -207,8 +207,9 @@ def test_rerun_starts_and_follows_the_time_shown(page: Page):
 
 
 VIEWER = """async () => {
-  const { stateOf } = await import(new URL("web/viewer_control.js", document.baseURI));
-  return JSON.stringify(stateOf(window.ispom.viewer.handle.viewer_state()));
+  const { recordings } = await window.ispom.viewer.handle.get_state();
+  const serial = ({ timelines }) => Number(timelines.find(({ name }) => name === "stage")?.time_range?.end ?? 0);
+  return JSON.stringify({ recordings: recordings.map((each) => ({ id: each.store_id, serial: serial(each) })) });
 }"""
 
 

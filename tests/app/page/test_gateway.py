@@ -21,7 +21,7 @@ from ispom_app.views.rerun.tape import Tape
 from ispom_app.views.viser.portless import PortlessViser
 from ispom_app.views.web import files
 from ispom_app.views.web.messages import Pane, command_of, message_of
-from ispom_app.views.web.rerun_assets import viewer_assets
+from ispom_app.views.web.rerun_assets import ViewerFiles, viewer_files
 from ispom_app.views.web.tape_reader import HEAD
 
 from tests.app.helpers import wait_for
@@ -78,19 +78,18 @@ def test_pictures_of_runs_and_recordings_are_served_and_no_other_images(tmp_path
     serving(tmp_path, check)
 
 
-def test_viewer_files_that_could_not_be_unpacked_are_tried_again(tmp_path: Path):
-    full = [True]
+def test_viewer_files_that_were_not_there_are_looked_for_again(tmp_path: Path):
+    missing = [True]
 
-    def assets() -> Path:
-        if full:
-            raise OSError("No space left on device")
-        return tmp_path
+    def files() -> ViewerFiles:
+        if missing:
+            raise OSError("it is not there")
+        return ViewerFiles(b"script", tmp_path / "re_viewer_bg.wasm")
 
     async def check(at: Served) -> None:
-        at.gateway._to = replace(at.gateway._to, assets=assets)
-        at.gateway._assets = at.gateway._unpacking()
+        at.gateway._to = replace(at.gateway._to, viewer=files)
         assert [await at.status("/rerun/re_viewer_bg.wasm") for _ in range(2)] == [503, 503]
-        full.clear()
+        missing.clear()
         assert await at.status("/rerun/re_viewer_bg.wasm") == 200
 
     serving(tmp_path, check)
@@ -118,13 +117,15 @@ def test_the_page_may_speak_to_its_own_server_only(tmp_path: Path):
 
 def test_after_an_upgrade_browsers_get_the_new_viewer(tmp_path: Path):
     async def check(at: Served) -> None:
-        url = f"{at.url}rerun/re_viewer.js"
+        script = [b"this version"]
+        at.gateway._to = replace(at.gateway._to, viewer=lambda: ViewerFiles(script[0], tmp_path))
+        url = f"{at.url}rerun/viewer.js"
         async with at.client.get(url) as found:
             assert found.headers["Cache-Control"] == "no-cache"
             tag = found.headers["ETag"]
         async with at.client.get(url, headers={"If-None-Match": tag}) as found:
             assert found.status == 304
-        (tmp_path / "re_viewer.js").write_bytes(b"the next version")
+        script[0] = b"the next version"
         async with at.client.get(url, headers={"If-None-Match": tag}) as found:
             assert await found.read() == b"the next version"
 
@@ -356,9 +357,8 @@ def test_a_state_is_plain_json():
 
 
 def test_the_viewer_comes_out_of_the_wheel():
-    folder = viewer_assets()
-    assert (folder / "re_viewer_bg.wasm").read_bytes()[:4] == b"\0asm"
-    script = (folder / "re_viewer.js").read_text()
+    viewer = viewer_files()
+    assert viewer.wasm.read_bytes()[:4] == b"\0asm"
     # The parts of the viewer's interface that the page stands on.
-    for part in ("class WebHandle", "viewer_control(request_bytes)", "start(canvas)", "send_rrd_to_channel(id, data)"):
-        assert part in script
+    for part in ("get_time_range(", "get_active_recording_id(", "set_blueprint(", "open_channel(", "set_time("):
+        assert f"\n  {part}" in viewer.script.decode() or f"\n  async {part}" in viewer.script.decode()

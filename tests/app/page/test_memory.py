@@ -14,8 +14,8 @@ MOST_BYTES = 1_500_000_000
 """Of all Chromium's processes, software graphics included."""
 RUNS, RELOADS = 4, 2
 HELD = """async () => {
-  const { stateOf } = await import(new URL("web/viewer_control.js", document.baseURI));
-  return JSON.stringify(stateOf(window.ispom.viewer.handle.viewer_state()).recordings.map(({ id }) => id));
+  const { recordings } = await window.ispom.viewer.handle.get_state();
+  return JSON.stringify(recordings.map(({ store_id }) => store_id));
 }"""
 
 

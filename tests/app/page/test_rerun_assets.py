@@ -1,64 +1,43 @@
-"""Unpacking the Rerun viewer: out of the wheel's module alone, without a process or a port, or with one sentence."""
+"""The files of the Rerun viewer: as rerun-notebook has them, but for two places of the script; or one sentence."""
 
 from __future__ import annotations
 
-import hashlib
-import socket
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from ispom_app.views.web import rerun_assets
-
-import ispom.child
-
-SHA256 = {
-    "re_viewer.js": "a11442cae181e4e2087a0fe9d791ec03e5b4932474915a686f9e17678e7afeb5",
-    "re_viewer_bg.wasm": "ae2e0f964bf123d4c540bd9d5f172b93cf7e827508c662f2b54ab0c7578309ec",
-}
-"""Of the files that the wheel's own server gives out, in version 0.41.0."""
+from ispom_app.views.web.rerun_assets import files_in, viewer_files
 
 
-def digests(folder: Path) -> dict[str, str]:
-    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in rerun_assets.NAMES}
+def test_they_are_of_the_version_that_writes_the_recordings():
+    assert version("rerun-notebook") == version("rerun-sdk")
 
 
-@pytest.mark.skipif(version("rerun-sdk") != "0.41.0", reason="the digests are of this version")
-def test_the_files_are_those_of_the_wheel_and_nothing_listens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("unpacking starts a process or opens a socket")
-
-    monkeypatch.setattr(socket, "socket", refuse)
-    monkeypatch.setattr(ispom.child.subprocess, "Popen", refuse)
-    assert digests(rerun_assets.viewer_assets(tmp_path)) == SHA256
-
-
-def test_files_in_the_cache_that_another_process_answered_are_replaced(tmp_path: Path) -> None:
-    folder = tmp_path / version("rerun-sdk")
-    folder.mkdir()
-    for name in rerun_assets.NAMES:  # as earlier versions left them: from whatever answered on the port
-        (folder / name).write_text("alert('mine now')")
-    found = rerun_assets.viewer_assets(tmp_path)
-    assert (found / "re_viewer_bg.wasm").read_bytes()[:4] == b"\0asm"
-    assert (found / "re_viewer.js").read_text().startswith("let wasm_bindgen")
+def test_the_script_exports_the_class_and_has_the_page_fetch_the_rest() -> None:
+    found = viewer_files()
+    own = [line.strip() for line in (found.wasm.parent / "widget.js").read_text().splitlines()]
+    served, known = [line.strip() for line in found.script.decode().splitlines()], set(own)
+    added = [line for line in served if line not in known]
+    assert added == ['return (await import("../web/rerun.js")).wasm();', "export { WebViewer };"]
+    assert found.wasm.read_bytes()[:4] == b"\0asm" and len(own) - len(served) < 12
 
 
-def test_they_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = rerun_assets.viewer_assets(tmp_path)
-    monkeypatch.setattr(rerun_assets, "_assets", lambda _: pytest.fail("read again"))
-    assert rerun_assets.viewer_assets(tmp_path) == found
+def test_nothing_of_a_notebook_is_imported() -> None:
+    viewer_files()
+    assert "rerun_notebook" not in sys.modules
 
 
-def test_a_module_without_them_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = tmp_path / "rerun_bindings.so"
-    module.write_bytes(b"ELF" + rerun_assets.MAGIC + b"\1\2xx" + b"\xff" * 9)
-    monkeypatch.setattr(rerun_assets, "_module", lambda: module)
-    with pytest.raises(OSError, match="cannot be unpacked") as caught:
-        rerun_assets.viewer_assets(tmp_path)
+def test_another_form_of_the_script_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "re_viewer_bg.wasm").write_bytes(b"\0asm")
+    (tmp_path / "widget.js").write_text("var WebViewer = class {};\nexport { widget as default };\n")
+    with pytest.raises(OSError, match="install the rerun-notebook that is named") as caught:
+        files_in(tmp_path)
     assert "\n" not in str(caught.value)
 
 
-def test_without_a_place_for_it_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rerun_assets, "cache_folder", lambda _: None)
-    with pytest.raises(OSError, match="make the home folder or the temporary one writable"):
-        rerun_assets.viewer_assets()
+def test_a_package_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rerun_assets, "find_spec", lambda _: None)
+    with pytest.raises(OSError, match="install rerun-notebook"):
+        viewer_files()

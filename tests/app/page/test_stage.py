@@ -35,11 +35,9 @@ SHOWN = """(() => {
 })()"""
 """The recording and frame that the views show, and the frame that they are taking in."""
 SHORT_OF_MEMORY = """
-const Whole = wasm_bindgen.WebHandle;
-wasm_bindgen.WebHandle = class extends Whole {
-  constructor(options) {
-    super({ ...options, memory_limit: "1MB" });
-  }
+const start = WebViewer.prototype.start;
+WebViewer.prototype.start = function (rrd, parent, options) {
+  return start.call(this, rrd, parent, { ...options, memory_limit: "1MB" });
 };
 """
 

@@ -78,41 +78,41 @@ def test_frames_are_left_out_while_the_viewer_takes_one_in(page: Staged):
 def test_earlier_runs_leave_the_viewer(page: Staged):
     page.tab.evaluate("window.fake.stores = ['Recording:ispom:an-earlier-run']")
     page.until("window.fake.stores.length === 0", "the earlier run to be closed")
-    _, message = page.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 1)")
+    _, message = page.tab.evaluate("window.fake.asked.findLast(([name]) => name === 'close')")
     assert "Recording:ispom:an-earlier-run" in message and page.state["recording_id"] not in message
 
 
 def test_hiding_a_layer_changes_that_and_nothing_else(page: Staged):
     page.controls.get_by_role("tab", name="View").click()
-    count_messages = "window.fake.asked.filter(([kind]) => kind === 14).length"
+    count_messages = "window.fake.asked.filter(([name]) => name === 'set_blueprint').length"
     before, hidden = page.tab.evaluate(count_messages), len(page.state["hidden"])
     page.controls.get_by_text("ground truth", exact=True).first.click()
     page.until(f"state.hidden.length === {hidden + 1}", "the layer to be hidden")
     page.until(f"{count_messages} === {before + 1}", "the viewer to be told")
-    _, message = page.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
+    _, message = page.tab.evaluate("window.fake.asked.findLast(([name]) => name === 'set_blueprint')")
     assert re.search(r'overrides/world/truth/visualizers":{"EntityBehavior":{"visible":\[false\]}}}', message)
-    count = page.tab.evaluate("window.fake.asked.filter(([kind]) => kind === 14).length")
+    count = page.tab.evaluate("window.fake.asked.filter(([name]) => name === 'set_blueprint').length")
     page.controls.get_by_text("ground truth", exact=True).first.click()
-    page.until(f"window.fake.asked.filter(([kind]) => kind === 14).length === {count + 1}", "it to be shown again")
-    _, message = page.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
+    page.until(
+        f"window.fake.asked.filter(([name]) => name === 'set_blueprint').length === {count + 1}", "it to be shown again"
+    )
+    _, message = page.tab.evaluate("window.fake.asked.findLast(([name]) => name === 'set_blueprint')")
     assert '"visible":[true]' in message
     page.stays(20)
 
 
 def test_a_click_in_a_view_is_passed_on_with_the_frame_that_the_views_show(page: Staged):
     page.tab.evaluate(
-        "window.fake.options.on_viewer_event(JSON.stringify({ type: 'selection_change', items: [{ type: 'entity',"
-        " entity_path: '/video/image', view_name: 'Video', position: [40.5, 30.5, null] }] }))"
+        "window.fake.pick({ type: 'selection_change', items: [{ type: 'entity',"
+        " entity_path: '/video/image', view_name: 'Video', position: [40.5, 30.5, null] }] })"
     )
     page.until("state.selected.startsWith('track:')", "the nearest track")
-    page.tab.evaluate(
-        "window.fake.options.on_viewer_event(JSON.stringify({ type: 'selection_change', items: [{ type: 'view' }] }))"
-    )
+    page.tab.evaluate("window.fake.pick({ type: 'selection_change', items: [{ type: 'view' }] })")
     page.send("{do: 'select', what: ''}")
     page.until("state.selected === ''", "nothing to be selected, and nothing to come of a view")
 
 
-EYES = "window.fake.asked.filter(([kind, text]) => kind === 14 && text.includes('EyeControls3D'))"
+EYES = "window.fake.asked.filter(([name, text]) => name === 'set_blueprint' && text.includes('EyeControls3D'))"
 
 
 def test_the_eye_goes_where_a_button_says_and_back_with_a_key(page: Staged):
@@ -147,16 +147,16 @@ def test_a_hand_that_turns_the_view_is_left_alone_until_the_path_is_framed_again
 
 def test_the_viewer_has_no_time_controls_of_its_own_and_a_limit_of_memory(page: Staged):
     """Its play button and timelines beside the page's would be two that disagree."""
-    options = page.tab.evaluate("({ ...window.fake.options, on_viewer_event: null })")
-    assert options["panel_state_overrides"] == dict.fromkeys(("top", "blueprint", "selection", "time"), "Hidden")
-    assert re.fullmatch(r"\d{3,4}MB", options["memory_limit"])
+    hidden = dict.fromkeys(("top", "blueprint", "selection", "time"), "hidden")
+    assert page.tab.evaluate("window.fake.panels") == hidden
+    assert re.fullmatch(r"\d{3,4}MB", page.tab.evaluate("window.fake.options.memory_limit"))
 
 
 def test_a_viewer_that_died_says_so_and_can_be_started_again(browser, app: App):  # noqa: F811
     page = Staged(browser, app.url, viewer=FAKE)
     page.tab.locator("#cover").wait_for(state="hidden")
     page.tab.evaluate("window.fake.panicked = true")
-    page.tab.get_by_text("The Rerun viewer stopped working (out of memory). The run continues.").wait_for()
+    page.tab.get_by_text("The Rerun viewer stopped working. The run continues.").wait_for()
     page.tab.get_by_role("button", name="Start the viewer again").click()
     page.tab.locator("#cover").wait_for(state="hidden")
     page.until("window.fake && !window.fake.panicked", "the page to be loaded again")

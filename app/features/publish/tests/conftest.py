@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.publish import command
-from ispom_app.views.web.rerun_assets import NAMES
+from ispom_app.views.web.rerun_assets import ViewerFiles
 
 from tests import doubles
 from tests.sequences.kitti_folder import make_drive
@@ -34,11 +34,10 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.fixture(scope="session")
 def publish(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., int]]:
     """Calls `ispom publish`; the Rerun viewer's files are short ones."""
-    viewer = tmp_path_factory.mktemp("viewer")
-    for name in NAMES:
-        (viewer / name).write_text("// viewer")
+    wasm = tmp_path_factory.mktemp("viewer") / "viewer.wasm"
+    wasm.write_text("// viewer")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command, "viewer_assets", lambda: viewer)
+        patch.setattr(command, "viewer_files", lambda: ViewerFiles(b"// viewer", wasm))
         yield lambda *words: main(["publish", *map(str, words)])
 
 

@@ -11,6 +11,7 @@ const HEAD_BYTES = 12;
 export function feedLive(handle, news, parting) {
   const stage = {
     run: "",
+    channel: null, // of the viewer, for the run
     recording: null, // id of the run's, in the viewer
     shown: null, // { recording, index, complete } that the views show
     wanted: null, // the frame that they are to show
@@ -27,7 +28,7 @@ export function feedLive(handle, news, parting) {
     Object.assign(stage, { wanted: index, hurried });
     ask(stage);
   };
-  stage.heard = (recordings) => heard(stage, recordings);
+  stage.heard = (serialOf) => heard(stage, serialOf);
   connect(stage, handle, news, parting);
   return stage;
 }
@@ -43,7 +44,7 @@ function connect(stage, handle, news, parting) {
     if (typeof data === "string") {
       if (stage.run) await parting();
       begin(stage, handle, JSON.parse(data));
-    } else take(stage, handle, data);
+    } else take(stage, data);
     news();
   };
   socket.onmessage = ({ data }) => (given = given.then(() => give(data)));
@@ -51,24 +52,22 @@ function connect(stage, handle, news, parting) {
 }
 
 function begin(stage, handle, { run, recording }) {
-  if (stage.run) handle.close_channel(stage.run);
-  Object.assign(stage, { run, recording: `Recording:ispom:${recording}` });
-  handle.open_channel(run, "run");
+  stage.channel?.close();
+  Object.assign(stage, { run, recording: `Recording:ispom:${recording}`, channel: handle.open_channel("run") });
 }
 
-function take(stage, handle, data) {
+function take(stage, data) {
   const head = new DataView(data);
   stage.serial = head.getUint32(0);
   const [index, complete] = [head.getUint32(4), head.getUint8(8) !== 0];
   stage.unread.push({ serial: stage.serial, recording: stage.recording, index, complete });
   stage.givenAt = performance.now();
-  handle.send_rrd_to_channel(stage.run, new Uint8Array(data, HEAD_BYTES));
+  stage.channel.send_rrd(new Uint8Array(data, HEAD_BYTES));
 }
 
-// What the viewer says of its recordings: messages that it has taken in are drawn.
-function heard(stage, recordings) {
-  const serials = new Map(recordings.map(({ id, serial }) => [id, serial]));
-  const isRead = ({ serial, recording }) => serial <= (serials.get(recording) ?? (recording === stage.recording ? -1 : Infinity));
+// Messages that the viewer has taken in are drawn. `serialOf` gives the last one of a recording, null where there is none.
+function heard(stage, serialOf) {
+  const isRead = ({ serial, recording }) => serial <= (serialOf(recording) ?? (recording === stage.recording ? -1 : Infinity));
   while (stage.unread.length && isRead(stage.unread[0])) {
     const { recording, index, complete } = stage.unread.shift();
     stage.shown = { recording, index, complete };

@@ -2,9 +2,8 @@
 // cursor follows the page. Of the form of the file see app/features/publish/stage.py.
 import { afterFrames } from "./frames.js";
 import { published, unpacked } from "./published.js";
-import { showFrame } from "./viewer_control.js";
+import { isActive, showFrame } from "./viewer_control.js";
 
-const RUN = "published"; // name of the channel
 const SETTLED_FRAMES = 3; // in which the viewer makes a layout that it was given its own
 
 // As feedLive of live.js; `data` says which recording it is, and the last frame of each piece. `control` sends a message to
@@ -25,10 +24,9 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     stage.wanted = index;
     ask();
   };
-  stage.heard = (recordings) => {
-    const own = recordings.find(({ id }) => id === stage.recording);
-    stage.taken = own?.serial ?? 0;
-    if (own) laidOut();
+  stage.heard = (serialOf) => {
+    stage.taken = serialOf(stage.recording) ?? 0;
+    if (isActive(handle, stage.recording)) laidOut();
     ask();
   };
   let laidOut;
@@ -49,9 +47,9 @@ export function feedPublished(handle, news, control, { recording, frames }) {
     if (done) news();
   }
   async function feed() {
-    handle.open_channel(RUN, "run");
+    const channel = handle.open_channel("run");
     for await (const piece of pieces(await unpacked(`${published}/stage.bin`))) {
-      handle.send_rrd_to_channel(RUN, piece);
+      channel.send_rrd(piece);
       if (++stage.given === 0) await settled; // a command before that would make an automatic layout
       news();
     }

@@ -5,7 +5,8 @@ import { feedLive } from "./live.js";
 import { feedPublished } from "./published_stage.js";
 import { published, unpacked } from "./published.js";
 import { makeEye } from "./stage_view.js";
-import { closeRecordings, redraw, stateOf, updateBlueprint } from "./viewer_control.js";
+import "./random_uuid.js";
+import { closeOthers, redraw, serialOf, showsAnother, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
 const APPLICATION = "ispom";
@@ -22,7 +23,7 @@ export function openViewer(pick, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn };
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
-  const heard = (event) => event.type === "selection_change" && picked(viewer, event, pick);
+  const heard = (event) => picked(viewer, event, pick);
   // Not before the source is open: starting takes seconds of processor time. With the first frame would be too late:
   // that would be out of date when the viewer has started.
   viewer.start = () => {
@@ -30,7 +31,7 @@ export function openViewer(pick, drawn) {
     start(canvas, heard).then(
       (handle) => {
         viewer.handle = handle;
-        viewer.stage = feed(viewer, canvas);
+        viewer.stage = feed(viewer);
         setInterval(() => watch(viewer), WATCH_MS);
       },
       (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls on the left work without it.`, true),
@@ -43,32 +44,40 @@ export function openViewer(pick, drawn) {
     if (state.total) viewer.start();
     if (viewer.handle) watch(viewer);
   };
-  viewer.picture = () => pictureOf(viewer, canvas);
+  viewer.picture = () => pictureOf(viewer);
   return viewer;
 }
 
 // What the viewer shows comes from the server, or from the file of a published page.
-function feed(viewer, canvas) {
+function feed(viewer) {
   const news = () => watch(viewer);
   if (published) return feedPublished(viewer.handle, news, (message) => control(viewer, message), viewer.state.recorded);
-  return feedLive(viewer.handle, news, () => keepStill(viewer, canvas));
+  return feedLive(viewer.handle, news, () => keepStill(viewer));
 }
 
-async function start(canvas, onEvent) {
+async function start(canvas, onPick) {
   at("loaded").hidden = false;
-  await wasm_bindgen({ module_or_path: published ? compressed("rerun/re_viewer_bg.wasm.bin") : counted("rerun/re_viewer_bg.wasm") });
-  say("Starting the Rerun viewer …");
-  const handle = new wasm_bindgen.WebHandle({
+  const { WebViewer } = await import(new URL("rerun/viewer.js", document.baseURI));
+  const handle = new WebViewer();
+  handle.on("selection_change", onPick);
+  await handle.start(null, canvas.firstElementChild, {
+    width: "100%",
+    height: "100%",
     hide_welcome_screen: true,
     persist: false,
     memory_limit: MEMORY,
     theme: "system",
-    // The page has the time, and the only controls of it: two that disagree are worse than one.
-    panel_state_overrides: { top: "Hidden", blueprint: "Hidden", selection: "Hidden", time: "Hidden" },
-    on_viewer_event: (text) => onEvent(JSON.parse(text)),
   });
-  await handle.start(canvas);
+  // The page has the time, and the only controls of it: two that disagree are worse than one.
+  for (const panel of ["top", "blueprint", "selection", "time"]) handle.override_panel_state(panel, "hidden");
   return handle;
+}
+
+// The viewer's WebAssembly, for its own script (app/views/web/rerun_assets.py).
+export async function wasm() {
+  const found = await (published ? compressed("rerun/re_viewer_bg.wasm.bin") : counted("rerun/re_viewer_bg.wasm"));
+  say("Starting the Rerun viewer …");
+  return found;
 }
 
 // The WebAssembly, with a bar that shows how much of it is there.
@@ -102,9 +111,10 @@ function say(text, ended = false) {
 }
 
 // A copy of what the viewer shows; null where it shows nothing, or draws nothing for so long.
-async function pictureOf(viewer, canvas, patience = PICTURE_MS) {
+async function pictureOf(viewer, patience = PICTURE_MS) {
   const { handle, shown, stage } = viewer;
-  if (!handle || handle.has_panicked() || !at("cover").hidden) return null;
+  if (!handle?.ready || !at("cover").hidden) return null;
+  const { canvas } = handle;
   return new Promise((done) => {
     setTimeout(done, patience, null);
     afterFrames(() => {
@@ -135,29 +145,24 @@ function watch(viewer) {
 function bring(viewer) {
   const { handle, state, stage } = viewer;
   if (!stage || viewer.died) return;
-  if (handle.has_panicked()) return died(viewer);
+  if (!handle.ready) return died(viewer);
   const id = `Recording:${APPLICATION}:${state.recording_id}`;
-  const found = stateOf(handle.viewer_state());
   if (state.index >= 0) stage.want(state.index, !state.playing || !viewer.source);
-  stage.heard(found.recordings);
+  stage.heard((recording) => serialOf(handle, recording));
   if (stage.fault) return say(stage.fault, true);
-  const recording = found.recordings.find((each) => each.id === id);
-  const isShown = stage.shown?.recording === id;
+  const isShown = stage.shown?.recording === id && serialOf(handle, id) !== null;
   viewer.drawn({
     playing: state.playing,
     wanted: state.index,
-    shown: isShown && recording ? stage.shown : null,
+    shown: isShown ? stage.shown : null,
     coming: stage.unread[0]?.index ?? stage.shown?.index,
     other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
   });
   if (!viewer.source) at("viewer").classList.add("starting");
-  if (!isShown || !recording) return;
+  if (!isShown) return;
   if (at("viewer").classList.contains("starting")) reveal(viewer);
   viewer.source = state.source;
-  close(
-    viewer,
-    found.recordings.filter((each) => each.id !== id),
-  );
+  if (viewer.shown !== id || showsAnother(handle, id)) control(viewer, closeOthers(id));
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: null });
   showLayers(viewer, id);
   viewer.eye.show(id);
@@ -173,8 +178,8 @@ function picked({ stage }, { items }, pick) {
 
 // The viewer takes in a little of the stream with each frame that it draws, and where graphics are software a frame takes
 // long. Until it has a first frame it draws a tiny one: under the cover, or under a still picture of the run before.
-async function keepStill(viewer, canvas) {
-  const picture = at("viewer").classList.contains("starting") ? null : await pictureOf(viewer, canvas, STILL_MS);
+async function keepStill(viewer) {
+  const picture = at("viewer").classList.contains("starting") ? null : await pictureOf(viewer, STILL_MS);
   if (!picture) return;
   at("still").replaceChildren(picture);
   at("viewer").classList.add("starting");
@@ -192,9 +197,6 @@ function reveal(viewer) {
   setTimeout(lift, REVEAL_MS);
 }
 
-// The page shows one run; once its first frame is drawn, what the viewer holds of earlier ones is memory for nothing.
-const close = (viewer, recordings) => recordings.length && control(viewer, closeRecordings(recordings.map((each) => each.id)));
-
 // The layers whose visibility changed, in the layout as it is: views, camera and time stay.
 function showLayers(viewer, store) {
   const hidden = new Set(viewer.state.hidden);
@@ -205,10 +207,10 @@ function showLayers(viewer, store) {
   control(viewer, updateBlueprint(store, Object.fromEntries([...changed].map(visible))));
 }
 
-// An answer comes with the viewer's next frame. False where it refused: what was asked about is not there (yet).
-async function control(viewer, message) {
+// False where the viewer refused.
+async function control(viewer, order) {
   try {
-    await viewer.handle.viewer_control(message);
+    await order(viewer.handle);
     return true;
   } catch {
     return false;
@@ -219,7 +221,5 @@ function died(viewer) {
   viewer.died = true;
   viewer.drawn(null);
   document.body.dataset.viewer = "died";
-  say(`The Rerun viewer stopped working (${reason(viewer.handle)}). The run continues.`, true);
+  say("The Rerun viewer stopped working. The run continues.", true);
 }
-
-const reason = (handle) => (handle.panic_message() ?? "unknown fault").split("\n")[0].slice(0, 200);

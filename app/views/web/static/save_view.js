@@ -14,7 +14,7 @@ export function openSaving(name, viewer, tell) {
     button.disabled = true;
     try {
       const drawn = await viewer.picture();
-      const canvas = await pictureOf(document, new Map([[document.getElementById("canvas"), drawn]]));
+      const canvas = await pictureOf(document, new Map([[document.querySelector("#canvas canvas"), drawn]]));
       keep(await new Promise((done) => canvas.toBlob(done)), `${name()}.png`);
       if (!drawn) tell("The Rerun viewer drew nothing: its place in the picture is empty.");
     } catch (fault) {
