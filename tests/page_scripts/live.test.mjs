@@ -32,10 +32,13 @@ let fed;
 beforeEach(async () => {
   sockets = [];
   const calls = [];
+  let opened = 0;
   const handle = {
-    open_channel: (name) => calls.push(`open ${name}`),
-    close_channel: (name) => calls.push(`close ${name}`),
-    send_rrd_to_channel: (name, bytes) => calls.push(`${bytes.length} bytes to ${name}`),
+    open_channel: () => {
+      const name = `run${++opened}`;
+      calls.push(`open ${name}`);
+      return { send_rrd: (bytes) => calls.push(`${bytes.length} bytes to ${name}`), close: () => calls.push(`close ${name}`) };
+    },
   };
   const stage = feedLive(
     handle,
@@ -48,7 +51,7 @@ beforeEach(async () => {
     await settle();
   };
   socket.onopen();
-  fed = { stage, socket, calls, give, heard: (serial, id = "Recording:ispom:r1") => stage.heard([{ id, serial }]) };
+  fed = { stage, socket, calls, give, heard: (serial, of = "Recording:ispom:r1") => stage.heard((id) => (id === of ? serial : null)) };
   await give(JSON.stringify({ run: "run1", recording: "r1" }));
 });
 
@@ -106,7 +109,7 @@ test("another run closes the channel of the one before, after the page took leav
   await give(JSON.stringify({ run: "run2", recording: "r2" }));
   assert.deepEqual(calls.slice(2), ["parting", "close run1", "open run2"]);
   await give(message(6, 0));
-  stage.heard([]); // the viewer holds neither: the old one is gone, the new one has not begun
+  stage.heard(() => null); // the viewer holds neither: the old one is gone, the new one has not begun
   assert.equal(stage.shown.recording, "Recording:ispom:r1");
   heard(6, "Recording:ispom:r2");
   assert.equal(stage.shown.recording, "Recording:ispom:r2");

@@ -1,34 +1,76 @@
-// Messages are read back here by the general rules of protobuf, independently of the script.
+// What the page orders of the Rerun viewer.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { closeRecordings, redraw, stateOf, updateBlueprint } from "../../app/views/web/static/viewer_control.js";
+import {
+  closeOthers,
+  isActive,
+  redraw,
+  serialOf,
+  showFrame,
+  showsAnother,
+  updateBlueprint,
+} from "../../app/views/web/static/viewer_control.js";
 
-const varint = (value) => (value < 128 ? [value] : [(value % 128) | 128, ...varint(Math.floor(value / 128))]);
-const number = (tag, value) => [...varint(tag * 8), ...varint(value)];
-const nested = (tag, ...parts) => [...varint(tag * 8 + 2), ...varint(parts.flat().length), ...parts.flat()];
-const text = (tag, value) => nested(tag, [...new TextEncoder().encode(value)]);
+const OWN = "Recording:ispom:own";
 
-test("requests are as viewer_control.proto has them", () => {
-  const cursor = nested(6, text(1, "Recording:ispom:é"), nested(2, text(1, "stage")), nested(3, number(1, 0)), number(5, 1));
-  assert.deepEqual([...redraw("Recording:ispom:é")], cursor);
-  assert.deepEqual([...closeRecordings(["a", "b"])], nested(1, nested(3, text(1, "a"), text(1, "b"))));
-  const layout = { "/viewport": { x: 1 } };
-  assert.deepEqual([...updateBlueprint("a", layout)], nested(14, text(2, JSON.stringify(layout)), nested(3, text(1, "a")), number(5, 2)));
-});
+// A WebViewer that shows the recording `active`, of these that it holds.
+function viewer({ active = "own", stores = [OWN] } = {}) {
+  const asked = [];
+  let layout = { "/viewport": { Viewport: { share: 1 } } };
+  const web = {
+    set_time: async (given) => asked.push(given),
+    get_state: async () => ({ recordings: stores.map((store_id) => ({ store_id })) }),
+    close: async (given) => asked.push(given),
+    get_blueprint: async () => ({ blueprint: structuredClone(layout) }),
+    set_blueprint: async (given) => {
+      layout = given;
+    },
+    get_time_range: (recording) => (recording === "own" ? { min: 0, max: 70_000 } : null),
+    get_active_recording_id: () => active,
+  };
+  return { web, asked, layout: () => layout };
+}
 
-test("the viewer's state names what is on the screen, and the newest message", () => {
-  const range = (timeline, newest) => nested(2, nested(1, text(1, timeline)), nested(3, number(1, 0), number(2, newest)));
-  const shown = nested(3, text(1, "one"), range("exposure", 5000), range("stage", 70_000), number(5, 1));
-  const state = stateOf(Uint8Array.from([...text(2, "one"), ...shown, ...nested(3, text(1, "two")), ...number(99, 2 ** 40)]));
-  assert.deepEqual(state, {
-    active: "one",
-    recordings: [
-      { id: "one", serial: 70_000 },
-      { id: "two", serial: 0 },
+test("time is set in a recording, and nothing plays", async () => {
+  const { web, asked } = viewer();
+  await redraw(OWN)(web);
+  await showFrame(OWN, 12)(web);
+  assert.deepEqual(
+    asked.map(({ recording, sequence, play_state }) => [recording, sequence, play_state]),
+    [
+      [OWN, 0, "paused"],
+      [OWN, 12, "paused"],
     ],
-  });
+  );
+  assert.notEqual(asked[0].timeline, asked[1].timeline);
 });
 
-test("an empty state has no recordings", () => {
-  assert.deepEqual(stateOf(new Uint8Array()), { active: null, recordings: [] });
+test("all recordings but the run's are closed", async () => {
+  const { web, asked } = viewer({ stores: [OWN, "Recording:ispom:old"] });
+  await closeOthers(OWN)(web);
+  assert.deepEqual(asked, [{ store_ids: ["Recording:ispom:old"] }]);
+  const alone = viewer();
+  await closeOthers(OWN)(alone.web);
+  assert.deepEqual(alone.asked, []);
+});
+
+test("changes of the layout leave the rest, and none is lost where two come at once", async () => {
+  const { web, layout } = viewer();
+  const behaviour = (visible) => ({ EntityBehavior: { visible: [visible] } });
+  await Promise.all([
+    updateBlueprint(OWN, { "/a": behaviour(false) })(web),
+    updateBlueprint(OWN, { "/b": behaviour(true), "/viewport": { Viewport: { name: "x" } } })(web),
+  ]);
+  assert.deepEqual(layout(), { "/viewport": { Viewport: { share: 1, name: "x" } }, "/a": behaviour(false), "/b": behaviour(true) });
+});
+
+test("the viewer says which recording it shows, and which message it took in last", () => {
+  const { web } = viewer();
+  assert.equal(serialOf(web, OWN), 70_000);
+  assert.equal(serialOf(web, "Recording:ispom:other"), null);
+  assert.deepEqual([isActive(web, OWN), showsAnother(web, OWN)], [true, false]);
+  const other = viewer({ active: "strange" }).web;
+  assert.deepEqual([isActive(other, OWN), showsAnother(other, OWN)], [false, true]);
+  const none = viewer({ active: null }).web;
+  assert.deepEqual([isActive(none, OWN), showsAnother(none, OWN)], [false, false]);
 });
