@@ -64,7 +64,7 @@ def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, C
     with opened(path) as file:
         try:
             with Header.open(file) as image:
-                size, exif = image.size, image.getexif()
+                size, exif = image.size, _exif_of(image)
                 turned = (orientation or exif.get(0x0112, 1)) in (5, 6, 7, 8)
                 entries = exif.get_ifd(_EXIF)
                 ratio = image.info.get("jfif_density", (1, 1)) if image.info.get("jfif_unit") == 0 else (1, 1)
@@ -74,6 +74,14 @@ def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, C
     aspect = pixel_aspect(*(ratio[::-1] if turned else ratio))
     guess = guessed((width, height), _focal_of_exif(entries, (width, height)), aspect)
     return guess, guess.camera((width, height))
+
+
+def _exif_of(image: Header.Image) -> Header.Exif:
+    """Empty where the rest of the file is damaged: whether it can be read as a whole is asked when it is read."""
+    try:
+        return image.getexif()
+    except (OSError, ValueError, SyntaxError):
+        return Header.Exif()
 
 
 def size_of_photo(path: Path, orientation: int | None = None) -> tuple[int, int]:
