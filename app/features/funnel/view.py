@@ -149,7 +149,7 @@ def _cap(method: str, detected: int, config: Config) -> str:
     allowed = getattr(config.of(method), CAP, None)
     if not allowed:
         return ""
-    reached = f"all that {CAP.replace('_', '-')} allows: {allowed}"
+    reached = f"limit: {CAP.replace('_', '-')} {allowed}"
     return reached if detected >= REACHED * allowed else f"{CAP.replace('_', '-')} allows {allowed}"
 
 

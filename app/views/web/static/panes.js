@@ -92,7 +92,7 @@ export function openPanes(command, own, chosen = () => {}, offered = {}) {
       });
     }
     for (const [name, page] of Object.entries(own)) addTab(name, page);
-    choose(Object.keys(pages)[0]);
+    choose(Object.keys(pages).find((name) => !(name in offered)) ?? "");
   }
 
   /** @param {string} name */

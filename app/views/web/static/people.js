@@ -15,8 +15,9 @@ export function makePeople(send, command, axis, tell) {
     shared: () => state,
     changed: (own) => send({ do: "look_at", ...own }),
   });
+  let taking = false; // whether it has asked to be in control, and was not heard yet
   // Of a published run, every page has its own place.
-  const movesAlone = (message) => state && message.do in moves && (published || !drives());
+  const movesAlone = (message) => state && message.do in moves && (published || !(drives() || taking));
   const drives = () => !state || state.people.driving || (state.people.driver === null && state.people.may_drive);
 
   const words = document.createElement("span");
@@ -39,7 +40,7 @@ export function makePeople(send, command, axis, tell) {
       buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command(action(name)))));
     }
     if (!driving && looking !== null) buttons.push(button(`Follow ${driver(people)}`, () => command({ do: "follow" })));
-    if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_control" })));
+    if (!driving && may_drive) buttons.push(button("Take over", () => command({ do: "take_control" })));
     for (const other of driving ? others.filter((each) => each.may_drive) : []) {
       buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "take_control", to: other.number })));
     }
@@ -51,6 +52,7 @@ export function makePeople(send, command, axis, tell) {
     drives,
     command: (message) => {
       if (message.do === "follow") place.leave();
+      taking ||= message.do === "take_control" && message.to === undefined;
       if (!movesAlone(message)) return send(message);
       const reason = place.obey(message);
       if (reason) tell(reason);
@@ -59,6 +61,7 @@ export function makePeople(send, command, axis, tell) {
     shown: (next) => {
       const before = state;
       state = next;
+      taking &&= !next.people.driving && next.people.may_drive;
       if (before && (before.run !== next.run || next.people.driving > before.people.driving)) place.leave();
       if (before && before.people.driving !== next.people.driving) {
         tell(next.people.driving ? "You are in control now." : `${driver(next.people)} is in control now.`);

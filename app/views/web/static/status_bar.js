@@ -34,7 +34,9 @@ export function showViewer(views) {
   const label = late || (views?.playing && views.shown ? `frame ${views.shown.index}` : "");
   if (at("shown").textContent !== label) at("shown").textContent = label;
   at("shown").hidden = !label;
-  at("viewer").dataset.views = views?.other === "source" ? "other" : late ? "late" : "current";
+  // While it plays, the views are always some frames behind: their label says so, and they do not fade.
+  const behind = views?.playing ? "behind" : "late";
+  at("viewer").dataset.views = views?.other === "source" ? "other" : late ? behind : "current";
 }
 
 // How many images there were up to the frame shown, beside its number.
