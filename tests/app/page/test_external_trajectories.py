@@ -46,9 +46,9 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     cells = page.controls.locator("tr", has_text="orb").first.locator("td").all_inner_texts()
     assert cells[0].endswith("orb") and re.fullmatch(r"[\d.]+ mm SE\(3\)", cells[1]) and cells[2] == "0"
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
-    curves = page.tab.locator('.plot[data-name="error"] .now span')
-    page.until("document.querySelectorAll('[data-name=error] .now span').length >= 3", "the curves")
-    assert colours.css(colours.colour_of_external(0)) in curves.last.get_attribute("style")
+    page.until("document.querySelectorAll('[data-name=error] .now > div').length >= 3", "the curves")
+    sign = page.tab.locator('.plot[data-name="error"] .now > div').last
+    assert colours.css(colours.colour_of_external(0)) in sign.get_attribute("style")
 
 
 def test_the_integration_is_clicked_through_step_by_step(page: Page):

@@ -87,6 +87,11 @@ TEXTS_IN_A_ROW = """(() => {
   return JSON.stringify([...pairs, ...seen.filter(([, box]) => box.right > innerWidth + 1).map(([name]) => name)]);
 })()"""
 
+ROWS_IN_THE_STAGE = """(() => {
+  const [rows, stage] = ["at-image", "viewer"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return rows.right <= stage.right + 1 && rows.bottom <= stage.bottom + 1;
+})()"""
+
 
 @pytest.mark.parametrize(("width", "height"), [(760, 900), (1067, 600), (1280, 720), (1920, 1080)])
 def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: int, height: int):
@@ -96,9 +101,7 @@ def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: i
     box = page.tab.locator("#exposure").bounding_box()
     assert box["width"] > 0 and box["x"] + box["width"] <= width, "the frame counter"
     assert page.tab.locator("#left").is_visible() == (width > 900)
-    rows = page.tab.locator("#at-image").bounding_box()
-    dock = page.tab.locator("#dock").bounding_box()
-    assert rows["x"] + rows["width"] <= width + 1 and rows["y"] + rows["height"] <= dock["y"] + 1
+    page.until(ROWS_IN_THE_STAGE, "the rows at the image in their place")
     if width < 900:
         page.tab.locator("#fold").click()
         page.tab.locator("#left").wait_for()
