@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Array, Pose
+from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
 from ispom.io.calibrations.camera_info import camera_info
 from ispom.io.calibrations.pair import pair_fault
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
-from ispom.sequences.formats.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.guess import guessed
 from ispom.sequences.images import as_bytes, decode, sampled, span_of_values, values_of
