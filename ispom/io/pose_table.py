@@ -177,6 +177,37 @@ def unit_of(words: list[str]) -> str:
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 
+EVENER = 0.5
+"""Times in another reading must be as much more even, to be that."""
+
+
+def unpadded_nanoseconds(words: Sequence[str]) -> NDArray[np.int64] | None:
+    """Returns the times (N,) [ns] of words that are seconds and whole nanoseconds with a point or _ between them, but
+    without the leading zeros (100.33333333 for 100.033333333); None where they are decimal seconds.
+
+    With a point that shows in the intervals, which are more even then, and in no fraction with a leading zero.
+    """
+    matches = [re.fullmatch(r"([0-9]{1,10})([._])([0-9]{1,9})", word) for word in words]
+    parts = [match for match in matches if match is not None]
+    if len(parts) < max(3, len(words)) or len({match[2] for match in parts}) > 1:
+        return None
+    longest = max(len(match[3]) for match in parts)
+    seconds = np.array([int(match[1]) for match in parts], np.int64) * 10**9
+    times = seconds + np.array([int(match[3]) for match in parts], np.int64)
+    if parts[0][2] == "_":
+        return times if longest >= 8 else None
+    padded = any(match[3][0] == "0" and match[3].strip("0") for match in parts)
+    if longest < 9 or padded or all(len(match[3]) == 9 for match in parts):
+        return None
+    decimal = seconds + np.array([int(f"{match[3]:0<9}") for match in parts], np.int64)
+    return times if _unevenness(times) < EVENER * _unevenness(decimal) else None
+
+
+def _unevenness(times: NDArray[np.int64]) -> float:
+    steps = np.diff(np.sort(times))
+    return float(np.abs(steps - np.median(steps)).mean())
+
+
 def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
     """Returns the columns of a header's names; None where one is missing or given twice."""
     roles = roles_of(words, line)

@@ -140,7 +140,20 @@ def places(poses: list[Pose]) -> bytes:
     return lines(poses, row, head, ",")
 
 
+def subtitles(poses: list[Pose]) -> bytes:
+    """As `places`, of times from 0."""
+    text = ""
+    for i, line in enumerate(places(poses).decode().splitlines()[1:]):
+        _, latitude, longitude, height, _ = line.split(",")
+        place = f"[latitude: {latitude}] [longitude: {longitude}] [rel_alt: 1.000 abs_alt: {height}]"
+        text += (
+            f"{i + 1}\n00:00:00,{50 * i:03d} --> 00:00:00,{50 * i + 50:03d}\n[iso: 100] [focal_len: 24.00] {place}\n\n"
+        )
+    return text.encode()
+
+
 TIMES = tuple(times(5))
+FROM_ZERO = tuple(t - START_NS for t in TIMES)
 IMAGES = tuple(f"frame_{i + 8}.jpg" for i in range(5))
 EXAMPLES = (
     Example("tum", "a.tum", lines(POSES, lambda i, p: [at(i), *xyz(p), *xyzw(p)]), POSES, TIMES),
@@ -194,6 +207,7 @@ EXAMPLES = (
         noted=True,
     ),
     Example("geographic", "gps.csv", places(FROM_IDENTITY), FROM_IDENTITY, TIMES, has_rotations=False, noted=True),
+    Example("dji_subtitles", "DJI_0007.SRT", subtitles(FROM_IDENTITY), FROM_IDENTITY, FROM_ZERO, has_rotations=False, noted=True),
     Example("positions", "leica.txt", lines(POSES, lambda i, p: [at(i), *xyz(p)]), POSES, TIMES, has_rotations=False),
     Example(
         "positions", "leica.csv", lines(POSES, lambda i, p: [TIMES[i], *xyz(p)], "#timestamp [ns],x,y,z\n", ","), POSES, TIMES,

@@ -37,6 +37,7 @@ from tests.io.pose_examples import (
 
 IDS = [f"{each.dialect}-{each.name}" for each in EXAMPLES]
 DAMAGED = 30
+ON_GLOBE = {"geographic", "dji_subtitles"}
 WITHOUT_EXAMPLE = {"ros_bag"}
 """Its test writes a bag."""
 
@@ -54,7 +55,7 @@ def test_an_example_is_read_right(example: Example, tmp_path: Path) -> None:
     assert found.has_rotations == example.has_rotations and bool(found.notes) == example.noted
     rounding_ns = 200 if example.dialect == "json_objects" else 0  # of a float
     assert abs(found.trajectory.times_ns - expected.times_ns).max() <= rounding_ns
-    tolerance = 1e-2 if example.dialect == "geographic" else 1e-9
+    tolerance = 1e-2 if example.dialect in ON_GLOBE else 1e-9
     np.testing.assert_allclose(found.trajectory.translations, expected.translations, atol=tolerance)
     if example.has_rotations:
         np.testing.assert_allclose(found.trajectory.rotations, expected.rotations, atol=1e-9)
@@ -72,7 +73,7 @@ def test_each_dialect_has_an_example_and_says_its_conventions() -> None:
     assert {each.dialect for each in EXAMPLES} | WITHOUT_EXAMPLE == {each.name for each in dialects()}
     for name, module in modules().items():
         words = " ".join((module.__doc__ or "").split())
-        assert "world_from" in words or name in ("geographic", "positions"), name
+        assert "world_from" in words or name in {*ON_GLOBE, "positions"}, name
         assert "Source: " in words, name
 
 
