@@ -23,6 +23,7 @@ from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_r
 from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
+from ispom.sequences.formats.tartanair import looks_like_tartanair, open_tartanair
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
 from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, open_malaga, open_parking
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
@@ -47,6 +48,7 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_like_euroc: open_euroc,
     looks_like_parking: open_parking,
     looks_like_malaga: open_malaga,
+    looks_like_tartanair: open_tartanair,
     looks_like_feature_table: open_feature_table,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""

@@ -197,6 +197,25 @@ def test_a_pair_in_a_bag_is_known_by_its_baseline_or_by_the_file_beside(tmp_path
         assert opened.rig.baseline_m == pytest.approx(0.4) and opened.kinds.count("stereo") == 6
 
 
+def test_tartanair_has_a_pair_and_poses_with_x_ahead(tmp_path: Path) -> None:
+    """A camera that moves ahead in its own axes, along a turned x axis of the file's poses."""
+    grey = np.random.default_rng(3).integers(0, 256, (480, 640), np.uint8)
+    for side in ("left", "right"):
+        write_images(tmp_path / f"image_{side}", [grey, grey.T.reshape(480, 640), grey])
+    turn = Pose.from_rotvec(np.array([0.2, -0.3, 0.9]), np.zeros(3))
+    ahead = [Pose(turn.rotation, turn.rotation @ np.array([0.5 * i, 0, 0])) for i in range(3)]
+    (tmp_path / "pose_left.txt").write_bytes(lines(ahead, lambda _, p: [*xyz(p), *xyzw(p)]))
+    opened = open_sequence(str(tmp_path))
+    assert opened.rig.baseline_m == pytest.approx(0.25) and opened.rig.camera("left").fx == 320
+    assert opened.truth is not None
+    truth = opened.truth.moved(right=opened.rig.rig_from_left, frame="left")
+    moved = [truth.pose(0).inverse() @ truth.pose(i) for i in range(3)]
+    np.testing.assert_allclose([pose.translation for pose in moved], [[0, 0, 0.5 * i] for i in range(3)], atol=1e-9)
+    (tmp_path / "pose_left.txt").write_text("0 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="1 poses for 3 images"):
+        open_sequence(str(tmp_path))
+
+
 def test_chapters_of_one_film_are_named_with_the_line_that_joins_them(tmp_path: Path) -> None:
     for names in (("GX010042.avi", "GX020042.avi"), ("GOPR0042.avi", "GP010042.avi")):
         folder = tmp_path / names[0][:2]

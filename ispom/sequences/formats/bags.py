@@ -141,7 +141,7 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
             return replace(found, notes=(*found.notes, *others))
         reasons.append(f"{path.name}: {left} and {right} are not used as a pair: {fault}")
     cameras = [topic for topic in topics if not _is_depth(topic)] or topics
-    by_baseline = _pair_by_baseline(bag, cameras, infos) if calibration is None else None
+    by_baseline = None if reasons or calibration is not None else _pair_by_baseline(bag, cameras, infos)
     if by_baseline is not None:
         return replace(by_baseline, notes=(*by_baseline.notes, *others))
     known = [topic for topic in cameras if isinstance(infos[topic], _Info)]
