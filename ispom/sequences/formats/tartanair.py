@@ -1,7 +1,7 @@
 """TartanAir (both versions): `image_left`, `image_right` and `pose_left.txt`, or `image_lcam_front` and so on.
 
 The pair is rectified; its camera is that which the data set publishes (fx = fy = 320, baseline 0.25 m), and there are
-no times. Poses are `x y z qx qy qz qw` of the left camera with x ahead, y to the right and z down (NED), turned here
+no times. Poses are `x y z qx qy qz qw` of the left camera with x ahead, y to the right and z down, turned here
 to x to the right, y down and z ahead. Source: TartanAir tools, README and `evaluation/transformation.py`.
 """
 
@@ -27,7 +27,7 @@ VERSIONS = (
 )
 """Folders, the file of poses, and the published camera."""
 BASELINE_M = 0.25
-NED_FROM_CAMERA = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+BODY_FROM_CAMERA = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 LENGTH = 0.01
 """By how much the length of a quaternion may differ from 1."""
 
@@ -64,7 +64,7 @@ def open_tartanair(folder: Path) -> Recording:
     lengths = np.linalg.norm(values[:, 3:], axis=1)
     if len(wrong := np.flatnonzero(abs(lengths - 1) > LENGTH)):
         raise InputError(f"{folder / poses} line {rows[wrong[0]][0]}: its quaternion is not of length 1: correct it")
-    rotations = Rotation.from_quat(values[:, 3:]).as_matrix() @ NED_FROM_CAMERA
+    rotations = Rotation.from_quat(values[:, 3:]).as_matrix() @ BODY_FROM_CAMERA
     truth = Trajectory(times_ns, rotations, values[:, :3], "left")
     baseline_m = BASELINE_M if "right" in sides else None
     name, notes = f"TartanAir {folder.resolve().name}", streams["left"].notes
