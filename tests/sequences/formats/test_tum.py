@@ -68,7 +68,7 @@ def test_a_byte_order_mark_is_no_mistake_and_another_encoding_one(tmp_path: Path
         ("camera.yaml", "just words", "is no calibration that is known"),
         ("rgb.txt", "# nothing", "lists no image"),
         ("rgb.txt", "0.0 a.png\n0.0 b.png", "line 2: time 0.0.* is not after"),
-        ("groundtruth.txt", "0 1 2 3 4", "line 1 has 5 columns"),
+        ("groundtruth.txt", "0 1 2 3", "line 1 has 4 columns"),
     ],
 )
 def test_a_mistake_is_named(file: str, text: str | None, message: str, tmp_path: Path) -> None:

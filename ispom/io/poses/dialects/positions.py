@@ -16,6 +16,8 @@ from ispom.io.poses.dialects import matrices
 from ispom.io.rows import numbers
 
 COUNT, TITLE = 4, "positions"
+LEAST = 3
+"""Rows from which on four columns without a header are no rest of another file that was cut off."""
 
 
 def _recognises(content: PoseContent) -> bool:
@@ -24,7 +26,8 @@ def _recognises(content: PoseContent) -> bool:
         if content.header_fault is not None or (content.spaced and content.width >= POSE_COLUMNS):
             return False  # what is behind the positions may be a rotation
         return bool(roles.times and roles.xyz) and not (roles.xyzw or roles.angles or roles.geographic)
-    increasing = content.width == COUNT and bool((np.diff(content.column(0)) >= 0).all())
+    four = content.width == COUNT and len(content.sample) >= LEAST
+    increasing = four and bool((np.diff(content.column(0)) >= 0).all())
     return increasing and not matrices.DIALECT.recognises(content)
 
 
