@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.evaluation.comparison import Comparison, Motion, measures
+from ispom.evaluation.comparison import AT_REST_M, Comparison, Motion, measures
 from ispom.evaluation.trajectory_error import Alignment
 from ispom.geometry import rotation_angle_rad
 from ispom.io.poses.dialect import TrajectoryFile
@@ -84,6 +84,11 @@ def largest_turn_deg(poses: Trajectory) -> float:
     return float(np.degrees(rotation_angle_rad(poses.rotations[0].T @ poses.rotations).max()))
 
 
+def rests(poses: Trajectory) -> bool:
+    """Checks that all positions are one."""
+    return float(np.ptp(poses.translations, axis=0).max()) <= AT_REST_M
+
+
 def pairs_by_name(file: TrajectoryFile, reference: TrajectoryFile) -> tuple[Trajectory, Trajectory] | None:
     """Returns the poses of both that are of images with one name, folders aside; None where a file has no names, or
     the same one twice."""
@@ -116,7 +121,7 @@ class Evaluated:
             (self.reference.path, self.found.reference, self.found.estimate),
             (self.file.path, self.found.estimate, self.found.reference),
         ):
-            if largest_turn_deg(own) <= SAME_DEG and largest_turn_deg(other) > TURNS_DEG:
+            if largest_turn_deg(own) <= SAME_DEG and largest_turn_deg(other) > TURNS_DEG and not rests(own):
                 turn = f"the other one turns by {largest_turn_deg(other):.0f} deg"
                 return f"{path} has one and the same rotation in all poses, and {turn}"
         return ""
@@ -136,6 +141,8 @@ class Evaluated:
             found.append(
                 f"{self.name}: no errors of rotations, and none in the body (RPE, KITTI), which need them: {reason}"
             )
+        if rests(self.found.estimate) and not rests(self.found.reference):
+            found.append(f"{self.name}: it does not move, and the reference does: ATE is that of a body at rest")
         if kind in FROM_POSITIONS and self.found.motion in MOTIONS:
             found.append(f"{self.name}: {MOTIONS[self.found.motion]}")
         return found

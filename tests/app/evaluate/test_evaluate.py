@@ -252,5 +252,9 @@ def test_positions_have_no_errors_of_rotations(files: dict[str, Path], tmp_path:
         assert found["ate_rmse_m"] == pytest.approx(0, abs=1e-6)
         assert found["ate_rmse_deg"] is None and found["rpe_rmse_m"] is None and found["kitti_t_percent"] is None
         assert any(name in note for note in json.loads((tmp_path / "a.json").read_text())["notes"])
+    (tmp_path / "rests.tum").write_text(tum_text(replace(still, translations=np.zeros((len(TRUTH), 3)))))
+    (found,) = numbers(tmp_path / "a.json", files["truth.tum"], tmp_path / "rests.tum")
+    assert found["ate_rmse_deg"] is not None, "a body at rest has errors of rotations"
+    assert any("does not move" in note for note in json.loads((tmp_path / "a.json").read_text())["notes"])
     (found,) = numbers(tmp_path / "a.json", tmp_path / "still.tum", tmp_path / "still.tum")
     assert found["rpe_rmse_m"] is not None
