@@ -177,6 +177,8 @@ def unit_of(words: list[str]) -> str:
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 
+NANOSECONDS = 9
+"""Digits of the largest number of nanoseconds."""
 EVENER = 0.5
 """Times in another reading must be as much more even, to be that."""
 
@@ -187,6 +189,8 @@ def unpadded_nanoseconds(words: Sequence[str]) -> NDArray[np.int64] | None:
 
     With a point that shows in the intervals, which are more even then, and in no fraction with a leading zero.
     """
+    if not words or ("_" not in words[0] and max(len(word.partition(".")[2]) for word in words) != NANOSECONDS):
+        return None  # as most files
     matches = [re.fullmatch(r"([0-9]{1,10})([._])([0-9]{1,9})", word) for word in words]
     parts = [match for match in matches if match is not None]
     if len(parts) < max(3, len(words)) or len({match[2] for match in parts}) > 1:
