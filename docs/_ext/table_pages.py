@@ -17,6 +17,7 @@ def pages() -> dict[str, str]:
     from ispom_app.session.registry import load_features
 
     from ispom.io.calibrations.dialects import modules
+    from ispom.io.poses.dialects import modules as pose_modules
     from ispom.plausibility import DOUBTS
     from ispom.types import TrackStatus
 
@@ -62,7 +63,8 @@ def pages() -> dict[str, str]:
     load_features()
     keys = [(f"`{a.key.replace('Arrow', '')}`", as_cell(a.label), as_cell(a.hint)) for a in actions()]
     return {
-        "_generated/calibrations.md": _calibrations(list(modules().values())),
+        "_generated/calibrations.md": _dialects(list(modules().values())),
+        "_generated/poses.md": _dialects(list(pose_modules().values())),
         "_generated/doubts.md": table(("key", "what a note points at"), doubts),
         "_generated/keys.md": table(("key", "action", "what it does"), keys),
         "_generated/steps_columns.md": steps,
@@ -73,8 +75,8 @@ def pages() -> dict[str, str]:
     }
 
 
-def _calibrations(modules: list[ModuleType]) -> str:
-    """A row for each dialect of calibrations, and its conventions, which are the docstring of its module."""
+def _dialects(modules: list[ModuleType]) -> str:
+    """A row for each dialect of calibrations or poses, and its conventions, which are the docstring of its module."""
     rows = [
         (as_cell(each.title), as_cell(each.files), as_cell(each.looked_for))
         for each in (module.DIALECT for module in modules)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.io.rows import Row, latest, numbers, read_text
@@ -28,6 +30,14 @@ _UNIT_WORDS = {
     "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns", "nanosecs": "ns", "nanoseconds": "ns",
 }  # fmt: skip
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_ANGLES = {"deg": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "radian": "rad", "radians": "rad"}
+_EULER, _GLOBE = ("roll", "pitch", "yaw"), ("latitude", "longitude", "height")
+_OTHERS = {
+    "roll": {"roll"}, "pitch": {"pitch"}, "yaw": {"yaw"},
+    "latitude": {"latitude", "lat"}, "longitude": {"longitude", "lon", "lng", "long"},
+    "height": {"altitude", "alt", "height", "elevation", "ele"},
+}  # fmt: skip
+"""Names of angles, and of a place on the globe."""
 _TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "ts", "t")
 """Names of a column of times; the first of these has priority."""
 _POSITION = frozenset({"p", "t", "pos", "position", "trans", "translation", "tvec", "location", "xyz"})
@@ -59,6 +69,24 @@ class Columns:
         return (*self.times, *self.xyz, *self.xyzw)
 
 
+@dataclass(frozen=True)
+class Roles:
+    """What the names of a header say of its columns, each a number from 0, or empty where none has such a name."""
+
+    line: int
+    times: tuple[int, ...]
+    unit: str | None
+    xyz: tuple[int, ...]
+    metres: float
+    xyzw: tuple[int, ...]
+    angles: tuple[int, ...] = ()
+    """Roll, pitch and yaw."""
+    angle_unit: str | None = None
+    """deg, rad, or None where the header does not say it."""
+    geographic: tuple[int, ...] = ()
+    """Latitude and longitude, and perhaps the height."""
+
+
 def header_columns(path: Path) -> Columns | None:
     """Reads the columns from the last line before a file's first values; None where there is no header.
 
@@ -66,12 +94,8 @@ def header_columns(path: Path) -> Columns | None:
     order of a quaternion cannot be inferred from its values.
     """
     columns, unknown = None, (0, 0)
-    for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
-        words = split_line(text.strip().lstrip("#%").strip())
-        if not words:
-            continue
-        spaced = not set(",;") & set(text)
-        if not text.lstrip().startswith(("#", "%")) and _is_number(words[0]):
+    for line, words, spaced, is_data in _head_lines(path):
+        if is_data:
             if columns is None and unknown[1] == len(words) and not spaced:
                 raise InputError(
                     f"{path} line {unknown[0]} does not name the columns of poses: call them timestamp, x, y, z, qx, "
@@ -84,17 +108,47 @@ def header_columns(path: Path) -> Columns | None:
     return columns
 
 
+def header_roles(path: Path) -> Roles | None:
+    """Reads what the columns are from the last line before a file's first values that names positions, on a map or on
+    the globe; None without one. Times and rotations may be missing."""
+    found = None
+    for line, words, _, is_data in _head_lines(path):
+        if is_data:
+            break
+        roles = roles_of(words, line)
+        found = roles if roles is not None and (roles.xyz or roles.geographic) else found
+    return found
+
+
+def _head_lines(path: Path) -> Iterator[tuple[int, list[str], bool, bool]]:
+    """Yields number and words of the first lines, whether spaces or tabs are between the words, and whether they are
+    values."""
+    for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
+        words = split_line(text.strip().lstrip("#%").strip())
+        if words:
+            is_data = not text.lstrip().startswith(("#", "%")) and _is_number(words[0])
+            yield line, words, not set(",;") & set(text), is_data
+
+
 def read_pose_table(path: Path, columns: Columns, frame: FrameName, every: bool) -> tuple[Trajectory, str]:
     """Reads world_from_FRAME from a file with such columns, and the unit of its times; `every` as in `latest`.
 
     Raises InputError that names the invalid line.
     """
     rows = _rows(path, columns)
-    unit = columns.unit or unit_of([words[columns.times[0]] for _, words in rows])
-    times = np.array([_time_ns(path, line, [words[i] for i in columns.times], unit) for line, words in rows], np.int64)
+    times, unit = times_in(path, rows, columns.times, columns.unit)
     order = columns.order[len(columns.times) :]
     values = np.array([numbers(path, line, [words[i] for i in order]) for line, words in rows]).reshape(-1, len(order))
     return latest(path, rows, times, values[:, :3] * columns.metres, values[:, 3:], frame, every), unit
+
+
+def times_in(
+    path: Path, rows: Sequence[Row], columns: tuple[int, ...], unit: str | None
+) -> tuple[NDArray[np.int64], str]:
+    """Returns the times (N,) [ns] in one column, or in those of seconds and of the nanoseconds after them, and their
+    unit, by their values where it is None. Raises InputError that names the invalid line."""
+    unit = unit or unit_of([words[columns[0]] for _, words in rows])
+    return np.array([_time_ns(path, line, [words[i] for i in columns], unit) for line, words in rows], np.int64), unit
 
 
 def split_line(text: str) -> list[str]:
@@ -123,18 +177,71 @@ def unit_of(words: list[str]) -> str:
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 
+NANOSECONDS = 9
+"""Digits of the largest number of nanoseconds."""
+EVENER = 0.5
+"""Times in another reading must be as much more even, to be that."""
+
+
+def unpadded_nanoseconds(words: Sequence[str]) -> NDArray[np.int64] | None:
+    """Returns the times (N,) [ns] of words that are seconds and whole nanoseconds with a point or _ between them, but
+    without the leading zeros (100.33333333 for 100.033333333); None where they are decimal seconds.
+
+    With a point that shows in the intervals, which are more even then, and in no fraction with a leading zero.
+    """
+    if not words or ("_" not in words[0] and max(len(word.partition(".")[2]) for word in words) != NANOSECONDS):
+        return None  # as most files
+    matches = [re.fullmatch(r"([0-9]{1,10})([._])([0-9]{1,9})", word) for word in words]
+    parts = [match for match in matches if match is not None]
+    if len(parts) < max(3, len(words)) or len({match[2] for match in parts}) > 1:
+        return None
+    longest = max(len(match[3]) for match in parts)
+    seconds = np.array([int(match[1]) for match in parts], np.int64) * 10**9
+    times = seconds + np.array([int(match[3]) for match in parts], np.int64)
+    if parts[0][2] == "_":
+        return times if longest >= 8 else None
+    padded = any(match[3][0] == "0" and match[3].strip("0") for match in parts)
+    if longest < 9 or padded or all(len(match[3]) == 9 for match in parts):
+        return None
+    decimal = seconds + np.array([int(f"{match[3]:0<9}") for match in parts], np.int64)
+    return times if _unevenness(times) < EVENER * _unevenness(decimal) else None
+
+
+def _unevenness(times: NDArray[np.int64]) -> float:
+    steps = np.diff(np.sort(times))
+    return float(np.abs(steps - np.median(steps)).mean())
+
+
 def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
     """Returns the columns of a header's names; None where one is missing or given twice."""
+    roles = roles_of(words, line)
+    if roles is None or not (roles.times and roles.xyz and roles.xyzw):
+        return None
+    return Columns(
+        roles.times, roles.xyz, roles.xyzw, roles.unit, count=len(words), line=line, spaced=spaced, metres=roles.metres
+    )
+
+
+def roles_of(words: list[str], line: int = 0) -> Roles | None:
+    """Returns what a header's names say; None where one is given twice."""
     times: dict[tuple[str, str | None], int] = {}
     axes: dict[tuple[str, str], int] = {}
+    others: dict[str, int] = {}
     lengths: set[str] = set()
+    angle_units: set[str | None] = set()
     for i, word in enumerate(words):
         name, unit = _unit(word)
         parts = [part for part in re.split(r"[^a-z0-9]+", name) if part]
-        if len(parts) > 1 and parts[-1] in _METRES:
+        if len(parts) > 1 and parts[-1] in (*_METRES, *_ANGLES):
             unit = parts.pop()
         role = _axis(parts)
-        if role is not None:
+        other = next((key for key, words in _OTHERS.items() if parts and parts[-1] in words), None)
+        if other is not None:
+            if other in others:
+                return None
+            others[other] = i
+            angle_units |= {_ANGLES.get(unit or "")} if other in _EULER else set()
+        elif role is not None:
             if role in axes:
                 return None
             axes[role] = i
@@ -149,12 +256,19 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
     axes |= {("q", axis): i for axis, i in bare.items() if axis == "w"}
     xyz = tuple(axes[key] for a in "xyz" if (key := ("p", a)) in axes)
     xyzw = tuple(axes[key] for a in "xyzw" if (key := ("q", a)) in axes)
-    if len(xyz) != 3 or len(xyzw) != 4 or not times or len(lengths) > 1:
+    if len(lengths) > 1:
         return None
-    which, unit = _best_times(times)
-    metres = _METRES[lengths.pop()] if lengths else 1.0
-    return Columns(
-        times=which, xyz=xyz, xyzw=xyzw, unit=unit, count=len(words), line=line, spaced=spaced, metres=metres
+    which, unit = _best_times(times) if times else ((), None)
+    return Roles(
+        line,
+        which,
+        unit,
+        xyz if len(xyz) == 3 else (),
+        _METRES[lengths.pop()] if lengths else 1.0,
+        xyzw if len(xyzw) == 4 else (),
+        tuple(others[key] for key in _EULER) if others.keys() >= set(_EULER) else (),
+        angle_units.pop() if len(angle_units) == 1 else None,
+        tuple(others[key] for key in _GLOBE if key in others) if others.keys() >= {*_GLOBE[:2]} else (),
     )
 
 

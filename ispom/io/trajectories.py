@@ -6,18 +6,13 @@ All poses are world_from_FRAME.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ispom.errors import InputError
 from ispom.geometry import Array
-from ispom.io.kitti import read_poses
 from ispom.io.pose_table import Columns, header_columns, read_pose_table
-from ispom.io.rows import latest, numbers, read_rows, read_text, times_ns
+from ispom.io.rows import latest, numbers, read_rows, times_ns
 from ispom.types import FrameName, Landmarks, Trajectory, WorldLines
 
 ORDER = tuple(range(8))
@@ -119,75 +114,3 @@ def world_lines_csv(lines: WorldLines) -> str:
 def _lines(keys: np.ndarray, values: Array) -> str:
     rows = (np.round(values, 9) + 0.0).tolist()  # no "-0.0"
     return "".join(f"{k},{','.join(f'{v:.9f}' for v in r)}\n" for k, r in zip(keys.tolist(), rows, strict=True))
-
-
-# Trajectory files of any program: TUM, KITTI and EuRoC, and tables whose header names their columns.
-
-
-Format = Literal["TUM", "KITTI", "EuRoC", "CSV"]
-ROW_NS = 1_000_000_000
-"""Rows of a KITTI file are seconds where their times are not known."""
-
-
-@dataclass(frozen=True, eq=False)
-class TrajectoryFile:
-    """A trajectory from a file, and what is known about the file."""
-
-    path: Path
-    format: Format
-    trajectory: Trajectory
-    """world_from_FRAME; only EuRoC's files define FRAME (the body): for the others it is rig."""
-    timed: bool = True
-    """False: times are row numbers."""
-    unit: str = ""
-    """Assumed unit of the times of a table whose header has none."""
-
-
-def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
-    """Reads at least one pose; `times_ns` are those of a KITTI file's rows. Every line is used, also of a repeated
-    time.
-
-    Raises InputError that names file and line of a mistake.
-    """
-    columns = header_columns(path)
-    if columns is not None and not is_tum(columns):
-        own = columns.order == OWN.order and columns.unit in (None, "ns")
-        trajectory, unit = read_pose_table(path, columns, "body" if own else "rig", every=True)
-        if not len(trajectory):
-            raise InputError(f"{path} holds no pose: give a trajectory with one line per pose")
-        has_unit = columns.unit is not None or (own and unit == "ns")
-        return TrajectoryFile(path, "EuRoC" if own else "CSV", trajectory, unit="" if has_unit else unit)
-    match format_name := _format(path):
-        case "KITTI":
-            return TrajectoryFile(path, format_name, _kitti(path, times_ns), times_ns is not None)
-        case "TUM":
-            return TrajectoryFile(path, format_name, read_tum(path, every=True))
-        case "EuRoC":
-            return TrajectoryFile(path, format_name, read_euroc(path, every=True))
-
-
-def _format(path: Path) -> Literal["TUM", "KITTI", "EuRoC"]:
-    """Recognises the format by the first line with values."""
-    for number, line in enumerate(read_text(path).splitlines(), 1):
-        text = line.strip()
-        if not text or text.startswith(("#", "%")):
-            continue
-        if "," in text or ";" in text:
-            return "EuRoC"
-        columns = len(text.split())
-        if columns in (8, 12):
-            return "TUM" if columns == 8 else "KITTI"
-        raise InputError(
-            f"{path} line {number} has {columns} columns, which no trajectory has: give a TUM (8), KITTI (12) or EuRoC "
-            "file (comma-separated), or a header that names the columns (timestamp, x, y, z, qx, qy, qz, qw)"
-        )
-    raise InputError(f"{path} holds no pose: give a trajectory in TUM, KITTI or EuRoC format")
-
-
-def _kitti(path: Path, times_ns: NDArray[np.int64] | None) -> Trajectory:
-    poses = read_poses(path, as_printed=True)
-    if times_ns is None:
-        times_ns = np.arange(len(poses)) * ROW_NS
-    if len(times_ns) != len(poses):
-        raise InputError(f"{path} has {len(poses)} poses for {len(times_ns)} times: give the times of its rows")
-    return Trajectory(times_ns, np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))

@@ -23,10 +23,11 @@ from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_r
 from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
+from ispom.sequences.formats.tartanair import looks_like_tartanair, open_tartanair
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
 from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, open_malaga, open_parking
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
-from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
+from ispom.sequences.formats.video_folder import chapters_in, join_line, looks_like_video_folder, open_video_folder
 from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
@@ -47,6 +48,7 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_like_euroc: open_euroc,
     looks_like_parking: open_parking,
     looks_like_malaga: open_malaga,
+    looks_like_tartanair: open_tartanair,
     looks_like_feature_table: open_feature_table,
 }
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
@@ -193,6 +195,11 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
         kinds = ", ".join(sorted({Path(name).suffix.lower() for name in unread}))
         count = counted(len(unread), "image")
         raise InputError(f"{path} holds {count} in a format that is not read ({kinds}): convert them to JPEG or PNG")
+    if chapters := chapters_in(path):
+        raise InputError(
+            f"{path} holds {len(chapters)} chapters of one film ({', '.join(chapters[:3])}): join them there by "
+            f"{join_line(chapters)}, and give whole.mp4; or give one chapter"
+        )
     within = recordings_in(path)
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(

@@ -6,13 +6,14 @@ angle of view. The principal point is taken to be the middle, and lenses are tak
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as Header
 
 from ispom.errors import InputError
-from ispom.io.files import opened
+from ispom.io.files import exists, opened, read_head
 from ispom.sequences.quicktime import quicktime_metadata
 from ispom.types import Camera, Guess
 
@@ -33,6 +34,8 @@ _EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
 _PLANE_RESOLUTION, _PLANE_UNIT = 41486, 41488
 _PIXEL_SIDES = (40962, 40963)
 _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+_SUBTITLES = re.compile(r"focal_len\s*:\s*([0-9]{1,4}(?:\.[0-9]{1,4})?)")
+_SUBTITLES_HEAD = 4096
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
@@ -92,11 +95,27 @@ def size_of_photo(path: Path, orientation: int | None = None) -> tuple[int, int]
 
 def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Guess:
     """By a film's metadata, and the size (width, height) of its images and the aspect of their pixels."""
-    equivalent = _number(quicktime_metadata(path).get(_QUICKTIME))
+    equivalent, source = _number(quicktime_metadata(path).get(_QUICKTIME)), "the film's metadata"
+    if equivalent is None and (subtitles := subtitles_of(path)) is not None:
+        equivalent, source = _focal_of_subtitles(subtitles), subtitles.name
     if equivalent is None:
         return guessed(size, None, aspect)
     focal = _px_of_35_mm(equivalent, (size[0] * aspect, size[1]))
-    return guessed(size, (focal, f"the film's metadata: {equivalent:g} mm on 35 mm film"), aspect)
+    return guessed(size, (focal, f"{source}: {equivalent:g} mm on 35 mm film"), aspect)
+
+
+def subtitles_of(path: Path) -> Path | None:
+    """Returns the subtitles beside a film, as drones write them; None without any."""
+    return next((place for suffix in (".SRT", ".srt") if exists(place := path.with_suffix(suffix))), None)
+
+
+def _focal_of_subtitles(path: Path) -> float | None:
+    """The focal length [mm on 35 mm film] of a drone's first subtitles; whole numbers from 100 on are tenths."""
+    match = _SUBTITLES.search(read_head(path, _SUBTITLES_HEAD).decode("utf-8", "replace"))
+    if match is None:
+        return None
+    tenths = "." not in match[1] and int(match[1]) >= 100
+    return _number(float(match[1]) / 10 if tenths else match[1])
 
 
 def _focal_of_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:

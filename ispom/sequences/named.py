@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.pose_table import unpadded_nanoseconds
 
 _STAMP = re.compile(r"(?<![0-9.])1(?:([0-9]{9})\.([0-9]{1,9})|([0-9]{18}|[0-9]{15}|[0-9]{12}|[0-9]{9}))$")
 """Seconds with or without a fraction, or whole nano-, micro- or milliseconds since 1970, from 2001 to 2033; a date
@@ -25,6 +26,8 @@ _SECONDS = re.compile(
 )
 """Times from the recording's own zero, of which some have a fraction, or all a unit; without one they are seconds."""
 _UNITS_NS = {"": 10**9, "s": 10**9, "m": 10**6, "u": 10**3, "n": 1}
+_SECONDS_NANOSECONDS = re.compile(r"(?<![0-9.])1[0-9]{9}[._][0-9]{1,9}$")
+"""Both since 1970."""
 _DATE = re.compile(
     r"(?<![0-9])((?:19|20)[0-9]{2})([-_.]?)([0-9]{2})\2([0-9]{2})[-_.T ]{0,3}([0-9]{2})([-_.:hm]?)([0-9]{2})[-_.:hm]?"
     r"([0-9]{2})(?:[.,]([0-9]{1,9})|[-_]?([0-9]{3}|[0-9]{6}|[0-9]{9}))?[sZ]?$"
@@ -79,6 +82,8 @@ def named(names: list[str], unread: list[str] | None = None) -> Named:
 
     InputError where several images have one number: those of several cameras, or colours and depths.
     """
+    if (unpadded := _unpadded(names)) is not None:
+        return unpadded
     for stamp in (_stamp, _date):
         stamps = {name: ns for name in names if (ns := stamp(Path(name).stem)) is not None}
         if len(set(stamps.values())) == len(names) > 1 and len({_before(name, stamp) for name in names}) == 1:
@@ -88,6 +93,21 @@ def named(names: list[str], unread: list[str] | None = None) -> Named:
                 return Named(tuple(order), stamps_ns)
     in_seconds = _of_seconds(names)
     return _counted(names, unread or []) if in_seconds is None else in_seconds
+
+
+def _unpadded(names: list[str]) -> Named | None:
+    """By seconds since 1970 and nanoseconds without leading zeros, with a point or _ between them; None where they are
+    something else."""
+    matches = [_SECONDS_NANOSECONDS.search(Path(name).stem) for name in names]
+    words = [match[0] for match in matches if match is not None]
+    if len(words) < len(names) or len({_SECONDS_NANOSECONDS.sub("", Path(name).stem) for name in names}) > 1:
+        return None
+    times = unpadded_nanoseconds(words)
+    if times is None or len(set(times.tolist())) < len(names) or not _is_likely(np.diff(np.sort(times))):
+        return None
+    order = np.argsort(times)
+    note = "the names of the images are seconds and nanoseconds without leading zeros"
+    return Named(tuple(names[i] for i in order), times[order], notes=(note,))
 
 
 def _counted(names: list[str], unread: list[str]) -> Named:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -16,8 +16,8 @@ from ispom.errors import InputError
 from ispom.io.calibrations.dialect import NOMINAL_RATE
 from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers
-from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.values import MAX_TIME_S
+from ispom.sequences.sidecars import image_times
 from ispom.types import Camera, Image
 
 NOMINAL_HZ = 30.0
@@ -47,7 +47,7 @@ class Clock:
     """When the images of a stream were exposed: by a file of times, or at a rate; in both cases moved by an offset."""
 
     times: Path | None = None
-    """One time [s] per line and image."""
+    """A line for each image, as `image_times` reads it."""
     rate_hz: float | None = None
     offset_s: float = 0.0
     nominal_hz: float | None = None
@@ -60,19 +60,18 @@ class Clock:
         otherwise_hz: float | None = None,
         otherwise_ns: NDArray[np.int64] | None = None,
         ticks: NDArray[np.int64] | None = None,
+        image_names: Sequence[str] = (),
     ) -> tuple[NDArray[np.int64], str]:
         """(N,) [ns] of the `count` images of `what`, and a note about them ("" where they are as given).
 
         Without times and rate, `otherwise_ns` (N,) count, or `otherwise_hz`, or else NOMINAL_HZ. At a rate, image i is
-        taken at `ticks[i]` of it (N,), without them at i.
+        taken at `ticks[i]` of it (N,), without them at i. A file of times may name the images.
         """
         if self.times is not None:
-            stamps_ns = increasing_times_ns(self.times, read_rows(self.times, 1))
-            if len(stamps_ns) != count:
-                raise InputError(f"{self.times} has {len(stamps_ns)} times for {count} images: give one per image")
+            stamps_ns, unit_note = image_times(self.times, count, image_names)
             interval_s = float(np.median(np.diff(stamps_ns))) * 1e-9 if count > 1 else 0.0
             note = f"{self.times}: images are {interval_s:g} s apart: are these times in seconds?"
-            return self._moved(stamps_ns, what), note if interval_s >= SLOW_S else ""
+            return self._moved(stamps_ns, what), note if interval_s >= SLOW_S else unit_note
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or self.nominal_hz or NOMINAL_HZ

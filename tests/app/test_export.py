@@ -17,8 +17,9 @@ from ispom.errors import InputError
 from ispom.io.kitti import read_poses, read_times
 from ispom.io.maps import map_bytes, read_maps
 from ispom.io.meshes import open3d
+from ispom.io.poses.recognised import read_trajectory
 from ispom.io.rig import rig_text
-from ispom.io.trajectories import read_trajectory, read_tum, tum_text
+from ispom.io.trajectories import read_tum, tum_text
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers

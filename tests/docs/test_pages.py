@@ -13,6 +13,7 @@ from types import ModuleType
 import pytest
 
 from ispom.io.calibrations.dialects import modules
+from ispom.io.poses.dialects import modules as pose_modules
 from ispom.methods import BUILT_IN, SURVEY
 from ispom.settings import settings
 from tests.docs.commands import command_lines, pages
@@ -181,8 +182,10 @@ def test_every_file_of_a_run_is_listed() -> None:
         assert f"`{name}`" in text, f"docs/reference/run_folder.md does not list {name}"
 
 
-def test_every_dialect_of_calibrations_has_its_row_and_its_conventions(generated: dict[str, str]) -> None:
-    text, as_cell = generated["_generated/calibrations.md"], module(DOCS / "_ext" / "markdown_text.py").as_cell
-    for name, found in modules().items():
-        assert text.count(f"\n## {found.DIALECT.title}\n") == 1, name
-        assert f"| {as_cell(found.DIALECT.title)} | {as_cell(found.DIALECT.files)} |" in text, name
+def test_every_dialect_has_its_row_and_its_conventions(generated: dict[str, str]) -> None:
+    as_cell = module(DOCS / "_ext" / "markdown_text.py").as_cell
+    for page, known in (("calibrations", modules()), ("poses", pose_modules())):
+        text = generated[f"_generated/{page}.md"]
+        for name, found in known.items():
+            assert text.count(f"\n## {found.DIALECT.title}\n") == 1, name
+            assert f"| {as_cell(found.DIALECT.title)} | {as_cell(found.DIALECT.files)} |" in text, name

@@ -14,7 +14,7 @@ from evo.tools import file_interface
 from ispom.evaluation.comparison import Comparison, compare, measures
 from ispom.evaluation.relative_error import rpe
 from ispom.evaluation.trajectory_error import Alignment, associate
-from ispom.io.trajectories import read_trajectory
+from ispom.io.poses.recognised import read_trajectory
 from ispom.types import Trajectory
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "trajectories"

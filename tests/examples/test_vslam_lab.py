@@ -19,7 +19,8 @@ from evo.tools import file_interface
 from ispom_app.cli.main import main
 
 from ispom.geometry import Pose
-from ispom.io.trajectories import read_trajectory, vslam_lab_text
+from ispom.io.poses.recognised import read_trajectory
+from ispom.io.trajectories import vslam_lab_text
 from ispom.sequences import open_sequence
 from ispom.testing.flight import SPEED_M_PER_FRAME, flight, flight_rig
 from ispom.types import Camera, Trajectory, is_stereo

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.errors import InputError
-from ispom.io.trajectories import read_trajectory
+from ispom.io.poses.recognised import read_trajectory
 from ispom.io.whole import write_whole
 
 TUM = "# time x y z qx qy qz qw\n0.1 1 2 3 0 0 0 1\n0.2 1 2 4 0 0 0 1\n"

@@ -14,9 +14,9 @@ from hypothesis.extra.numpy import arrays
 from ispom_app.cli.main import main
 
 from ispom.errors import InputError
+from ispom.io.poses.recognised import read_trajectory
 from ispom.io.rig import read_rig, rig_text
 from ispom.io.timed_points import read_timed_points
-from ispom.io.trajectories import read_trajectory
 from ispom.io.values import LARGEST, NAME, RESERVED, is_sensor_name, number
 from ispom.plausibility.cameras import camera_doubts
 from ispom.plausibility.gnss import geodetic_doubts, gnss_doubts, mirrored_doubts

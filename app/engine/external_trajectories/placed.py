@@ -26,7 +26,8 @@ from ispom.evaluation.trajectory_error import (
 )
 from ispom.geometry import Array, Pose
 from ispom.io.files import expanded
-from ispom.io.trajectories import TrajectoryFile, read_trajectory
+from ispom.io.poses.dialect import ROW_NS, TrajectoryFile
+from ispom.io.poses.recognised import read_trajectory
 from ispom.methods import names
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Sequence, Trajectory
@@ -209,10 +210,13 @@ def _timed(option: TrajectoryOption, sequence: Sequence) -> Trajectory:
         times_ns, last = np.unique(trajectory.times_ns[::-1], return_index=True)
         return replace(trajectory.select(len(trajectory) - 1 - last), times_ns=times_ns)
     kinds = np.array(sequence.kinds)
+    numbers = trajectory.times_ns // ROW_NS
     for times_ns in (sequence.times_ns, *(sequence.times_ns[kinds == kind] for kind in ("video", "stereo"))):
         images_ns = np.unique(times_ns)
         if len(images_ns) == len(trajectory):
             return replace(trajectory, times_ns=images_ns)
+        if option.file.numbered and len(numbers) and numbers[-1] == len(images_ns) - 1:
+            return replace(trajectory, times_ns=images_ns[numbers])
     raise InputError(
         f"{FLAG} {option.name}: {option.file.path} has {len(trajectory)} rows without times, and {sequence.name} "
         f"{len(np.unique(sequence.times_ns))} images: give a file with a row for each image, or one with times (TUM)"

@@ -8,10 +8,11 @@ from ispom.errors import InputError
 from ispom.evaluation.comparison import Comparison, compare
 from ispom.evaluation.trajectory_error import MIN_POSES, associate
 from ispom.io.kitti import read_times
-from ispom.io.trajectories import TrajectoryFile, read_trajectory
+from ispom.io.poses.dialect import TrajectoryFile
+from ispom.io.poses.recognised import read_trajectory
 
 from ...engine.outputs import require_own, write_file
-from .evaluated import Evaluated, distinct_names, protocol_of, repeated_note
+from .evaluated import Evaluated, distinct_names, pairs_by_name, protocol_of, repeated_note
 from .options import Evaluate
 from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
 
@@ -36,9 +37,10 @@ def evaluate(options: Evaluate) -> int:
     reference = read_trajectory(options.reference, times_ns)
     files = [read_trajectory(path, times_ns) for path in options.estimates]
     names = distinct_names([file.path for file in files])
-    items = [Evaluated(n, f, _compare(f, reference, options)) for n, f in zip(names, files, strict=True)]
+    items = [Evaluated(n, f, _compare(f, reference, options), reference) for n, f in zip(names, files, strict=True)]
     protocol = protocol_of(reference, files, options)
-    notes = repeated_note(str(options.reference), reference)
+    notes = [*reference.notes, *(note for file in files for note in file.notes)]
+    notes += repeated_note(str(options.reference), reference)
     notes += [note for item in items for note in item.notes(options.alignment)]
     print_table(protocol, items, notes)
     if options.json is not None:
@@ -56,16 +58,20 @@ def _compare(file: TrajectoryFile, reference: TrajectoryFile, options: Evaluate)
     own, other = file.trajectory, reference.trajectory
     if file.timed != reference.timed:
         raise InputError(
-            f"of {file.path} and {reference.path} only one has times: give those of the KITTI file's rows by --times"
+            f"of {file.path} and {reference.path} only one has times: give those of the other one's rows by --times"
         )
     if file.timed:
         pairs = associate(own, other, round(options.max_difference_s * 1e9))
+    elif (by_name := pairs_by_name(file, reference)) is not None:
+        pairs = by_name
     elif len(own) == len(other):
         pairs = own, other
+    elif file.numbered and reference.numbered:
+        pairs = associate(own, other, 0)
     else:
         raise InputError(
-            f"{file.path} has {len(own)} rows, {reference.path} {len(other)}, and KITTI files are compared row by row: "
-            "give files of the same length, or TUM files"
+            f"{file.path} has {len(own)} rows, {reference.path} {len(other)}, and files without times are compared row "
+            "by row: give files of the same length, or TUM files"
         )
     if len(pairs[0]) < MIN_POSES:
         raise InputError(

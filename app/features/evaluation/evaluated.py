@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.evaluation.comparison import Comparison, Motion, measures
+from ispom.evaluation.comparison import AT_REST_M, Comparison, Motion, measures
 from ispom.evaluation.trajectory_error import Alignment
-from ispom.io.trajectories import TrajectoryFile
+from ispom.geometry import rotation_angle_rad
+from ispom.io.poses.dialect import TrajectoryFile
+from ispom.types import Trajectory
 
 from ...engine.run_folder.run_file import read_run_file
 from ...presentation.texts import ALIGNMENTS
@@ -34,7 +37,7 @@ def protocol_of(reference: TrajectoryFile, files: list[TrajectoryFile], options:
     known = {frame for frame in frames.values() if frame}
     frame = ", ".join(f"{path}: {frame or 'unknown'}" for path, frame in frames.items())
     warning = " (different frames: the lever arm between them counts as error)" if len(known) > 1 else ""
-    row = "row by row: these KITTI files have no times"
+    row = "row by row, or by the names or numbers of images: these files have no times"
     time = f"each pose of the shorter file with the nearest in time, at most {options.max_difference_s:g} s away"
     poses, path_m = len(reference.trajectory), reference.trajectory.length
     seconds = (reference.trajectory.times_ns[-1] - reference.trajectory.times_ns[0]) * 1e-9
@@ -70,6 +73,35 @@ MOTIONS: Mapping[Motion, str] = {
 """What to know of an alignment by positions, where the reference moves so."""
 
 
+OF_BODY = ("rpe_", "kitti_")
+"""Beginnings of the names of errors in the body, which depend on rotations."""
+SAME_DEG, TURNS_DEG = 1e-4, 5.0
+"""Rotations that differ by no more are one; and what a body that turns does at least."""
+
+
+def largest_turn_deg(poses: Trajectory) -> float:
+    """Returns the largest angle between the first pose and another one [deg]."""
+    return float(np.degrees(rotation_angle_rad(poses.rotations[0].T @ poses.rotations).max()))
+
+
+def rests(poses: Trajectory) -> bool:
+    """Checks that all positions are one."""
+    return float(np.ptp(poses.translations, axis=0).max()) <= AT_REST_M
+
+
+def pairs_by_name(file: TrajectoryFile, reference: TrajectoryFile) -> tuple[Trajectory, Trajectory] | None:
+    """Returns the poses of both that are of images with one name, folders aside; None where a file has no names, or
+    the same one twice."""
+    names = [[re.split(r"[/\\]", image)[-1] for image in each.images] for each in (file, reference)]
+    if not all(names) or any(len(set(each)) < len(each) for each in names):
+        return None
+    places = [{name: i for i, name in enumerate(each)} for each in names]
+    both = [name for name in names[1] if name in places[0]]
+    own, other = (np.array([place[name] for name in both], np.int64) for place in places)
+    partners = reference.trajectory.select(other)
+    return replace(file.trajectory.select(own), times_ns=partners.times_ns), partners
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluated:
     """One estimate, by a name that no other has."""
@@ -77,16 +109,40 @@ class Evaluated:
     name: str
     file: TrajectoryFile
     found: Comparison
+    reference: TrajectoryFile
+
+    @property
+    def without_rotations(self) -> str:
+        """Why rotations are not compared; "" where they are."""
+        for file in (self.reference, self.file):
+            if not file.has_rotations:
+                return f"{file.path} has positions only"
+        for path, own, other in (
+            (self.reference.path, self.found.reference, self.found.estimate),
+            (self.file.path, self.found.estimate, self.found.reference),
+        ):
+            if largest_turn_deg(own) <= SAME_DEG and largest_turn_deg(other) > TURNS_DEG and not rests(own):
+                turn = f"the other one turns by {largest_turn_deg(other):.0f} deg"
+                return f"{path} has one and the same rotation in all poses, and {turn}"
+        return ""
 
     @property
     def measures(self) -> dict[str, float | None]:
         """Without a gap in seconds where only rows are known."""
         values = measures(self.found)
+        if self.without_rotations:
+            values = {k: None if k.endswith("_deg") or k.startswith(OF_BODY) else v for k, v in values.items()}
         return values if self.file.timed else values | {"longest_gap_s": None}
 
     def notes(self, kind: Alignment) -> list[str]:
         """What keeps the numbers from meaning what they seem to."""
         found = repeated_note(self.name, self.file)
+        if reason := self.without_rotations:
+            found.append(
+                f"{self.name}: no errors of rotations, and none in the body (RPE, KITTI), which need them: {reason}"
+            )
+        if rests(self.found.estimate) and not rests(self.found.reference):
+            found.append(f"{self.name}: it does not move, and the reference does: ATE is that of a body at rest")
         if kind in FROM_POSITIONS and self.found.motion in MOTIONS:
             found.append(f"{self.name}: {MOTIONS[self.found.motion]}")
         return found

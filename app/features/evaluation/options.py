@@ -16,7 +16,8 @@ class Evaluate:
     """Compares trajectories with a reference: ATE, RPE, KITTI's errors, scale and coverage, with their protocol."""
 
     reference: tyro.conf.Positional[Path]
-    """Reference trajectory: a TUM, KITTI or EuRoC file, recognised by its content."""
+    """Reference trajectory: a file of poses of any known program (TUM, KITTI, EuRoC, COLMAP, nerfstudio, OpenVINS,
+    g2o, tables with a header, JSON, bags as BAG:TOPIC ...), recognised by its content."""
     estimates: tyro.conf.Positional[tuple[Path, ...]]
     """Trajectories to compare with it."""
     alignment: Alignment = "se3"
@@ -25,7 +26,7 @@ class Evaluate:
     max_difference_s: float = 0.01
     """Largest time difference of associated poses [s]."""
     times: Path | None = None
-    """Times of the rows of KITTI files [s], as KITTI's times.txt."""
+    """Times of the rows of files without times, such as KITTI's and COLMAP's [s], as KITTI's times.txt."""
     delta: int = 1
     """Distance of the two poses of a relative error (RPE) [poses]."""
     json: Path | None = None

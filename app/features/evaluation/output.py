@@ -10,7 +10,7 @@ from rich.table import Table
 
 from ispom.errors import printable
 from ispom.evaluation.comparison import local_scale
-from ispom.io.trajectories import TrajectoryFile
+from ispom.io.poses.dialect import TrajectoryFile
 
 from ...engine.outputs import csv_of
 from ...presentation.texts import length_unit

@@ -48,8 +48,8 @@ class Serve(Options):
     """Let the page open network streams (http://..., rtsp://...)."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME[:FRAME]=FILE: the trajectory of another program, shown with the methods; can be given several times.
-    TUM, KITTI (a row for each image) and EuRoC files. FRAME, whose poses they are: rig (default), left, right or
-    video."""
+    Files of poses of any known program; those without times have a row for each image. FRAME, whose poses they are:
+    rig (default), left, right or video."""
     beside_alignment: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME=ALIGNMENT: how one of them is aligned to the ground truth, or without it to the first metric method: se3
     (the default), sim3 (needed where its unit is not the metre), scale, first, none."""

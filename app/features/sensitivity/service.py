@@ -10,7 +10,7 @@ from ispom.errors import InputError
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.evaluation.trajectory_error import placed
 from ispom.geometry import Similarity
-from ispom.io.trajectories import TrajectoryFile
+from ispom.io.poses.dialect import TrajectoryFile
 from ispom.settings import check
 from ispom.types import Sequence
 

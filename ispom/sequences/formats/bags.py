@@ -13,21 +13,36 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Array, Pose
+from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
 from ispom.io.calibrations.camera_info import camera_info
 from ispom.io.calibrations.pair import pair_fault
+from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
-from ispom.sequences.formats.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
+from ispom.io.mapping import read_mapping
+from ispom.io.poses.dialects.ros_bag import pose_topics
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.guess import guessed
 from ispom.sequences.images import as_bytes, decode, sampled, span_of_values, values_of
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import remapped, undistortion
+from ispom.sequences.sidecars import first_of
+from ispom.sequences.stereo_stream import stereo_stream
+from ispom.sequences.stream import Stream, size_of
 from ispom.types import Camera, Image
 
+RIGS = ("camchain.yaml", "rig.yaml")
+"""Files of two cameras beside a bag."""
+SENSORS = frozenset(f"sensor_msgs/msg/{name}" for name in ("Imu", "NavSatFix", "LaserScan", "PointCloud2"))
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
-SIDES = (("left", "right"), ("cam0", "cam1"), ("camera0", "camera1"), ("infra1", "infra2"))
+SIDES = (
+    ("left", "right"),
+    ("cam0", "cam1"),
+    ("camera0", "camera1"),
+    ("infra1", "infra2"),
+    ("Infrared_1", "Infrared_2"),
+)
 """How topics of a pair are called."""
 _BAYER = {
     "rggb": cv2.COLOR_BayerRGGB2RGB,
@@ -109,6 +124,11 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
         raise InputError(f"{path} has no image topic: give a bag with images")
     topics = [topic for topic in topics if bag.holds(topic)] or topics
     infos, reasons = {topic: _usable_info(bag, topic) for topic in topics}, []
+    others = _others_note(bag)
+    if not any(isinstance(info, _Info) for info in infos.values()):
+        by_file = _pair_of_file(bag, topics, calibration)
+        if by_file is not None:
+            return replace(by_file, notes=(*by_file.notes, *others))
     for left in topics:
         right = next((left.replace(*names) for names in SIDES if names[0] in left), left)
         first, second = infos[left], infos.get(right)
@@ -117,13 +137,84 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
         if not (fault := _pair_fault(first, second)):
             if calibration is not None:
                 raise _calibrated(path, calibration)
-            return _pair(bag, (left, right), (first, second))
+            found = _pair(bag, (left, right), (first, second))
+            return replace(found, notes=(*found.notes, *others))
         reasons.append(f"{path.name}: {left} and {right} are not used as a pair: {fault}")
     cameras = [topic for topic in topics if not _is_depth(topic)] or topics
+    by_baseline = None if reasons or calibration is not None else _pair_by_baseline(bag, cameras, infos)
+    if by_baseline is not None:
+        return replace(by_baseline, notes=(*by_baseline.notes, *others))
     known = [topic for topic in cameras if isinstance(infos[topic], _Info)]
     topic = (known if known and calibration is None else cameras)[0]
     alone = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
-    return replace(alone, notes=(*alone.notes, *reasons[:1]))
+    return replace(alone, notes=(*alone.notes, *reasons[:1], *others))
+
+
+def _pair_by_baseline(bag: BagFile, topics: list[str], infos: dict[str, _Info | InputError | None]) -> Recording | None:
+    """The pair of two topics of one name in different places, known by a P that is that of the other one moved to the
+    right (Tx); None where there is none."""
+    for left in topics:
+        for right in topics:
+            first, second = infos[left], infos[right]
+            same = left.rsplit("/", 1)[-1] == right.rsplit("/", 1)[-1] and left != right
+            if same and isinstance(first, _Info) and isinstance(second, _Info) and not _pair_fault(first, second):
+                found = _pair(bag, (left, right), (first, second))
+                note = f"{bag.path.name}: {left} and {right} are taken as a pair, by the baseline in their camera_info"
+                return replace(found, notes=(note, *found.notes))
+    return None
+
+
+def _pair_of_file(bag: BagFile, topics: list[str], calibration: Path | None) -> Recording | None:
+    """The pair of a bag without calibration, by a file of two cameras: `calibration`, or a camchain.yaml or rig.yaml
+    beside the bag, whose topics are those that it names (Kalibr's rostopic), or those that are called as pairs are.
+    None where there is no such file. Raises InputError where its cameras are none of the topics."""
+    path = calibration or first_of((bag.path.resolve().parent,), RIGS)
+    cameras = [topic for topic in topics if not _is_depth(topic)]
+    if path is None or len(cameras) < 2:
+        return None
+    try:
+        rig, notes = one_rig((path,), True, lambda: _Images(bag, cameras[0], _index(bag, cameras[0])).first_size())
+    except InputError:
+        if calibration is None:
+            return None
+        raise
+    if not rig.has_stereo:
+        return None
+    content = read_mapping(path) if path.suffix.lower() in (".yaml", ".yml") else {}
+    named = [content.get(f"cam{i}") for i in (0, 1)]
+    both = [each.get("rostopic") if isinstance(each, dict) else None for each in named]
+    if not all(topic in topics for topic in both):
+        pairs_called = [(one, one.replace(*side)) for side in SIDES for one in cameras if side[0] in one]
+        both = next(([one, other] for one, other in pairs_called if other in cameras and other != one), [])
+    if len(both) != 2:
+        raise InputError(
+            f"{path} has two cameras, and none of the topics of {bag.path} are known as theirs ({', '.join(cameras)}): "
+            "write rostopic in it, as Kalibr does"
+        )
+    streams = []
+    for topic, side in zip(both, ("left", "right"), strict=True):
+        index = _index(bag, str(topic))
+        images = _Images(bag, str(topic), index, size_of(rig.camera(side)))
+        streams.append(Stream(index.stamps_ns, images.read, _notes(bag, index)))
+    stereo = stereo_stream(bag.path, rig, *streams)
+    note = f"{bag.path.name}: {both[0]} and {both[1]} are the pair of {path}"
+    return Recording(
+        f"bag {bag.path.name}", stereo.rig.camera("left"), stereo.rig.baseline_m, stereo.times_ns, stereo.read, None,
+        (note, *notes, *stereo.notes), video_sigma=stereo.rig.video_sigma, pair_sigma=stereo.rig.pair_sigma,
+    )  # fmt: skip
+
+
+def _others_note(bag: BagFile) -> tuple[str, ...]:
+    """Notes about topics of poses and of other sensors, which are not used."""
+    poses = [topic for topic in pose_topics(bag) if "/tf" not in topic]
+    notes: tuple[str, ...] = ()
+    if poses:
+        notes += (
+            f"{bag.path.name} has poses in {', '.join(poses)}: not used as ground truth, as their body need not be the "
+            f"camera; compare with them by ispom evaluate {bag.path}:{poses[0]} ESTIMATE",
+        )
+    others = [f"{topic} ({kind.rsplit('/', 1)[-1]})" for topic, kind in bag.types.items() if kind in SENSORS]
+    return (*notes, f"{bag.path.name}: there and not used: {', '.join(others)}") if others else notes
 
 
 def _calibrated(path: Path, calibration: Path) -> InputError:
@@ -247,8 +338,9 @@ def _indices(bag: BagFile, topics: tuple[str, str]) -> tuple[Index, Index]:
 
 def _info(bag: BagFile, topic: str) -> _Info | None:
     """InputError where it is of no camera that can be used; None where there is none, or it says nothing."""
-    name = f"{topic.removesuffix('/compressed').rsplit('/', 1)[0]}/camera_info"
-    message = bag.message(name) if bag.types.get(name) == INFO_TYPE else None
+    place = topic.removesuffix("/compressed").rsplit("/", 1)[0]
+    name = next((name for name in _info_names(place) if bag.types.get(name) == INFO_TYPE), "")
+    message = bag.message(name) if name else None
     if message is None:
         return None
 
@@ -265,6 +357,11 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
     info = camera_info(bag.path, content, where=f"{name}: ")
     projection = np.zeros((3, 4)) if info.projection is None else info.projection
     return _Info(info.raw, info.turn, projection, info.notes)
+
+
+def _info_names(place: str) -> tuple[str, str]:
+    """Where the camera_info of a topic in this place is: beside it, or as RealSense's recorder has it."""
+    return f"{place}/camera_info", f"{place.removesuffix('/image')}/info/camera_info"
 
 
 class _Images:

@@ -5,14 +5,14 @@
     video: {source: video.mp4, rate_hz: 30, offset_s: 0.012}
     left: {source: left, times: left.txt}
     right: {source: right, times: right.txt}
-    truth: truth.tum                 # optional, world_from_rig
+    truth: truth.tum                 # optional, world_from_rig, of any known program
 
 A source is a folder of images or a video file. Left and right images need not be rectified; those of times
 that differ by less than 2 ms are a pair; of folders without times, those of one number or time in their names. Where
 no video is named, left images are the video, too, as in other stereo recordings.
 
-A folder with the folders `left` and `right` and a rig.yaml needs no sequence.yaml; `times.txt` in it holds the times of
-both.
+A folder with the folders `left` and `right` (or `L` and `R`), or the films left.mp4 and right.mp4, and a rig.yaml needs
+no sequence.yaml; `times.txt` in it holds the times of both.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import CLOCK_KEYS
-from ispom.io.files import exists, is_folder
+from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
-from ispom.io.trajectories import read_tum
+from ispom.io.poses.recognised import read_trajectory
 from ispom.sequences.formats.folder import TIMES, first_image, holds_images, named_images
 from ispom.sequences.formats.streams import StreamInput, streams
 from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import truth_of_images
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
 from ispom.sequences.stream import Stream, clock_of, fitted, named_file, size_of
 from ispom.types import Frame, Kind, Measurement, Rig, Sequence, Trajectory
@@ -80,7 +82,8 @@ def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
 
     def size() -> tuple[int, int]:
         """Of the images of the first stream, where they are in a folder."""
-        entry = next((content[name] for name in ("left", "video") if name in content), "left")
+        first = _sides(path.parent)[0] if not content else "left"
+        entry = next((content[name] for name in ("left", "video") if name in content), first)
         folder = named_file(path, "source", entry.get("source") if isinstance(entry, dict) else entry)
         if not is_folder(folder):
             raise InputError(f"{files[0]}: image_width and image_height are missing: add them")
@@ -90,7 +93,21 @@ def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
 
 
 def _is_pair(folder: Path) -> bool:
-    return all(holds_images(folder / side) for side in ("left", "right"))
+    return bool(_sides(folder))
+
+
+def _sides(folder: Path) -> tuple[str, ...]:
+    """Returns the names of the folders of images, or with a rig.yaml also of the films, of a pair; none without one."""
+    if all(holds_images(folder / side) for side in ("left", "right")):
+        return ("left", "right")
+    if not exists(folder / "rig.yaml"):
+        return ()
+    if all(holds_images(folder / side) for side in ("L", "R")):
+        return ("L", "R")
+    there = names(folder)
+    films = [[name for name in there if name.lower().startswith(f"{side}.")] for side in ("left", "right")]
+    films = [[name for name in each if looks_like_video(folder / name)] for each in films]
+    return tuple(each[0] for each in films) if all(len(each) == 1 for each in films) else ()
 
 
 def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
@@ -118,17 +135,34 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     video, stereo = streams_by_name.get("video"), None
     if "left" in content:
         stereo = stereo_stream(path, rig, streams_by_name["left"], streams_by_name["right"])
-    truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
+    truth, about_truth = None, ()
+    if "truth" in content:
+        first = video or streams_by_name["left"]
+        truth, about_truth = _truth(named_file(path, "truth", content["truth"]), first.times_ns)
     if video is not None:
         opened = _sequence(name, rig, video, stereo, truth)
     elif stereo is not None:
         opened = _recording(name, stereo, truth)
     else:
         raise InputError(no_camera)
-    opened = replace(opened, notes=notes + opened.notes)
+    opened = replace(opened, notes=notes + opened.notes + about_truth)
     if truth is None:
         return opened
     return replace(opened, notes=opened.notes + no_truth_note(path.parent / content["truth"], opened.truth))
+
+
+def _truth(path: Path, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:
+    """Returns world_from_rig at the file's own times, or those of the images where it has none, and notes. Raises
+    InputError for a file that is invalid, ambiguous, or has neither times nor a pose for each image."""
+    file = read_trajectory(path)
+    if not file.timed or not file.has_rotations:
+        truth, notes = truth_of_images(path, times_ns, (), "rig")
+        if truth is None:
+            raise InputError(f"{notes[-1]}: give a file with times and rotations")
+        return truth, notes
+    trajectory, notes = replace(file.trajectory, frame="rig"), file.notes
+    last = np.append(np.diff(trajectory.times_ns) > 0, True)  # of several poses at one time the last is used
+    return trajectory.select(last), notes
 
 
 def _of_pair(folder: Path) -> dict[Any, Any]:
@@ -138,7 +172,7 @@ def _of_pair(folder: Path) -> dict[Any, Any]:
             f"{folder} has left and right images, but no rig.yaml: make it with `ispom calibrate stereo`, or write it"
         )
     times = {"times": TIMES} if exists(folder / TIMES) else {}
-    return {side: {"source": side, **times} for side in ("left", "right")}
+    return {side: {"source": source, **times} for side, source in zip(("left", "right"), _sides(folder), strict=True)}
 
 
 def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Recording:

@@ -1,6 +1,7 @@
 """A folder of images in the order of their names, with `camera.yaml` in it or next to it, or a guess (guess.py).
 
-They may lie in a folder `images` of it, as COLMAP has them.
+They may lie in a folder `images`, `rgb`, `color` ... of it. Other programs' calibrations, times and poses beside
+them are used, too (sidecars.py).
 
 Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml and the numbers
 in the names, of which some may be missing; without a rate, names that are times count (named.py). Images in formats
@@ -25,10 +26,13 @@ from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, r
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import INNER, calibration_beside, first_of, not_used, places_of, truth_beside
+from ispom.sequences.sidecars import TIMES as ALL_TIMES
 from ispom.sequences.stream import Clock, Stream, clock_of, fitted, size_of
 from ispom.types import Camera, Image
 
-CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
+CAMERA, TIMES = "camera.yaml", "times.txt"
+OTHER_TIMES = tuple(name for name in ALL_TIMES if name != TIMES)
 CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortion and rate_hz"
 
 
@@ -44,14 +48,18 @@ def first_image(folder: Path) -> Path | None:
 
 
 def looks_like_images(folder: Path) -> bool:
-    """Whether there are images right in it, or in its `images`."""
-    return holds_images(folder) or holds_images(folder / INNER)
+    """Whether there are images right in it, or in its `images` and the like."""
+    return images_in(folder) is not None
 
 
 def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
-    folder = source if holds_images(source) else source / INNER
+    folder = images_in(source) or source
+    places = places_of(folder)
     path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
+    refused: tuple[str, ...] = ()
+    if path is None:
+        path, refused = calibration_beside(places, is_calibration)
     guess, images = None, named_images(folder, path is None)
     paths = [folder / name for name in images.names]
     if path is None:
@@ -61,12 +69,24 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
         camera, clock, notes = read_settings(path, lambda: size_of_photo(paths[0], common_orientation(paths)[0]))
     parent = path.parent if path is not None and calibration is None else folder.resolve().parent
     times = next((place / TIMES for place in (folder, parent) if exists(place / TIMES)), None)
+    times = times or first_of(places, OTHER_TIMES)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock, images)
     name = f"images {source.resolve().name}"
-    notes = (*notes, *stream.notes)
-    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes, guess=guess)
+    truth, from_where = truth_beside(places, stream.times_ns, images.names)
+    notes = (*notes, *stream.notes, *refused, *from_where, *not_used(places))
+    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes, guess=guess)
+
+
+def images_in(source: Path) -> Path | None:
+    """Returns the folder itself, where it holds images, or else the first in it that is called as such folders are."""
+    return next((place for place in (source, *(source / name for name in INNER)) if holds_images(place)), None)
+
+
+def is_calibration(path: Path) -> bool:
+    """Checks that a file has the camera of images, whose size it may lack. Raises InputError where it has none."""
+    return one_camera(path, lambda: (640, 480))[0].width > 0
 
 
 def settings_in(folder: Path, name: str = CAMERA) -> Path | None:
@@ -99,6 +119,7 @@ def named_images(folder: Path, one_size: bool = False) -> Named:
     image_names = [name for name in names(folder) if _is_image(name)]
     if not image_names:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
+    image_names = without_depth(image_names)
     taken, note = same_size([folder / name for name in image_names]) if one_size else (image_names, "")
     others = sorted(set(image_names) - set(taken))
     try:
@@ -106,6 +127,12 @@ def named_images(folder: Path, one_size: bool = False) -> Named:
     except InputError as fault:
         raise InputError(f"{folder}: {fault.args[0]}") from None
     return replace(images, notes=(*images.notes, note)) if note else images
+
+
+def without_depth(image_names: list[str]) -> list[str]:
+    """Returns the names without depth images, such as those that Replica has in one folder with the colours."""
+    depth = [name for name in image_names if name.lower().startswith("depth")]
+    return image_names if len(depth) == len(image_names) else [name for name in image_names if name not in set(depth)]
 
 
 def unread_images(folder: Path) -> list[str]:
@@ -142,7 +169,7 @@ def folder_stream(
     require_size(paths[0], size)
     stamps_ns = None if images.stamps_ns is None else images.stamps_ns - since_ns
     ticks = ticks_of(images) if ticks is None else ticks
-    times_ns, note = clock.times_ns(folder, len(paths), None, stamps_ns, ticks)
+    times_ns, note = clock.times_ns(folder, len(paths), None, stamps_ns, ticks, images.names)
     if clock.times is None and (clock.rate_hz is not None or stamps_ns is None):
         skipped = int(ticks[-1] - ticks[0]) + 1 - len(ticks)
         missing = counted(skipped, "number is", "numbers are")

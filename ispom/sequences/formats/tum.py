@@ -1,19 +1,24 @@
-"""TUM style: one camera's `rgb.txt`, `camera.yaml`, and perhaps `groundtruth.txt` (world_from_camera)."""
+"""TUM style: one camera's `rgb.txt`, `camera.yaml`, and perhaps `groundtruth.txt` (world_from_camera).
+
+Spaces or commas are between time and file; times are seconds, or in another unit in which they are dates.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ispom.errors import InputError
 from ispom.io.files import exists
-from ispom.io.rows import increasing_times_ns, read_rows
-from ispom.io.trajectories import read_tum
+from ispom.io.pose_table import split_line, times_in
+from ispom.io.rows import Row, read_text
 from ispom.sequences.formats.folder import read_settings, settings_in
 from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
-from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording, Side
+from ispom.sequences.sidecars import truth_of_images
 from ispom.types import Image
 
 
@@ -25,12 +30,14 @@ def looks_like_tum(folder: Path) -> bool:
 def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder; InputError names the file that is missing or wrong."""
     listing = folder / "rgb.txt"
-    rows = read_rows(listing, 2)
-    if not rows:
-        raise InputError(f"{listing} lists no image: restore the file")
-    times_ns = increasing_times_ns(listing, rows)
+    rows = _rows(listing)
+    times_ns, unit = times_in(listing, rows, (0,), None)
+    if len(bad := np.flatnonzero(np.diff(times_ns) <= 0)):
+        line, words = rows[bad[0] + 1]
+        raise InputError(f"{listing} line {line}: time {words[0]} is not after the one before: put the lines in order")
     paths = [folder / words[1] for _, words in rows]
     there, notes = those_there(listing, paths)
+    notes += () if unit == "s" else (f"{listing}: times are taken as those in {unit}, by their size or interval",)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
     orientation, turned = common_orientation(paths)
     notes += (turned,) if turned else ()
@@ -50,6 +57,22 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     truth = folder / "groundtruth.txt"
     ground_truth = None
     if exists(truth):
-        ground_truth = truth_at(read_tum(truth, "left"), times_ns)
-        notes += no_truth_note(truth, ground_truth)
+        ground_truth, others = truth_of_images(truth, times_ns, [path.name for path in paths])
+        notes += others
     return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, ground_truth, notes, guess=guess)
+
+
+def _rows(listing: Path) -> list[Row]:
+    """The time and the file of each line, with spaces or commas between them, backslashes made slashes. Raises
+    InputError that names a line of another kind, and without a line."""
+    rows: list[Row] = []
+    for line, text in enumerate(read_text(listing).splitlines(), 1):
+        words = split_line(text.strip())
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) != 2:
+            raise InputError(f"{listing} line {line} has {len(words)} columns, not 2: correct that line")
+        rows.append((line, [words[0], words[1].replace("\\", "/")]))
+    if not rows:
+        raise InputError(f"{listing} lists no image: restore the file")
+    return rows

@@ -1,4 +1,5 @@
-"""A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` next to it, or a guess (guess.py).
+"""A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` next to it, or in another program's
+file (sidecars.py), or a guess (guess.py).
 
 Each image has the time that the file gives it, be its rate constant or not, unless the camera's file gives `rate_hz` or
 `times`. A file's first image is at 0.
@@ -14,15 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.files import read_head
+from ispom.io.files import names, read_head
 from ispom.sequences.decoder_output import film_name, silenced
-from ispom.sequences.formats.folder import read_settings, settings_in
-from ispom.sequences.guess import guess_of_film, pixel_aspect
+from ispom.sequences.formats.folder import is_calibration, read_settings, settings_in
+from ispom.sequences.guess import guess_of_film, pixel_aspect, subtitles_of
+from ispom.sequences.images import IMAGE_SUFFIXES
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import calibration_beside, not_used, subtitles_note, truth_beside
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
 from ispom.types import Camera, Image
 
-VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
+VIDEO_SUFFIXES = frozenset(
+    {".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mts", ".m2ts", ".ts", ".wmv", ".3gp", ".flv", ".mpg", ".mpeg"}
+)
+HEAD = 400
+"""First bytes that show what kind of container a file is."""
 MAX_COUNT = 100_000_000
 """Of images that a header may claim."""
 MAX_SKIP = 40
@@ -48,6 +55,10 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     settings = calibration or settings_in(path.parent, f"{path.stem}.yaml") or settings_in(path.parent)
     guess, notes = None, ()
+    places = (path.parent,) if _is_alone(path) else ()
+    refused: tuple[str, ...] = ()
+    if settings is None:
+        settings, refused = calibration_beside(places, is_calibration)
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size, film.aspect)
@@ -57,10 +68,18 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
         camera, clock, notes = read_settings(settings, lambda: film.size)
         film.require(size_of(camera))
         stream, notes = _stream(film, path, clock), (*notes, *_aspect_note(path, film, camera))
-    read, notes = stream.read, (*notes, *stream.notes)
+    truth, from_where = truth_beside(places, stream.times_ns, ())
+    refused += subtitles_note(subtitles_of(path))
+    read, notes = stream.read, (*notes, *stream.notes, *refused, *from_where, *not_used(places))
     return Recording(
-        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, notes, guess=guess
+        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), truth, notes, guess=guess
     )
+
+
+def _is_alone(path: Path) -> bool:
+    """Whether no other film or image lies beside it, whose sidecar files those there may be."""
+    others = (Path(name) for name in names(path.parent) if name != path.name and not name.startswith("."))
+    return not any(other.suffix.lower() in VIDEO_SUFFIXES | IMAGE_SUFFIXES for other in others)
 
 
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
@@ -90,7 +109,16 @@ def _aspect_note(path: Path, film: _Film, camera: Camera) -> tuple[str, ...]:
 def _is_container(head: bytes) -> bool:
     """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
     mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-    return mp4 or head.startswith(b"\x1aE\xdf\xa3") or (head.startswith(b"RIFF") and head[8:12] == b"AVI ")
+    known = (b"\x1aE\xdf\xa3", b"FLV\x01", b"\x30\x26\xb2\x75\x8e\x66\xcf\x11", b"\x00\x00\x01\xba")
+    return mp4 or head.startswith(known) or (head.startswith(b"RIFF") and head[8:12] == b"AVI ") or _is_stream(head)
+
+
+def _is_stream(head: bytes) -> bool:
+    """Whether they are packets of an MPEG transport stream, of 188 bytes, or of 192 with a time before each."""
+    return any(
+        len(head) > first + 2 * size and all(head[first + i * size] == 0x47 for i in range(3))
+        for first, size in ((0, 188), (4, 192))
+    )
 
 
 def _stamps_ns(path: Path) -> NDArray[np.int64]:
@@ -115,8 +143,10 @@ class _Film:
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
         """InputError where it is no video, or none of this size (width, height), before any image is decoded."""
-        if not _is_container(read_head(path, 12)):
-            raise InputError(f"{path} is not a video in MP4, MOV, AVI, MKV or WebM format (damaged?): restore it")
+        if not _is_container(read_head(path, HEAD)):
+            raise InputError(
+                f"{path} is not a video in MP4, MOV, AVI, MKV, WebM, MPEG, WMV or FLV (damaged?): restore it"
+            )
         self._path = path
         self._lock = threading.Lock()
         self._decoder = self._opened()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from ispom.io.files import exists, is_folder, names
@@ -11,6 +12,8 @@ from ispom.sequences.formats.video import looks_like_video, open_video
 from ispom.sequences.images import IMAGE_SUFFIXES
 from ispom.sequences.recording import Recording
 
+_CHAPTER = re.compile(r"G[HXL](\d\d)(\d{4})\.[A-Z0-9]+|G(OPR|P\d\d)(\d{4})\.[A-Z0-9]+")
+"""GoPro's names: kind, chapter, film; and those of older cameras, whose first chapter is GOPR."""
 OTHERS = IMAGE_SUFFIXES | BAG_SUFFIXES
 """Of files that are recordings, or parts of one, as well."""
 RUNS, MARKS = "recordings", ("run.yaml", "INCOMPLETE")
@@ -23,6 +26,23 @@ def video_in(folder: Path) -> Path | None:
     inside = [folder / name for name in names(folder) if not name.startswith(".")] if is_folder(folder) else []
     videos = [path for path in inside if looks_like_video(path)]
     return videos[0] if len(videos) == 1 and not any(map(_is_another, inside)) else None
+
+
+def chapters_in(folder: Path) -> list[str]:
+    """Returns the names of the chapters of the one film of an action camera, in their order; empty where its videos are
+    none."""
+    films = [name for name in names(folder) if looks_like_video(Path(name))] if is_folder(folder) else []
+    matches = [_CHAPTER.fullmatch(name.upper()) for name in films]
+    numbers = {match[2] or match[4] for match in matches if match is not None}
+    if len(films) < 2 or None in matches or len(numbers) != 1:
+        return []
+    return sorted(films, key=lambda name: (not name.upper().startswith("GOPR"), name.upper()))
+
+
+def join_line(chapters: list[str]) -> str:
+    """Returns the command that joins the chapters without decoding them."""
+    listed = "\\n".join(f"file '{name}'" for name in chapters)
+    return f'printf "{listed}\\n" > chapters.txt; ffmpeg -f concat -i chapters.txt -c copy whole.mp4'
 
 
 def looks_like_video_folder(folder: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from ispom.geometry import Pose
 from ispom.io.trajectories import euroc_text, tum_text
 from ispom.types import Trajectory
 from tests import doubles
+from tests.io.pose_examples import colmap_text, flat, lines, transforms, xyz, xyzw
 
 TRUTH = Trajectory.of([(t, doubles.pose_at(t)) for t in range(0, 20 * 10**9, 10**8)])
 AWAY = Pose.from_rotvec(np.array([0.3, 1.0, -0.2]), np.array([5.0, 6, 7]))
@@ -226,3 +228,33 @@ def test_files_of_the_users_are_not_overwritten(
 def test_svg_plots_are_replaced_by_their_like(files: dict[str, Path], tmp_path: Path) -> None:
     arguments = ["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), "--plots", str(tmp_path / "plots")]
     assert main([*arguments, "--plot-format", "svg"]) == main([*arguments, "--plot-format", "svg"]) == 0
+
+
+def test_files_of_other_programs_are_compared_by_names_and_numbers(tmp_path: Path) -> None:
+    """Of one with images that are missing in the other."""
+    poses = [pose for _, pose in TRUTH.items()][:40]
+    (tmp_path / "transforms.json").write_bytes(transforms(poses))
+    (tmp_path / "images.txt").write_bytes(colmap_text(poses[:30]))
+    (tmp_path / "a.g2o").write_bytes(lines(poses[5:35], lambda i, p: ["VERTEX_SE3:QUAT", i + 5, *xyz(p), *xyzw(p)]))
+    (tmp_path / "poses.txt").write_bytes(lines(poses, lambda i, p: [i, *flat(p)]))
+    for reference, estimate in (("transforms.json", "images.txt"), ("poses.txt", "a.g2o")):
+        (found,) = numbers(tmp_path / "out.json", tmp_path / reference, tmp_path / estimate, "--alignment", "none")
+        assert found["poses_given"] == 30 and found["ate_rmse_m"] == pytest.approx(0, abs=1e-6)
+        assert found["ate_rmse_deg"] == pytest.approx(0, abs=1e-4)
+
+
+def test_positions_have_no_errors_of_rotations(files: dict[str, Path], tmp_path: Path) -> None:
+    still = replace(TRUTH, rotations=np.tile(np.eye(3), (len(TRUTH), 1, 1)))
+    (tmp_path / "still.tum").write_text(tum_text(still))
+    (tmp_path / "leica.txt").write_bytes(lines([p for _, p in TRUTH.items()], lambda i, p: [f"{i / 10:.1f}", *xyz(p)]))
+    for name in ("still.tum", "leica.txt"):
+        (found,) = numbers(tmp_path / "a.json", tmp_path / name, files["moved.tum"])
+        assert found["ate_rmse_m"] == pytest.approx(0, abs=1e-6)
+        assert found["ate_rmse_deg"] is None and found["rpe_rmse_m"] is None and found["kitti_t_percent"] is None
+        assert any(name in note for note in json.loads((tmp_path / "a.json").read_text())["notes"])
+    (tmp_path / "rests.tum").write_text(tum_text(replace(still, translations=np.zeros((len(TRUTH), 3)))))
+    (found,) = numbers(tmp_path / "a.json", files["truth.tum"], tmp_path / "rests.tum")
+    assert found["ate_rmse_deg"] is not None, "a body at rest has errors of rotations"
+    assert any("does not move" in note for note in json.loads((tmp_path / "a.json").read_text())["notes"])
+    (found,) = numbers(tmp_path / "a.json", tmp_path / "still.tum", tmp_path / "still.tum")
+    assert found["rpe_rmse_m"] is not None

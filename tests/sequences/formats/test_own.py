@@ -91,11 +91,12 @@ def test_images_next_to_a_video_are_the_recording(tmp_path: Path) -> None:
     assert open_sequence(str(folder)).name == "images shots"
 
 
-def test_of_a_folder_with_colours_and_depths_the_colours_are_named(tmp_path: Path) -> None:
+def test_of_a_folder_with_colours_and_depths_the_colours_are_opened(tmp_path: Path) -> None:
     for name in ("depth", "rgb"):
         write_images(tmp_path / name, images(4, 0))
-    with pytest.raises(InputError, match=f"such as {re.escape(str(tmp_path / 'rgb'))}"):
-        open_sequence(str(tmp_path))
+    opened = open_sequence(str(tmp_path / "rgb"))
+    assert open_sequence(str(tmp_path)).times_ns.tolist() == opened.times_ns.tolist()
+    assert any(str(tmp_path / "depth") in note for note in opened.notes)
 
 
 @pytest.mark.parametrize("beside", [True, False])

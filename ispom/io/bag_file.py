@@ -104,6 +104,15 @@ class BagFile:
                     return reader.deserialize(raw, connection.msgtype)
         return None
 
+    def all_messages(self, topic: str, most: int = 5_000_000) -> Iterator[Any]:
+        """Yields the topic's messages, decoded, in the order in which they were written. Raises InputError for more
+        than `most`."""
+        with self._reading() as reader:
+            for n, (connection, _, raw) in enumerate(reader.messages(_connections(reader, topic))):
+                if n == most:
+                    raise InputError(f"{self.path}: {topic} has more than {most} messages: give a shorter bag")
+                yield reader.deserialize(raw, connection.msgtype)
+
     @contextmanager
     def _reading(self) -> Iterator[AnyReader]:
         from rosbags.highlevel import AnyReader

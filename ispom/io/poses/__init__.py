@@ -1,0 +1,1 @@
+"""Poses of any program: a table of dialects, recognised by their content."""

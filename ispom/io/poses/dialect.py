@@ -1,0 +1,191 @@
+"""One program's way to write poses, as a value: how it is recognised, and how it is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ispom.errors import InputError
+from ispom.geometry import Array
+from ispom.io.pose_table import times_in
+from ispom.io.poses.content import PoseContent
+from ispom.io.rows import Row, latest, numbers
+from ispom.types import FrameName, Trajectory
+
+Kind = Literal["text", "JSON", "binary", "bag"]
+ROW_NS = 1_000_000_000
+"""Rows without times are seconds."""
+SKEWED = 1e-2
+"""Largest difference of R R^T from the identity."""
+FLIP = np.diag([1.0, -1.0, -1.0])
+"""A camera with y up and z backwards (OpenGL) from one with y down and z ahead (OpenCV), and the other way round."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryFile:
+    """A trajectory from a file, and what is known about the file."""
+
+    path: Path
+    format: str
+    """Title of the dialect."""
+    trajectory: Trajectory
+    """world_from_FRAME; only EuRoC's files define FRAME (the body): for the others it is rig."""
+    timed: bool = True
+    """False: times are row numbers, or those that the file has for its rows."""
+    unit: str = ""
+    """Assumed unit of the times, where the file does not say it."""
+    notes: tuple[str, ...] = ()
+    """What was decided that the file does not say."""
+    images: tuple[str, ...] = ()
+    """Names of the images of its poses, in their order, where the file has them."""
+    numbered: bool = False
+    """Its rows have numbers of images, of which some may be missing: seconds of the times where it is not `timed`."""
+    has_rotations: bool = True
+    """False: the file has positions only, and all rotations are the identity."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseDialect:
+    """How the files of a program are recognised and read; the docstring of its module has the conventions."""
+
+    name: str
+    """Small letters, digits and _."""
+    title: str
+    """As people call it."""
+    files: str
+    """Usual names of the files."""
+    kind: Kind
+    looked_for: str
+    """What in a file is its signature, in words."""
+    recognises: Callable[[PoseContent], bool]
+    """Must be true of this dialect's files only, unless it has an `order`."""
+    read: Callable[[PoseContent, NDArray[np.int64] | None], TrajectoryFile]
+    """The times (N,) are those of the rows of a file that has none. Raises InputError that names what is missing, wrong
+    or ambiguous."""
+    order: int = 0
+    """Dialects with an order are looked at where no other recognises a file, in this order."""
+
+
+def rectangular(content: PoseContent, width: int, at_least: bool = False) -> list[Row]:
+    """Returns the rows without the header. Raises InputError for one that has not `width` words (or `at_least` as
+    many), and without a row."""
+    rows = content.data
+    for line, words in rows:
+        if len(words) != width and not (at_least and len(words) > width):
+            raise InputError(f"{content.path} line {line} has {len(words)} columns, not {width}: correct that line")
+    if not rows:
+        raise InputError(f"{content.path} holds no pose: give a trajectory with one line per pose")
+    return rows
+
+
+def values_of(path: Path, rows: Sequence[Row], first: int, last: int) -> Array:
+    """Returns the numbers (N, last - first) in these columns. Raises InputError that names the invalid line."""
+    return np.array([numbers(path, line, words[first:last]) for line, words in rows]).reshape(-1, last - first)
+
+
+def rotations_of(path: Path, places: Sequence[str], matrices: Array) -> Array:
+    """Returns the rotations (N, 3, 3) of matrices that are nearly so, made orthonormal; `places` are in words. Raises
+    InputError that names the place of one that is none."""
+    skewed = abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > SKEWED
+    wrong = np.flatnonzero(skewed | (np.linalg.det(matrices) <= 0))
+    if len(wrong):
+        raise InputError(f"{path} {places[wrong[0]]}: its first three columns are not a rotation: correct it")
+    return Rotation.from_matrix(matrices).as_matrix() if len(matrices) else matrices
+
+
+def of_matrices(
+    path: Path, rows: Sequence[Row], matrices: Array, times: NDArray[np.int64], frame: FrameName = "rig"
+) -> Trajectory:
+    """Returns the trajectory of world_from_FRAME matrices (N, 3 or 4, 4) of these rows. Raises InputError for one that
+    is not rigid, and where times go back."""
+    if matrices.shape[1] == 4 and (bad := np.flatnonzero(abs(matrices[:, 3] - (0, 0, 0, 1)).max(axis=1) > 1e-6)).size:
+        raise InputError(f"{path} line {rows[bad[0]][0]}: the last row of its matrix is not 0 0 0 1: correct it")
+    rotations = rotations_of(path, [f"line {line}" for line, _ in rows], matrices[:, :3, :3])
+    xyzw = Rotation.from_matrix(rotations).as_quat()
+    return latest(path, list(rows), times, matrices[:, :3, 3], xyzw, frame, every=True)
+
+
+def untimed(content: PoseContent, count: int, times_ns: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], bool]:
+    """Returns the times (N,) of `count` rows without times, and whether they are known. Raises InputError where there
+    are not as many times."""
+    if times_ns is None:
+        return np.arange(count, dtype=np.int64) * ROW_NS, False
+    if len(times_ns) != count:
+        raise InputError(f"{content.path} has {count} poses for {len(times_ns)} times: give the times of its rows")
+    return times_ns, True
+
+
+def numbered(
+    content: PoseContent, rows: Sequence[Row], times_ns: NDArray[np.int64] | None
+) -> tuple[NDArray[np.int64], bool]:
+    """Returns the times of rows whose first words are numbers of images, and whether they are known: `times_ns` are
+    those of all images. Raises InputError for a number that is no increasing whole one, or has no time."""
+    index: list[int] = []
+    for line, words in rows:
+        whole = re.fullmatch(r"\+?([0-9]{1,9})(?:\.0*)?(?:e\+?0+)?", words[0])
+        if whole is None or (index and int(whole[1]) <= index[-1]):
+            raise InputError(
+                f"{content.path} line {line}: '{words[0][:40]}' is no number of an image that is larger than the one "
+                "before: put the lines in order"
+            )
+        index.append(int(whole[1]))
+    if times_ns is None:
+        return np.array(index, np.int64) * ROW_NS, False
+    if index and index[-1] >= len(times_ns):
+        raise InputError(
+            f"{content.path} line {rows[-1][0]}: image {index[-1]} is none of the {len(times_ns)} whose times are "
+            "given: give those of all images"
+        )
+    return times_ns[index], True
+
+
+def counts_images(content: PoseContent) -> bool:
+    """Checks that the first column of the sample has whole numbers that increase, and are too small to be dates."""
+    first = content.column(0)
+    whole = bool((first == np.round(first)).all() and first.min() >= 0 and first.max() < 1e8)
+    return whole and bool((np.diff(first) > 0).all()) and bool(len(first) < 2 or np.median(np.diff(first)) <= 100)
+
+
+def timed(content: PoseContent, rows: Sequence[Row], unit: str | None = None) -> tuple[NDArray[np.int64], str]:
+    """Returns the times (N,) in the first words [ns] and their unit, by their values where it is not known. Raises
+    InputError that names the invalid line."""
+    return times_in(content.path, list(rows), (0,), unit)
+
+
+def order_of_quaternions(content: PoseContent, values: Array, header: str) -> tuple[Array, tuple[str, ...]]:
+    """Returns quaternions (N, 4) as x, y, z, w, of a file that does not say their order, and a note about the reason.
+
+    An order counts where the first pose is then the identity, as odometry starts, and is not in the other one. Raises
+    InputError otherwise, with the choice: `header` has Q in the place of their columns.
+    """
+    first = np.abs(values[0])
+    for name, place, order in (("last", 3, [0, 1, 2, 3]), ("first", 0, [1, 2, 3, 0])):
+        if abs(first[place] - 1) <= 1e-6 and first.sum() - first[place] <= 1e-6:
+            note = f"{content.path}: w is taken as the {name} of a quaternion: the first pose is then the identity"
+            return values[:, order], (note,)
+    comma = "," if "," in header else " "
+    orders = (comma.join(("qx", "qy", "qz", "qw")), comma.join(("qw", "qx", "qy", "qz")))
+    choice = " or ".join(f"'{header.replace('Q', names)}'" for names in orders)
+    raise InputError(
+        f"{content.path} does not say whether w is the first or the last of a quaternion: write {choice} as its first "
+        "line"
+    )
+
+
+def of_quaternions(
+    content: PoseContent, rows: Sequence[Row], times: NDArray[np.int64], positions: Array, xyzw: Array
+) -> Trajectory:
+    """Returns world_from_rig; every row is used. Raises InputError as `latest`."""
+    return latest(content.path, list(rows), times, positions, xyzw, "rig", every=True)
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Returns a key that orders names by the numbers in them: 2 before 10."""
+    return [(int(part), "") if part.isdigit() and len(part) < 20 else (0, part) for part in re.split(r"([0-9]+)", name)]
