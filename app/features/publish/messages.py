@@ -29,7 +29,7 @@ from ..stage.page_message import StageNews
 
 ALONE = {"driving": True, "driver": 1, "you": 1, "others": [], "may_drive": True}
 """The people at a published page: each reader has it alone."""
-LAYOUT = ("eye", "share", "curves")
+LAYOUT = ("eye", "layout", "curves")
 """What of the eyes is the same at all frames."""
 OF_FRAME = ("index", "time_s", "methods")
 """What of a message differs from frame to frame."""

@@ -152,7 +152,8 @@ def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page
 REACHED = """(() => {
   const found = document.activeElement;
   const { id, dataset, textContent } = found;
-  return found === document.body ? "" : found.closest("#canvas")?.id || id || dataset.do || dataset.eye || dataset.part || textContent;
+  if (found.closest("#canvas")) return "canvas";
+  return found === document.body ? "" : id || dataset.do || dataset.eye || dataset.part || textContent;
 })()"""
 
 

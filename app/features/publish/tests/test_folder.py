@@ -108,7 +108,7 @@ def test_the_folder_is_as_small_as_asked(runs: tuple[Path, Path], publish: Publi
         return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
     whole = size(site)
-    limit = whole - (site / "data" / "stage.bin").stat().st_size // 4
+    limit = whole - (site / "data" / "stage.bin").stat().st_size // 8
     assert publish(runs[0], "--out", tmp_path / "site", "--max-mb", str(limit / 1e6)) == 0
     assert size(tmp_path / "site") <= limit < whole
 
