@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +59,10 @@ def family_curves(parts: Mapping[int, Part]) -> dict[int, ErrorCurve]:
     """By the number of the branch, the curves of one method in all branches of one run.
 
     All of its branches are in one world, so one alignment brings them to the truth, over all their poses. The frames
-    that a branch shares with its parent are those of the parent: they have one error.
+    that a branch shares with its parent are those of the parent: they have one error. A branch of a method with a unit of
+    its own is in another world than its parent where that had not moved yet: the unit came later.
     """
+    parts = {n: part if _shares_a_world(parts, part) else replace(part, parent=None) for n, part in parts.items()}
     roots = {number: _root(parts, number) for number in parts}
     found: dict[int, ErrorCurve] = {}
     for root in dict.fromkeys(roots.values()):
@@ -84,6 +86,14 @@ def family_curves(parts: Mapping[int, Part]) -> dict[int, ErrorCurve]:
             ]
             found[number] = ErrorCurve(times, np.concatenate(away), kind, len(members))
     return found
+
+
+def _shares_a_world(parts: Mapping[int, Part], part: Part) -> bool:
+    if part.parent not in parts or part.error.alignment == "se3":
+        return True
+    parent = parts[part.parent].error.estimate
+    before = parent.translations[parent.times_ns < part.from_ns]
+    return bool(len(before) and np.ptp(before, axis=0).any())
 
 
 Pair = tuple[Trajectory, Trajectory]

@@ -15,7 +15,7 @@ import numpy as np
 
 from ispom.methods import Config
 from ispom.methods import method as registered
-from ispom.types import Step, TrackStatus
+from ispom.types import Status, Step, TrackStatus
 
 from ...engine.frame_record import INLIERS
 from ...engine.history.step_quantities.step import DROPPED
@@ -121,7 +121,8 @@ def _stages(
     if (depth := _with_depth(step)) is not None:
         counts["with depth"] = depth
     counts["inliers"] = here.get(INLIERS.key, 0)
-    limiting = _limiting(counts)
+    # Before there is a map, no point has a depth: what limits is before that.
+    limiting = _limiting(counts if step.status != Status.INITIALISING else dict(list(counts.items())[:2]))
     reasons = {
         "detected": _cap(step.method, detected, _config(run, frame)),
         "tracked": _reason({status: gone[status] for status in NOT_TRACKED}),

@@ -67,6 +67,15 @@ def test_a_fork_of_a_fork_reads_each_frame_of_the_branch_that_computed_it() -> N
     assert not np.allclose(found[1].metres[30:], found[2].metres[30:])
 
 
+def test_where_the_parent_had_no_unit_yet_each_is_aligned_by_itself() -> None:
+    """One number said 0.2 m in the dock where the ATE was 4 mm: the parent never had a map."""
+    fork = error(50, 0.001, "sim3")
+    still = Trajectory(fork.estimate.times_ns, fork.estimate.rotations, np.zeros((50, 3)))
+    parts = {0: Part(TrajectoryError(still, truth(50), "sim3"), None), 1: Part(fork, 0, SHARED * 10**8)}
+    found = family_curves(parts)
+    assert np.array_equal(found[1].metres, fork.position_errors_m) and found[1].branches == 1
+
+
 def test_runs_that_share_nothing_are_aligned_by_themselves() -> None:
     own = error(40, 0.0), error(40, 0.05)
     found = family_curves({0: Part(own[0], None), 1: Part(own[1], None), 2: Part(own[1], 7, SHARED * 10**8)})

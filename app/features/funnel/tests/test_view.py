@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -69,6 +70,12 @@ def test_the_stage_that_keeps_the_smallest_share_limits() -> None:
     (odd,) = shown(step([NEW] * 50), step([ALIVE] * 14 + [OFF] * 34, with_point=48, inliers=14)).methods
     assert counts(odd)["tracked"] == 48, "what was rejected later was tracked"
     assert limiting(odd)[0] == "inliers" and "15" in limiting(odd)[1]
+
+
+def test_before_there_is_a_map_the_detection_or_the_tracking_limits() -> None:
+    waiting = replace(step([ALIVE] * 47), status=Status.INITIALISING)
+    (found,) = shown(step([NEW] * 50), waiting).methods
+    assert counts(found)["with depth"] == 0 and limiting(found)[0] == "detected" and "50" in limiting(found)[1]
 
 
 def test_the_detection_is_the_last_one_before_the_frame() -> None:
