@@ -89,10 +89,10 @@ def family_curves(parts: Mapping[int, Part]) -> dict[int, ErrorCurve]:
 
 
 def _shares_a_world(parts: Mapping[int, Part], part: Part) -> bool:
-    if part.parent not in parts or part.error.alignment == "se3":
+    parent = None if part.parent is None else parts.get(part.parent)
+    if parent is None or part.error.alignment == "se3":
         return True
-    parent = parts[part.parent].error.estimate
-    before = parent.translations[parent.times_ns < part.from_ns]
+    before = parent.error.estimate.translations[parent.error.estimate.times_ns < part.from_ns]
     return bool(len(before) and np.ptp(before, axis=0).any())
 
 
