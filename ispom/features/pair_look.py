@@ -12,11 +12,15 @@ from ispom.errors import InputError
 from ispom.features.images import TrackedSize
 from ispom.features.pair_rows import LEAST, Look, Matches, RowModel, features_of, matched, moments
 from ispom.features.row_search import PointSearch
+from ispom.geometry import Array
+from ispom.plausibility.film import film_doubts, thumbnail
 from ispom.plausibility.images import image_doubts
 from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
 
 SAMPLES = 5
 """Images of each camera that are looked at, whatever the recording's length."""
+FILM_PIXELS, FILM_IMAGES = 12_000_000, 150
+"""As many first images of a film are compared with their neighbours: 39 of 640 x 480, whatever its length."""
 PAIRS = 2
 """Number of neighbouring frames that are checked, of pairs at the begin, in the middle and at the end."""
 LEAST_PX = 64
@@ -78,7 +82,7 @@ def with_look(sequence: Sequence) -> Sequence:
     """
     if sequence.grow is not None:
         return sequence
-    sequence = sequence.with_notes(_of_images(sequence))
+    sequence = _of_film(sequence.with_notes(_of_images(sequence)))
     kind = "stereo" if sequence.rig.has_stereo else "video"
     found = [i for i, each in enumerate(sequence.kinds) if each == kind]
     try:
@@ -129,6 +133,26 @@ def _of_images(sequence: Sequence) -> tuple[str, ...]:
             for doubt in image_doubts(f"{sequence.name}: {camera}", images):
                 out.setdefault(doubt.key, doubt)
     return tuple(out.values())
+
+
+def _of_film(sequence: Sequence) -> Sequence:
+    """With doubts about the first images of a film in their order, and without a title at its begin."""
+    kind = "video" if "video" in sequence.kinds else "stereo"
+    found, thumbnails, pixels = [i for i, each in enumerate(sequence.kinds) if each == kind], list[Array](), 0
+    try:
+        for i in found[:FILM_IMAGES]:
+            image = next(iter(images_of(sequence.load(i)).values()))
+            pixels += image.shape[0] * image.shape[1]
+            if pixels > FILM_PIXELS:
+                break
+            thumbnails.append(thumbnail(image))
+    except InputError:  # the run skips it
+        return sequence
+    found = found[: len(thumbnails)]
+    alone = set(sequence.kinds) == {"video"}
+    doubts, begin = film_doubts(f"{sequence.name}: {kind}", thumbnails, sequence.times_ns[found], alone)
+    sequence = sequence.with_notes(doubts)
+    return sequence.part(begin, len(sequence) - 1) if begin else sequence
 
 
 def halves_note(images: list[Image]) -> str:
@@ -197,7 +221,7 @@ def moments_note(places: list[Place], px_per_tracked: float = 1.0) -> str:
         return ""
     first, moment = off[0]
     what = "the frame after" if moment.later > 0 else "the frame before"
-    rows = f"rows of matches scatter by {moment.scatter_px:.1f} px in a pair, {moment.best_px:.1f} px with the other image"
+    rows = f"rows of matches scatter by {moment.scatter_px:.1f} px; {moment.best_px:.1f} px with the other image"
     together = [start for start, each in found if not each.later]
     if not together:
         return (
