@@ -1,7 +1,7 @@
 """Checks that the first images of a recording fit its cameras, to report mistakes of the user at once.
 
-Matched features decide. In a rectified pair they are on the same rows, and farther left in the right image. In one
-camera's image the two halves have no matches.
+Matched features decide. In a rectified pair they are on the same rows, and farther left in the right image, in those
+of one moment and no others (pair_rows.py). In one camera's image the two halves have no matches.
 """
 
 from __future__ import annotations
@@ -10,24 +10,29 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.features.images import TrackedSize
+from ispom.features.pair_rows import LEAST, Look, Matches, RowModel, features_of, matched, moments
 from ispom.features.row_search import PointSearch
-from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array
+from ispom.plausibility.film import film_doubts, thumbnail
 from ispom.plausibility.images import image_doubts
 from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
 
 SAMPLES = 5
 """Images of each camera that are looked at, whatever the recording's length."""
-PAIRS, FEATURES = 2, 500
-"""Number of frames that are checked, and of features in each image."""
-LEAST, LEAST_PX = 60, 64
-"""Least number of matches, and of columns [px], for a check."""
+FILM_PIXELS, FILM_IMAGES = 12_000_000, 150
+"""As many first images of a film are compared with their neighbours: 39 of 640 x 480, whatever its length."""
+PAIRS = 2
+"""Number of neighbouring frames that are checked, of pairs at the begin, in the middle and at the end."""
+LEAST_PX = 64
+"""Least number of columns or rows [px] for a check."""
 FAR_OFF = 2.0
 """Row offset, relative to the search range of stereo, from which most points are missed; stereo corrects smaller
 ones."""
 LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
-"""Largest difference of a match's row offset [px] from the median, and the least share of matches within it; with fewer
-the images do not show the same scene."""
+"""Largest residual of a match's row offset [px], and the least share of matches within it; with fewer the images do not
+show the same scene."""
+UPSIDE_DOWN = 0.2
+"""How near `larger` is to -2, and to 0, in images that are upside down, and in others."""
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
 """Least shift to the right [px], and the share of matches beyond it from which left and right count as exchanged:
 calibrations are inaccurate."""
@@ -42,13 +47,31 @@ SIDE_BY_SIDE = (
     "cut them apart (ffmpeg -i FILM -vf crop=iw/2:ih:0:0 left.mp4, and crop=iw/2:ih:iw/2:0 right.mp4), calibrate the "
     "pair, and name both films in a sequence.yaml."
 )
+ONE_ABOVE_OTHER = (
+    "The upper and the lower half of the images show the same, as of a stereo camera that puts its images one above "
+    "the other: cut them apart (ffmpeg -i FILM -vf crop=iw:ih/2:0:0 left.mp4, and crop=iw:ih/2:0:ih/2 right.mp4), "
+    "calibrate the pair, and name both films in a sequence.yaml."
+)
 SAME = "The left and the right images are the same: there is no depth in them; give those of the right camera."
 EXCHANGED = (
     "Left and right seem to be exchanged: what both cameras see lies farther right in the right images; name them the "
     "other way round."
 )
 
-MIXED_UP = (SIDE_BY_SIDE, SAME, EXCHANGED)
+UPSIDE = "The right images are upside down against the left ones: turn them by 180 degrees."
+MIRRORED = (
+    "The right images are mirrored left-right against the left ones: mirror them back (ffmpeg -i FILM -vf hflip "
+    "right.mp4), or give those as the camera took them."
+)
+MIRRORED_UPSIDE = (
+    "The right images are mirrored top-bottom against the left ones: mirror them back (ffmpeg -i FILM -vf vflip "
+    "right.mp4), or give those as the camera took them."
+)
+
+Place = tuple[int, Look, Look]
+"""The number of a pair, the pair, and the next one."""
+
+MIXED_UP = (SIDE_BY_SIDE, ONE_ABOVE_OTHER, SAME, EXCHANGED, UPSIDE, MIRRORED, MIRRORED_UPSIDE)
 """Notes about images from which no method can estimate a motion."""
 
 
@@ -59,19 +82,35 @@ def with_look(sequence: Sequence) -> Sequence:
     """
     if sequence.grow is not None:
         return sequence
-    sequence = sequence.with_notes(_of_images(sequence))
+    sequence = _of_film(sequence.with_notes(_of_images(sequence)))
     kind = "stereo" if sequence.rig.has_stereo else "video"
-    found = [i for i, each in enumerate(sequence.kinds) if each == kind][:PAIRS]
+    found = [i for i, each in enumerate(sequence.kinds) if each == kind]
     try:
-        seen = [sequence.load(i) for i in found]
+        seen = [sequence.load(i) for i in found[:PAIRS]]
+        if kind == "video":
+            return sequence.with_notes(_given(halves_note([each.image for each in seen if is_video(each)])))
+        pairs = [each for each in seen if is_stereo(each)]
+        px, looks = float(TrackedSize.of(sequence.rig.camera("left")).factors[1]), list(map(Look.of, pairs))
+        note = pair_note(pairs, px, looks)
+        if not note and len(looks) == PAIRS and len(found) >= 2 * PAIRS:
+
+            def place(start: int) -> Place:
+                both = (sequence.load(i) for i in found[start : start + PAIRS])
+                first, second = (Look.of(each) for each in both if is_stereo(each))
+                return start, first, second
+
+            middle, last = (len(found) - PAIRS) // 2, len(found) - PAIRS
+            places: list[Place] = [(0, looks[0], looks[1]), place(last)]
+            note = moments_note(places, px)
+            if note and middle:
+                note = moments_note([places[0], place(middle), places[1]], px) or note
     except InputError:  # the run reports it, or continues without it
         return sequence
-    if kind == "video":
-        note = halves_note([each.image for each in seen if is_video(each)])
-    else:
-        size = TrackedSize.of(sequence.rig.camera("left"))
-        note = pair_note([each for each in seen if is_stereo(each)], float(size.factors[1]))
-    return sequence.with_notes((note,)) if note else sequence
+    return sequence.with_notes(_given(note))
+
+
+def _given(note: str) -> tuple[str, ...]:
+    return (note,) if note else ()
 
 
 def _of_images(sequence: Sequence) -> tuple[str, ...]:
@@ -96,56 +135,143 @@ def _of_images(sequence: Sequence) -> tuple[str, ...]:
     return tuple(out.values())
 
 
+def _of_film(sequence: Sequence) -> Sequence:
+    """With doubts about the first images of a film in their order, and without a title at its begin."""
+    kind = "video" if "video" in sequence.kinds else "stereo"
+    found, thumbnails, pixels = [i for i, each in enumerate(sequence.kinds) if each == kind], list[Array](), 0
+    try:
+        for i in found[:FILM_IMAGES]:
+            image = next(iter(images_of(sequence.load(i)).values()))
+            pixels += image.shape[0] * image.shape[1]
+            if pixels > FILM_PIXELS:
+                break
+            thumbnails.append(thumbnail(image))
+    except InputError:  # the run skips it
+        return sequence
+    found = found[: len(thumbnails)]
+    alone = set(sequence.kinds) == {"video"}
+    doubts, begin = film_doubts(f"{sequence.name}: {kind}", thumbnails, sequence.times_ns[found], alone)
+    sequence = sequence.with_notes(doubts)
+    return sequence.part(begin, len(sequence) - 1) if begin else sequence
+
+
 def halves_note(images: list[Image]) -> str:
-    """Returns a note if each image contains those of two cameras side by side; "" if not, or unknown."""
-    return SIDE_BY_SIDE if images and all(map(_is_two, images)) else ""
+    """Returns a note if each image contains those of two cameras, side by side or one above the other; "" if not, or
+    unknown."""
+    if images and all(map(_is_two, images)):
+        return SIDE_BY_SIDE
+    return ONE_ABOVE_OTHER if images and all(_is_two(image, above=True) for image in images) else ""
 
 
-def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0) -> str:
+def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look] | None = None) -> str:
     """Returns a note about a mistake in the stereo frames; "" if there is none, or unknown.
 
-    `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones.
+    `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones, `looks` are the pairs' where
+    they are known.
     """
     if pairs and all(np.array_equal(pair.left, pair.right) and np.ptp(pair.left) for pair in pairs):
         return SAME
-    apart = np.concatenate([np.zeros((0, 2)), *map(_apart, pairs)])
-    if len(apart) < LEAST:
-        return ""
-    lower = float(np.median(apart[:, 1]))
-    level = np.abs(apart[:, 1] - lower) <= LEVEL_PX * px_per_tracked
+    looks = list(map(Look.of, pairs)) if looks is None else looks
+    both = _joined([look.matches() for look in looks])
+    if both is None:
+        return _of_mirrored(looks)
+    px = looks[0].px
+    within = LEVEL_PX * px_per_tracked / px
+    model = RowModel.of(both, within)
+    level = np.abs(model.residuals(both)) <= within
     if level.mean() < LEVEL_SHARE:
         return ""
-    if (apart[level, 0] > SIDE_PX).mean() > SIDE_SHARE:
+    if abs(model.larger + 2) < UPSIDE_DOWN:
+        return UPSIDE
+    if abs(model.larger) > UPSIDE_DOWN:
+        return ""
+    if (both.offsets[level, 0] * px > SIDE_PX).mean() > SIDE_SHARE:
         return EXCHANGED
     limit = PointSearch().max_row_error_px * px_per_tracked
-    if abs(lower) <= FAR_OFF * limit:
+    lower, half_px = model.lower_px * px, (both.size[0] * px / 2, both.size[1] * px / 2)
+    stereo = f"and stereo finds points within {limit:g} px"
+    if abs(lower) > FAR_OFF * limit:
+        return (
+            f"The right images lie {abs(lower):.1f} px {'lower' if lower > 0 else 'higher'} than the left ones, "
+            f"{stereo}: calibrate the pair, or rectify it anew."
+        )
+    if abs(model.turn_rad) * half_px[0] > limit:
+        side = "clockwise" if model.turn_rad > 0 else "anticlockwise"
+        return (
+            f"The right images are turned by {np.degrees(abs(model.turn_rad)):.2g} degrees {side} against the left "
+            f"ones ({abs(model.turn_rad) * half_px[0]:.1f} px at the border, {stereo}): calibrate the pair, or rectify "
+            "it again."
+        )
+    if abs(model.larger) * half_px[1] > FAR_OFF * limit:
+        return (
+            f"The right images show the scene {abs(model.larger):.1%} {'larger' if model.larger > 0 else 'smaller'} "
+            f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, {stereo}): calibrate the "
+            "pair, or rectify it again."
+        )
+    return ""
+
+
+def moments_note(places: list[Place], px_per_tracked: float = 1.0) -> str:
+    """Returns a note about pairs of two moments at some places; "" where all are of one, or unknown, as where nothing
+    moves."""
+    lags = moments([(first, second) for _, first, second in places], LEVEL_PX * px_per_tracked)
+    found = [(start, each) for (start, *_), each in zip(places, lags, strict=True) if each]
+    off = [(start, each) for start, each in found if each.later]
+    if not off or len({each.later for _, each in off}) > 1:
         return ""
+    first, moment = off[0]
+    what = "the frame after" if moment.later > 0 else "the frame before"
+    rows = f"rows of matches scatter by {moment.scatter_px:.1f} px; {moment.best_px:.1f} px with the other image"
+    together = [start for start, each in found if not each.later]
+    if not together:
+        return (
+            f"Each pair is of two moments: its right image shows {what} ({rows}). Move the images of one side by one, "
+            "or correct their times."
+        )
+    if max(together) > first:
+        return ""
+    side = "right" if moment.later > 0 else "left"
     return (
-        f"The right images lie {abs(lower):.1f} px {'lower' if lower > 0 else 'higher'} than the left ones, and stereo "
-        f"finds those within {limit:g} px: calibrate the pair, or rectify it anew."
+        f"Pairs are of two moments from one between {max(together) + 1} and {first} on: an image of the {side} camera "
+        f"is missing there, though names or times count on, and the right image shows {what} ({rows}). Remove the "
+        "image of the other side that has no partner, or give the times of both."
     )
 
 
-def _apart(pair: Frame) -> Array:
-    """Returns the offsets (M, 2) [px], to the right and downwards, of features in the right image."""
-    return _found_again(as_grey(pair.left), as_grey(pair.right))[0]
+def _joined(found: list[Matches]) -> Matches | None:
+    """All matches of some pairs; None where they are too few."""
+    if sum(map(len, found)) < LEAST:
+        return None
+    left, right = np.concatenate([each.left for each in found]), np.concatenate([each.right for each in found])
+    return Matches(left, right, found[0].size)
 
 
-def _is_two(image: Image) -> bool:
-    half = image.shape[1] // 2
-    if half < LEAST_PX:
+def _of_mirrored(looks: list[Look]) -> str:
+    """A note about right images that are mirrored; descriptors of features find them only when they are mirrored
+    back."""
+    both = _joined([look.mirrored.matches() for look in looks])
+    if both is None:
+        return ""
+    model = RowModel.of(both, LEVEL_PX)
+    if (np.abs(model.residuals(both)) <= LEVEL_PX).mean() < LEVEL_SHARE:
+        return ""
+    if abs(model.larger + 2) < UPSIDE_DOWN:
+        return MIRRORED_UPSIDE
+    return MIRRORED if abs(model.larger) < UPSIDE_DOWN else ""
+
+
+def _is_two(image: Image, above: bool = False) -> bool:
+    image = np.ascontiguousarray(as_grey(image))
+    side = image.shape[0 if above else 1] // 2
+    if side < LEAST_PX:
         return False
-    apart, features = _found_again(as_grey(image[:, :half]), as_grey(image[:, half : 2 * half]))
-    if not len(apart):
+    halves = (image[:side], image[side : 2 * side]) if above else (image[:, :side], image[:, side : 2 * side])
+    height, width = halves[0].shape
+    first, second = (features_of(np.ascontiguousarray(half)) for half in halves)
+    offsets = matched(first, second, halves[0].shape).offsets
+    if not len(offsets):
         return False
-    lower = float(np.median(apart[:, 1]))
-    level = np.abs(apart[:, 1] - lower) <= HALF_LEVEL * image.shape[0]
-    near = level & (np.abs(apart[:, 0]) <= HALF_APART * half) & (abs(lower) <= HALF_LOWER * image.shape[0])
-    return int(near.sum()) >= max(LEAST, HALF_SHARE * features) and near.mean() >= LEVEL_SHARE
-
-
-def _found_again(left: Image, right: Image) -> tuple[Array, int]:
-    """Returns the offsets (M, 2) [px] of matched features in the right image, and the number of left features."""
-    a, b = (SIFT.detect_and_describe(np.ascontiguousarray(image), FEATURES) for image in (left, right))
-    pairs = SIFT_MATCHER.match(a, b)
-    return (b.uv[pairs[:, 1]] - a.uv[pairs[:, 0]]).astype(float), len(a.uv)
+    lower = float(np.median(offsets[:, 1]))
+    level = np.abs(offsets[:, 1] - lower) <= HALF_LEVEL * height
+    near = level & (np.abs(offsets[:, 0]) <= HALF_APART * width) & (abs(lower) <= HALF_LOWER * height)
+    return int(near.sum()) >= max(LEAST, HALF_SHARE * len(first.uv)) and near.mean() >= LEVEL_SHARE

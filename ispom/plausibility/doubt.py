@@ -46,6 +46,9 @@ DOUBTS = {
     "images_frozen": "images that are all the same",
     "images_interlaced": "images of two fields",
     "images_transparent": "images that are transparent",
+    "images_title": "a title or another still image within a film",
+    "images_cut": "a cut within a film, or images that are missing while its times go on",
+    "images_repeated": "images that are repeated, as of a webcam that is read too often",
 }
 """What is found, by key."""
 

@@ -31,6 +31,7 @@ MOST_ASPECT = 4.0
 SENSOR_MM = (2.0, 62.0)
 """The longer side of a camera's sensor: from telephones to medium format."""
 _EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
+_GPS, _LATITUDE, _LONGITUDE = 0x8825, 2, 4
 _PLANE_RESOLUTION, _PLANE_UNIT = 41486, 41488
 _PIXEL_SIDES = (40962, 40963)
 _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
@@ -77,6 +78,18 @@ def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, C
     aspect = pixel_aspect(*(ratio[::-1] if turned else ratio))
     guess = guessed((width, height), _focal_of_exif(entries, (width, height)), aspect)
     return guess, guess.camera((width, height))
+
+
+def position_note(path: Path) -> str:
+    """Returns a note about the position in a photo's EXIF, which is not used; "" without one."""
+    try:
+        with opened(path) as file, Header.open(file) as image:
+            entries = _exif_of(image).get_ifd(_GPS)
+    except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+        return ""
+    if not {_LATITUDE, _LONGITUDE} <= entries.keys():
+        return ""
+    return f"{path} has a position in its EXIF, as others may have: not used, as it is no pose of the camera"
 
 
 def _exif_of(image: Header.Image) -> Header.Exif:

@@ -73,6 +73,12 @@ def not_used(places: Sequence[Path]) -> tuple[str, ...]:
     return (f"there and not used, as one camera needs none of it: {', '.join(found)}",) if found else ()
 
 
+def sensors_note(*paths: Path) -> tuple[str, ...]:
+    """A note about those measurements of other sensors that are there; nothing without them."""
+    found = [str(path) for path in paths if exists(path)]
+    return (f"used only with --sensors, whose file names it: {', '.join(found)}",) if found else ()
+
+
 def image_times(path: Path, count: int, image_names: Sequence[str] = ()) -> tuple[NDArray[np.int64], str]:
     """Returns increasing times (N,) [ns] of `count` images from a file with a line for each, and a note about an
     assumed unit ("" without one).

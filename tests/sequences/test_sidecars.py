@@ -16,7 +16,7 @@ from ispom.types import Sequence
 from tests.io.pose_examples import colmap_binary, flat, lines, poses_of, transforms, xyz, xyzw
 from tests.io.test_pose_dialects import pose_bag
 from tests.sequences.bag_folders import make_bag
-from tests.sequences.folders import HEIGHT, WIDTH, images, make_tum
+from tests.sequences.folders import HEIGHT, WIDTH, images, make_euroc, make_tum
 from tests.sequences.own_folders import make_images, pair_folder, write_images, write_video
 
 COUNT = 6
@@ -230,3 +230,24 @@ def test_poses_in_a_bag_without_images_are_no_recording(tmp_path: Path) -> None:
     path = pose_bag(tmp_path / "a.bag", {"/odom": "nav_msgs/msg/Odometry"})
     with pytest.raises(InputError, match="no image topic"):
         open_sequence(str(path))
+
+
+def test_positions_in_photos_are_named(tmp_path: Path) -> None:
+    from PIL import Image
+
+    exif = Image.Exif()
+    exif.get_ifd(0x8825).update({1: "N", 2: (49.0, 0.0, 30.0), 3: "E", 4: (8.0, 24.0, 0.0)})
+    for i, image in enumerate(images(COUNT, 0)):
+        Image.fromarray(image).save(tmp_path / f"{i:04d}.jpg", exif=exif if i == 0 else Image.Exif())
+    assert any("0000.jpg" in note and "EXIF" in note for note in open_sequence(str(tmp_path)).notes)
+    Image.fromarray(images(1, 0)[0]).save(tmp_path / "0000.jpg")
+    assert not any("EXIF" in note for note in open_sequence(str(tmp_path)).notes)
+
+
+def test_the_imu_of_a_drone_is_named(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    assert not any("--sensors" in note for note in open_sequence(str(folder)).notes)
+    table = (folder if folder.name == "mav0" else folder / "mav0") / "imu0" / "data.csv"
+    table.parent.mkdir(exist_ok=True)
+    table.write_text("#timestamp [ns]\n")
+    assert any("imu0" in note and "--sensors" in note for note in open_sequence(str(folder)).notes)

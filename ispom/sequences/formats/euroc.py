@@ -23,6 +23,7 @@ from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
+from ispom.sequences.sidecars import sensors_note
 from ispom.types import Camera, Image, Trajectory
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0")
@@ -40,6 +41,9 @@ class _Sensor:
     notes: tuple[str, ...]
 
 
+IMU = "imu0/data.csv"
+
+
 def looks_like_euroc(folder: Path) -> bool:
     """Whether it is a `mav0`, or the folder that holds one."""
     return is_folder(folder / "mav0") or exists(folder / "cam0" / "data.csv")
@@ -52,7 +56,7 @@ def open_euroc(folder: Path) -> Recording:
     left = _sensor(mav0 / "cam0")
     if not is_folder(mav0 / "cam1"):
         truth, about = _truth(mav0, left.body_from_camera, left.times_ns)
-        size, notes = (left.camera.width, left.camera.height), left.notes + about
+        size, notes = (left.camera.width, left.camera.height), left.notes + about + sensors_note(mav0 / IMU)
 
         def read_left(_: Side, i: int) -> Image:
             return read_grey(left.paths[i], size)
@@ -75,6 +79,7 @@ def open_euroc(folder: Path) -> Recording:
     times_ns = left.times_ns[i_left]
     truth, about = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
     notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left)) + about
+    notes += sensors_note(mav0 / IMU)
     return Recording(name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes)
 
 

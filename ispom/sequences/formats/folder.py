@@ -21,7 +21,7 @@ from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import one_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.plausibility.images import transparency_doubts
-from ispom.sequences.guess import guess_of_photo, size_of_photo
+from ispom.sequences.guess import guess_of_photo, position_note, size_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, read_image, require_size, same_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
@@ -75,7 +75,8 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     stream = folder_stream(folder, size_of(camera), clock, images)
     name = f"images {source.resolve().name}"
     truth, from_where = truth_beside(places, stream.times_ns, images.names)
-    notes = (*notes, *stream.notes, *refused, *from_where, *not_used(places))
+    notes = (*notes, *stream.notes, *refused, *from_where, *not_used(places), position_note(paths[0]))
+    notes = tuple(note for note in notes if note)
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes, guess=guess)
 
 

@@ -21,6 +21,7 @@ from ispom.sequences.images import read_image
 from ispom.sequences.matching import truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Maps, remapped, undistortion
+from ispom.sequences.sidecars import sensors_note
 from ispom.types import Camera, Image, Trajectory
 
 _PAIRS = (("00", "01"), ("02", "03"))
@@ -68,7 +69,8 @@ def open_kitti_raw(folder: Path) -> Recording:
 
     name = f"KITTI raw {folder.resolve().name}"
     truth, about = _truth(folder, left, calibrations[0], path, times_ns[frames])
-    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, (*notes, about))
+    notes = (*notes, *sensors_note(folder / "oxts"), about)
+    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, notes)
 
 
 def _calibration_path(folder: Path, name: str) -> Path | None:
