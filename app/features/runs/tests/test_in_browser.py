@@ -135,10 +135,10 @@ def test_after_a_fork_the_mode_compare_compares_it_with_its_parent(page: Page) -
     page.until("state.address.branch !== '0' && !state.playing", "the fork")
     page.tab.locator("#modes input[value=compare]").check(force=True)
     page.until("state.compared?.[3]", "the comparison")
-    checked = page.tab.locator("#compare .pair option:checked")
-    checked.nth(1).wait_for(state="attached")
-    names = checked.all_inner_texts()
-    assert names[0] == "first run" and names[1].endswith("fork at frame 21")
+    first = "document.querySelector('#compare .pair option:checked')?.textContent"
+    page.until(f"{first} === 'first run'", "the lists of the comparison, after those of the runs")
+    assert page.tab.locator("#compare .pair option:checked").nth(1).inner_text().endswith("fork at frame 21")
+    page.tab.locator("#compare .verdict").wait_for()
     assert page.tab.locator("#compare .verdict").inner_text() and not page.faults
 
 
