@@ -59,8 +59,8 @@ def family_curves(parts: Mapping[int, Part]) -> dict[int, ErrorCurve]:
     """By the number of the branch, the curves of one method in all branches of one run.
 
     All of its branches are in one world, so one alignment brings them to the truth, over all their poses. The frames
-    that a branch shares with its parent are those of the parent: they have one error. Of a method with a unit of its own,
-    a branch is in another world than its parent where that had not moved yet: the unit came later.
+    that a branch shares with its parent are those of the parent: they have one error. Of a method with a unit of its
+    own, a branch is in another world than its parent where that had not moved yet: the unit came later.
     """
     parts = {n: part if _shares_a_world(parts, part) else replace(part, parent=None) for n, part in parts.items()}
     roots = {number: _root(parts, number) for number in parts}
