@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ispom.calibration.tracked.self_calibration import self_calibrated
-from ispom.features.pair_look import MIXED_UP, with_look
+from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
@@ -81,8 +81,7 @@ class SourceOptions:
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
         calibration; InputError where that cannot be, or may not."""
-        sequence = self.opened(source, policy)
-        return sequence if any(note in MIXED_UP for note in sequence.notes) else self_calibrated(sequence)
+        return self_calibrated(self.opened(source, policy))
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""

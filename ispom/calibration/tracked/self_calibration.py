@@ -13,6 +13,7 @@ from ispom.calibration.result import Verdict
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
 from ispom.calibration.tracked.tracks import key_tracks
 from ispom.errors import InputError
+from ispom.features.pair_look import MIXED_UP
 from ispom.types import Camera, Guess, Image, Sequence, is_video
 
 MOST_IMAGES, MOST_VIEWS = 600, 45
@@ -29,10 +30,11 @@ _BETTER = "Better: film a target and run `ispom calibrate video`, or give --came
 def self_calibrated(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
     """Returns the sequence with the camera estimated from its first images, and its uncertainty in the notes.
 
-    Unchanged with a calibration. Where the images do not determine the camera, the guess stays, with a note.
+    Unchanged with a calibration, and where a note says that its images are mixed up. Where the images do not determine
+    the camera, the guess stays, with a note.
     """
     guess = sequence.guess
-    if guess is None:
+    if guess is None or any(note in MIXED_UP for note in sequence.notes):
         return sequence
     found = estimate_lens(sequence, guess, most_images, most_views)
     note = words(guess, found)

@@ -9,6 +9,7 @@ import pytest
 
 from ispom.calibration.tracked import self_calibration
 from ispom.calibration.tracked.solve import TrackedLens
+from ispom.features.pair_look import MIXED_UP
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Guess, Rig, Sequence
 
@@ -62,4 +63,10 @@ def test_the_notes_have_the_uncertainty(
 def test_a_calibrated_sequence_is_unchanged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: pytest.fail("its images are not looked at"))
     sequence = open_sequence("sim:tiny")
+    assert self_calibration.self_calibrated(sequence) is sequence
+
+
+def test_where_the_images_are_mixed_up_nothing_is_looked_for_in_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(self_calibration, "estimate_lens", lambda *_: pytest.fail("looked for"))
+    sequence = replace(uncalibrated(), notes=(GUESS.note, MIXED_UP[0]))
     assert self_calibration.self_calibrated(sequence) is sequence

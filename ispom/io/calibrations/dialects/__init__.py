@@ -6,23 +6,20 @@ poses, units, and where that is written. The documents show it.
 
 from __future__ import annotations
 
-import pkgutil
 from functools import cache
-from importlib import import_module
 from types import ModuleType
 
 from ispom.errors import InputError
 from ispom.io.calibrations.camera_info import ImageSize
 from ispom.io.calibrations.content import Content
 from ispom.io.calibrations.dialect import CalibrationFile, Dialect
+from ispom.io.dialects import in_words, matching, modules_of
 
 
 @cache
 def modules() -> dict[str, ModuleType]:
     """Returns the modules of this package by the names of their dialects, sorted by title."""
-    found = [import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = [module for module in found if hasattr(module, "DIALECT")]
-    return {module.DIALECT.name: module for module in sorted(found, key=lambda m: m.DIALECT.title.lower())}
+    return modules_of(__name__, __path__)
 
 
 def dialects() -> tuple[Dialect, ...]:
@@ -33,14 +30,10 @@ def dialects() -> tuple[Dialect, ...]:
 def recognised(content: Content) -> Dialect | None:
     """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has those of
     two, as the file of one would be read as that of the other."""
-    for order in sorted({each.order for each in dialects()}):
-        found = [each for each in dialects() if each.order == order and each.recognises(content)]
-        if len(found) > 1:
-            both = " and of ".join(f"{each.title} ({each.looked_for})" for each in found)
-            raise InputError(f"{content.path} has the entries of {both}: remove those of one")
-        if found:
-            return found[0]
-    return None
+    found = matching(dialects(), content)
+    if len(found) > 1:
+        raise InputError(f"{content.path} has the entries of {in_words(found)}: remove those of one")
+    return found[0] if found else None
 
 
 def read(content: Content, size: ImageSize | None = None) -> CalibrationFile:

@@ -6,15 +6,14 @@ and where that is written. The documents show it.
 
 from __future__ import annotations
 
-import pkgutil
 from functools import cache
-from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.dialects import in_words, matching, modules_of
 from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile
 
@@ -22,9 +21,7 @@ from ispom.io.poses.dialect import PoseDialect, TrajectoryFile
 @cache
 def modules() -> dict[str, ModuleType]:
     """Returns the modules of this package by the names of their dialects, sorted by title."""
-    found = [import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = [module for module in found if hasattr(module, "DIALECT")]
-    return {module.DIALECT.name: module for module in sorted(found, key=lambda m: m.DIALECT.title.lower())}
+    return modules_of(__name__, __path__)
 
 
 def dialects() -> tuple[PoseDialect, ...]:
@@ -35,17 +32,13 @@ def dialects() -> tuple[PoseDialect, ...]:
 def recognised(content: PoseContent) -> PoseDialect | None:
     """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has those of
     two, as the file of one would be read as that of the other."""
-    for order in sorted({each.order for each in dialects()}):
-        found = [each for each in dialects() if each.order == order and each.recognises(content)]
-        if len(found) > 1:
-            both = " and of ".join(f"{each.title} ({each.looked_for})" for each in found)
-            raise InputError(
-                f"{content.path} may be a file of {both}: write the names of its columns as its first line, such as "
-                "timestamp x y z qx qy qz qw"
-            )
-        if found:
-            return found[0]
-    return None
+    found = matching(dialects(), content)
+    if len(found) > 1:
+        raise InputError(
+            f"{content.path} may be a file of {in_words(found)}: write the names of its columns as its first line, "
+            "such as timestamp x y z qx qy qz qw"
+        )
+    return found[0] if found else None
 
 
 def read(content: PoseContent, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
