@@ -125,8 +125,8 @@ def _stages(
     limiting = _limiting(counts if step.status != Status.INITIALISING else dict(list(counts.items())[:2]))
     reasons = {
         "detected": _cap(step.method, detected, _config(run, frame)),
-        "tracked": _reason({status: gone[status] for status in NOT_TRACKED}),
-        "with depth": _reason({TrackStatus.NO_DISPARITY: gone[TrackStatus.NO_DISPARITY]}) or "no 3-D point yet",
+        "tracked": f"{detected - counts['tracked']} ended since the last detection",
+        "with depth": f"{counts['tracked'] - counts.get('with depth', 0)} have no 3-D point yet",
         "inliers": next(_pose_checks(step), ""),
     }
     return tuple(FunnelStage(name, count, name == limiting, reasons[name]) for name, count in counts.items())
@@ -152,12 +152,6 @@ def _cap(method: str, detected: int, config: Config) -> str:
         return ""
     reached = f"limit: {CAP.replace('_', '-')} {allowed}"
     return reached if detected >= REACHED * allowed else f"{CAP.replace('_', '-')} allows {allowed}"
-
-
-def _reason(gone: dict[TrackStatus, int]) -> str:
-    """Why most of these tracks ended."""
-    status = max(gone, key=lambda each: gone[each])
-    return f"{gone[status]} {status.reason}" if gone[status] else ""
 
 
 def _pose_checks(step: Step) -> Iterator[str]:
