@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import shlex
 import sys
@@ -75,12 +76,18 @@ def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[
     found |= _comparisons(review, plain)
     found["data/numbers.bin"] = packed(plain.message(numbers_message(run)))
     writer = StageWriter(folders[0] / RECORDING, _others(session, state), partial(layout_of, run.opened))
-    rest = sum(map(len, found.values())) + len(packed(message))
-    stage = writer.fitting(int(most_bytes - rest))
-    message["stage"] = {"recording": stage.recording, "frames": stage.frames}
-    message["message"]["recording_id"] = stage.recording
-    message["panels"]["first"]["explain"]["notes"].append(f"Images: {stage.images}.")
-    return found | {"data/run.bin": packed(message), "data/stage.bin": stage.content}, stage
+    rest = sum(map(len, found.values()))
+    stage = writer.fitting(most_bytes - rest, lambda stage: len(packed(_said_of(stage, message))))
+    return found | {"data/run.bin": packed(_said_of(stage, message)), "data/stage.bin": stage.content}, stage
+
+
+def _said_of(stage: Stage, message: dict[str, Any]) -> dict[str, Any]:
+    """The message of the run with what the page must know of the stage."""
+    said = copy.deepcopy(message)
+    said["stage"] = {"recording": stage.recording, "frames": stage.frames}
+    said["message"]["recording_id"] = stage.recording
+    said["panels"]["first"]["explain"]["notes"].append(f"Images: {stage.images}.")
+    return said
 
 
 def _panels(state: State, run: CurrentRun, plain: Plain) -> Iterator[tuple[str, list[Any]]]:

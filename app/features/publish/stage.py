@@ -75,21 +75,25 @@ class StageWriter:
             raise InputError(f"{recording} is damaged ({error}): run again") from None
         self._rows = sorted(rows, key=lambda row: row[0])
 
-    def fitting(self, most_bytes: int) -> Stage:
-        """The stage with the best images among CHOICES whose file has at most so many bytes. InputError where it is
-        larger without any image."""
+    def fitting(self, most_bytes: float, beside: Callable[[Stage], int]) -> Stage:
+        """The stage with the best images among CHOICES whose file has at most so many bytes, together with what is said
+        of it elsewhere, in bytes. InputError where it is larger without any image."""
+
+        def fits(stage: Stage) -> bool:
+            return len(stage.content) + beside(stage) <= most_bytes
+
         least, whole = self.stage(CHOICES[-1]), self.stage(CHOICES[0])
         bare = len(least.content)
-        if len(whole.content) <= most_bytes:
+        if fits(whole):
             return replace(whole, image_bytes=len(whole.content) - bare)
-        if bare > most_bytes:
+        if not fits(least):
             raise InputError(f"the stage takes {bare / 1e6:.1f} MB without any image: give a higher --max-mb")
         # gzip finds what images have in common
         share = (len(whole.content) - bare) / max(estimated_bytes(self._entities(), CHOICES[0]), 1)
         for images in CHOICES[1:-1]:
             if bare + LEAST_SHARE * share * estimated_bytes(self._entities(), images) <= most_bytes:
                 found = self.stage(images)
-                if len(found.content) <= most_bytes:
+                if fits(found):
                     return replace(found, image_bytes=len(found.content) - bare)
         return least
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from ispom_app.features.publish.images import BLOB, CHOICES, Images, estimated_bytes
-from ispom_app.features.publish.stage import STEPS_PER_PX, UNSEEN, StageWriter, rounded
+from ispom_app.features.publish.stage import STEPS_PER_PX, UNSEEN, Stage, StageWriter, rounded
 from ispom_app.views.rerun.parts import is_part
 from ispom_app.views.rerun.rrd import HEADER, chunk_at, message_starts, messages, uncompressed
 from rerun.chunk import RrdReader
@@ -78,10 +78,18 @@ def test_of_the_images_that_fit_the_best_are_taken(recording: Path) -> None:
     writer = StageWriter(recording)
     sizes = [len(writer.stage(images).content) for images in (CHOICES[0], CHOICES[3], CHOICES[-1])]
     assert sizes == sorted(sizes, reverse=True)
-    assert writer.fitting(round(1.1 * sizes[0])).images == CHOICES[0]
-    smaller = writer.fitting(round(0.95 * sizes[0]))
-    assert smaller.images != CHOICES[0] and len(smaller.content) <= 0.95 * sizes[0]
-    assert writer.fitting(round(1.01 * sizes[-1])).images == CHOICES[-1]
+
+    def said_of(stage: Stage) -> int:
+        return 40 + 7 * len(str(stage.images))
+
+    def fitting(most_bytes: float) -> Stage:
+        found = writer.fitting(most_bytes, said_of)
+        assert len(found.content) + said_of(found) <= most_bytes
+        return found
+
+    assert fitting(1.1 * sizes[0] + 1000).images == CHOICES[0]
+    assert fitting(0.95 * sizes[0] + 1000).images != CHOICES[0]
+    assert fitting(1.01 * sizes[-1] + 1000).images == CHOICES[-1]
 
 
 def test_messages_without_their_compression_are_the_same(recording: Path, tmp_path: Path) -> None:
