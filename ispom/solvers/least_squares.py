@@ -187,14 +187,16 @@ class NormalEquations:
     block_gradients: Array
     """(N, D)."""
 
-    def eliminated(self, damping: float) -> Eliminated:
-        """Eliminates the blocks; `damping` is added to all diagonals, as a share of them."""
+    def eliminated(self, damping: float, narrow: bool = False) -> Eliminated:
+        """Eliminates the blocks; `damping` is added to all diagonals, as a share of them: of the shared unknowns before
+        their elimination, or after it with `narrow`."""
         own = np.eye(self.blocks.shape[1])
         inverse = np.linalg.inv(self.blocks * (1 + damping * own) + 1e-12 * own)
         root = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
         half = (root @ self.mixed).reshape(self.block_gradients.size, len(self.shared))
-        # half.T @ half is symmetric: half the work
-        return Eliminated(self.shared + np.diag(damping * np.diag(self.shared)) - half.T @ half, inverse, self.mixed)
+        matrix = self.shared - half.T @ half  # a symmetric product: half the work
+        diagonal = np.diag(matrix if narrow else self.shared)
+        return Eliminated(matrix + np.diag(damping * diagonal), inverse, self.mixed)
 
     def step(self, damping: float) -> tuple[Array, Array]:
         """Returns the step (G,) and (N, D) that lowers the cost."""
@@ -211,10 +213,13 @@ def cost(problem: Problem[T], values: T) -> float:
     return 0.5 * sum(float(each.loss(_squares(each, each.residuals(values)))[0].sum()) for each in problem.families)
 
 
-def adjust(problem: Problem[T], start: T, iterations: int, tolerance: float, curved: bool = False) -> Minimum[T]:
+def adjust(
+    problem: Problem[T], start: T, iterations: int, tolerance: float, narrow: bool = False, curved: bool = False
+) -> Minimum[T]:
     """Minimises the cost from `start` on by Levenberg-Marquardt.
 
-    `curved` is for narrow and bent valleys, as where focal length, depths and rotations are correlated: a straight
+    `narrow` is for unknowns that are known much worse together than each by itself, as where the scale is nearly free:
+    they are damped less. `curved` is for valleys that are narrow and bent, as where focal length, depths and rotations are correlated: a straight
     step soon leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) corrects a step
     by the residuals' second derivative along it, with the same equations.
     """
@@ -225,7 +230,7 @@ def adjust(problem: Problem[T], start: T, iterations: int, tolerance: float, cur
             linearised = _Linearised.of(problem, values)
             linearised_at[:] = values, linearised, linearised.equations()
         _, linearised, equations = linearised_at
-        eliminated = equations.eliminated(damping)
+        eliminated = equations.eliminated(damping, narrow)
         shared, blocks = eliminated.solve(equations.shared_gradient, equations.block_gradients)
         if curved:
             ends = [problem.moved(values, s * shared, s * blocks) for s in (-SHORT, SHORT)]

@@ -184,7 +184,7 @@ def adjust_scene(
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
     problem = scene_problem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
-    found = adjust(problem, part, iterations, tolerance, curved)
+    found = adjust(problem, part, iterations, tolerance, curved=curved)
     rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
     rotations[:views], translations[:views] = found.values.rotations, found.values.translations
     places[points] = found.values.points
