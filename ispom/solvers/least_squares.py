@@ -219,9 +219,9 @@ def adjust(
     """Minimises the cost from `start` on by Levenberg-Marquardt.
 
     `narrow` is for unknowns that are known much worse together than each by itself, as where the scale is nearly free:
-    they are damped less. `curved` is for valleys that are narrow and bent, as where focal length, depths and rotations are correlated: a straight
-    step soon leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) corrects a step
-    by the residuals' second derivative along it, with the same equations.
+    they are damped less. `curved` is for valleys that are narrow and bent, as where focal length, depths and rotations
+    are correlated: a straight step soon leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna,
+    arXiv:1201.5885) corrects a step by the residuals' second derivative along it, with the same equations.
     """
     linearised_at: list = [None, None, None]
 
