@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity, skew
     from ispom.methods import Config, default_methods, method, possible_methods
+    from ispom.notebook.register import register
     from ispom.notebook.run import Evaluation, Run, run
     from ispom.notebook.stepper import Stepper, stepper
     from ispom.persistent_list import PersistentList
@@ -102,6 +103,7 @@ _HOMES = {
     "ispom.features.shi_tomasi": "detect_corners detect_spread",
     "ispom.geometry": "Pose Similarity skew",
     "ispom.methods": "Config default_methods method possible_methods",
+    "ispom.notebook.register": "register",
     "ispom.notebook.run": "Evaluation Run run",
     "ispom.notebook.stepper": "Stepper stepper",
     "ispom.persistent_list": "PersistentList",

@@ -180,7 +180,11 @@ def _field_docs(config: type) -> dict[str, str]:
 
 
 def _own_docs(config: type) -> dict[str, str]:
-    body, docs = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body, {}  # type: ignore[attr-defined]
+    try:
+        source = inspect.getsource(config)
+    except (OSError, TypeError):  # typed at a prompt
+        return {}
+    body, docs = ast.parse(textwrap.dedent(source)).body[0].body, {}  # type: ignore[attr-defined]
     for statement, following in pairwise(body):
         if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
             docs[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
