@@ -54,7 +54,7 @@ def answer(state: State, run: CurrentRun | None, frame: int) -> AnswerView:
         return NOTHING
     examined = state[Examined].at(state)
     if examined.progress is not None:
-        return _line("quiet", _progress(examined), working=True)
+        return _line("quiet", " ".join(filter(None, (_so_far(examined), _progress(examined)))), working=True)
     if state.displayed is None:
         return NOTHING
     happened = event_shown(run.events.events, frame, examined)
@@ -105,7 +105,7 @@ def _of_setting(best: Tried) -> str:
     trial, reruns = best.trial, len(best.outcomes)
     is_too_low = trial.name in TOO_LOW and trial.value > trial.before
     why = TOO_LOW[trial.name].format(trial.before) if is_too_low else f"{trial.key} is {_value(trial.before)}"
-    sure = f", in the worst of {reruns} reruns" if reruns > 1 else ""
+    sure = f", in the worst of {reruns} reruns" if reruns > 1 else ", in one rerun"
     return f"{why}. With {_value(trial.value)}: {best.gain}{sure}."
 
 
@@ -154,6 +154,14 @@ def _without_event(state: State, run: CurrentRun, frame: int, examined: Examined
     nearest = min(problems, key=lambda at: abs(at - frame))
     text = f"No problem found at this frame. The run has {counted(len(problems), 'problem')}"
     return _line(tone, f"{text}{', the nearest' if len(problems) > 1 else ''} at frame {nearest}.", show=nearest)
+
+
+def _so_far(examined: Examined) -> str:
+    """What the examination would answer now; empty where that is nothing yet."""
+    known = None if examined.progress is None else examined.progress.known
+    if known is None or not known.causes:
+        return ""
+    return f"So far: {cause(known)[0]}"
 
 
 def _progress(examined: Examined) -> str:
