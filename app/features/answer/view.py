@@ -54,7 +54,7 @@ def answer(state: State, run: CurrentRun | None, frame: int) -> AnswerView:
         return NOTHING
     examined = state[Examined].at(state)
     if examined.progress is not None:
-        return _line("quiet", " ".join(filter(None, (_so_far(examined), _progress(examined)))), working=True)
+        return _line("quiet", _progress(examined), working=True)
     if state.displayed is None:
         return NOTHING
     happened = event_shown(run.events.events, frame, examined)
@@ -156,22 +156,16 @@ def _without_event(state: State, run: CurrentRun, frame: int, examined: Examined
     return _line(tone, f"{text}{', the nearest' if len(problems) > 1 else ''} at frame {nearest}.", show=nearest)
 
 
-def _so_far(examined: Examined) -> str:
-    """What the examination would answer now; empty where that is nothing yet."""
-    known = None if examined.progress is None else examined.progress.known
-    if known is None or not known.causes:
-        return ""
-    return f"So far: {cause(known)[0]}"
-
-
 def _progress(examined: Examined) -> str:
-    """What is tested now, how long it has taken, and how long it has left."""
+    """What would be answered so far, or else what is tested now; how long that has taken, and how long it has left."""
     progress, stretch = examined.progress, examined.stretch
     if progress is None or stretch is None:
         return ""
     text = (
         f"Diagnosing frames {stretch.first} to {stretch.last}: {progress.doing} ({progress.done} of {progress.total})."
     )
+    if progress.known is not None and progress.known.causes:
+        text = f"So far: {cause(progress.known)[0]} Still testing."
     if not examined.taken_s:  # the compiler may still work, and its time does not count
         return text
     left = examined.limit_s - examined.taken_s
