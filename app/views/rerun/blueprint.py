@@ -117,11 +117,9 @@ def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> s
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
     plots = [_plot(opened, kind, title, hidden_in[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
     texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
-    row = rrb.Horizontal(
+    return rrb.Horizontal(
         rrb.Tabs(*map(_with_stable_id, plots)), rrb.Tabs(*map(_with_stable_id, texts)), column_shares=[1.2, 1]
     )
-    row.id = uuid5(NAMESPACE_URL, "ispom:curves")
-    return row
 
 
 def hidden_paths(
@@ -291,8 +289,6 @@ def _view_id(origin: str) -> Any:
     return uuid5(NAMESPACE_URL, f"ispom:{origin}")
 
 
-CURVES = f"/container/{uuid5(NAMESPACE_URL, 'ispom:curves')}"
-"""Where a layout for a viewer without the page has the row of curves."""
 STAGE = f"/container/{uuid5(NAMESPACE_URL, 'ispom:stage')}"
 """Where the layout has the 3-D view and the images."""
 EYE = f"/view/{_view_id('/world')}/EyeControls3D"
