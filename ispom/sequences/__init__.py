@@ -18,9 +18,13 @@ from ispom.sequences.formats.described import is_yaml, looks_described, open_des
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.formats.feature_table import looks_like_feature_table, open_feature_table
 from ispom.sequences.formats.folder import looks_like_images, open_folder, unread_images
+from ispom.sequences.formats.four_seasons import looks_like_four_seasons, open_four_seasons
 from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
+from ispom.sequences.formats.kitti_360 import looks_like_kitti_360, open_kitti_360
 from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.formats.live import looks_live, open_live
+from ispom.sequences.formats.published import looks_like_published, open_published
+from ispom.sequences.formats.robotcar import looks_like_robotcar, open_robotcar
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tartanair import looks_like_tartanair, open_tartanair
@@ -45,6 +49,9 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_described: open_described,
     looks_like_kitti: open_kitti,
     looks_like_kitti_raw: open_kitti_raw,
+    looks_like_kitti_360: open_kitti_360,
+    looks_like_four_seasons: open_four_seasons,
+    looks_like_robotcar: open_robotcar,
     looks_like_vslam_lab: open_vslam_lab,  # before EuRoC, whose folder may still be there, without its images
     looks_like_euroc: open_euroc,
     looks_like_parking: open_parking,
@@ -58,6 +65,7 @@ ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
     looks_like_tum: open_tum,
     looks_like_seven_scenes: open_seven_scenes,
     looks_like_video: open_video,
+    looks_like_published: open_published,
     looks_like_images: open_folder,
     looks_like_video_folder: open_video_folder,
 }
