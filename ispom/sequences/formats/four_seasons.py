@@ -21,7 +21,7 @@ from ispom.io.rows import matrix, numbers, read_text
 from ispom.sequences.formats.folder import folder_stream, holds_images, named_images
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.stereo_stream import level_pair
-from ispom.sequences.stream import Clock, size_of
+from ispom.sequences.stream import Clock, Stream, size_of
 from ispom.types import Trajectory
 
 IMAGES, CALIBRATION, POSES = "undistorted_images", "calibration", "GNSSPoses.txt"
@@ -43,7 +43,7 @@ def open_four_seasons(folder: Path) -> Recording:
     if calibration is None:
         raise InputError(f"{places[1]} is missing: put the folder calibration of the data set there")
     camera = one_camera(calibration / "undistorted_calib_0.txt")[0]
-    streams = {
+    streams: dict[Side, Stream] = {
         side: folder_stream(folder / IMAGES / name, size_of(camera), Clock(), named_images(folder / IMAGES / name))
         for side, name in SIDES.items()
         if holds_images(folder / IMAGES / name)

@@ -38,7 +38,7 @@ def open_kitti_360(folder: Path) -> Recording:
     """The recording of a drive; InputError names the file that is missing or wrong."""
     real = folder.resolve()
     root = real.parent.parent
-    sides = [side for side in SIDES if holds_images(_images(folder, side))]
+    sides: list[Side] = [side for side in SIDES if holds_images(_images(folder, side))]
     path = root / CALIBRATION
     if not exists(path):
         raise InputError(f"{path} is missing: put the folder calibration of the data set beside data_2d_raw")
@@ -54,7 +54,7 @@ def open_kitti_360(folder: Path) -> Recording:
         if q is None or abs(q[:, :3] - p[:, :3]).max() > 1e-6 * fx or p[0, 3] <= q[0, 3]:
             raise InputError(f"{path}: P_rect_01 is not P_rect_00 moved to the right: give the data set's own file")
         baseline_m = float((p[0, 3] - q[0, 3]) / fx)
-    streams = {side: _stream(folder, side, camera) for side in sides}
+    streams: dict[Side, Stream] = {side: _stream(folder, side, camera) for side in sides}
     times_ns, read, notes = level_pair(folder, streams)
     poses = next((place for place in (root / "data_poses" / real.name / POSES, real / POSES) if exists(place)), None)
     truth = None if poses is None else _truth(poses, read_timestamps(_stamps(folder, "left")))

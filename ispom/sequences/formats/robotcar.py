@@ -47,11 +47,11 @@ def open_robotcar(folder: Path) -> Recording:
     models = next((place for place in places if exists(place / "stereo_wide_left.txt")), None)
     if models is None:
         raise InputError(f"{places[1]} is missing: put the folder models of the data set's SDK there")
-    sides = [side for side in SIDES if holds_images(folder / "stereo" / side)]
+    sides: list[Side] = [side for side in SIDES if holds_images(folder / "stereo" / side)]
     cameras = [_camera(models / f"stereo_wide_{side}.txt", _first(folder, side)) for side in sides]
     if cameras[0] != cameras[-1]:
         raise InputError(f"{models}: left and right have not one camera: give the models of the data set's SDK")
-    streams = {side: _stream(folder, side, models, cameras[0]) for side in sides}
+    streams: dict[Side, Stream] = {side: _stream(folder, side, models, cameras[0]) for side in sides}
     times_ns, read, notes = level_pair(folder, streams)
     unused = [str(path) for path in (folder / "gps" / "ins.csv", folder / "vo" / "vo.csv") if exists(path)]
     if unused:
