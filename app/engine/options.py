@@ -77,6 +77,9 @@ class SourceOptions:
     sensors: Path | None = None
     """Other sensors (IMU, GNSS, wheels) of the same drive: a YAML file that names their files, as described in
     docs/reference/source_files.md."""
+    topics: tuple[str, ...] = ()
+    """Topics of a bag: left=TOPIC right=TOPIC, or video=TOPIC. Without them, names and calibrations show which are
+    used."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
@@ -95,6 +98,7 @@ class SourceOptions:
             scale_calibration=self.scale_calibration,
             policy=policy,
             sensors=self.sensors,
+            topics=self.topics,
         )
         return sequence if source.startswith("sim:") else with_look(sequence)  # those of a simulation are right
 

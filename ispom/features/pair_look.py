@@ -44,13 +44,15 @@ one camera the share was 0.01."""
 
 SIDE_BY_SIDE = (
     "The left and the right half of the images show the same, as of a stereo camera that puts its images side by side: "
-    "cut them apart (ffmpeg -i FILM -vf crop=iw/2:ih:0:0 left.mp4, and crop=iw/2:ih:iw/2:0 right.mp4), calibrate the "
-    "pair, and name both films in a sequence.yaml."
+    "write a rig.yaml of both cameras, and a sequence.yaml with left: {source: FILM, half: left} and right: "
+    "{source: FILM, half: right}; to calibrate, cut them apart (ffmpeg -i FILM -vf crop=iw/2:ih:0:0 left.mp4, and "
+    "crop=iw/2:ih:iw/2:0 right.mp4)."
 )
 ONE_ABOVE_OTHER = (
     "The upper and the lower half of the images show the same, as of a stereo camera that puts its images one above "
-    "the other: cut them apart (ffmpeg -i FILM -vf crop=iw:ih/2:0:0 left.mp4, and crop=iw:ih/2:0:ih/2 right.mp4), "
-    "calibrate the pair, and name both films in a sequence.yaml."
+    "the other: write a rig.yaml of both cameras, and a sequence.yaml with left: {source: FILM, half: top} and right: "
+    "{source: FILM, half: bottom}; to calibrate, cut them apart (ffmpeg -i FILM -vf crop=iw:ih/2:0:0 left.mp4, and "
+    "crop=iw:ih/2:0:ih/2 right.mp4)."
 )
 SAME = "The left and the right images are the same: there is no depth in them; give those of the right camera."
 EXCHANGED = (

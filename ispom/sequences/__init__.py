@@ -18,9 +18,13 @@ from ispom.sequences.formats.described import is_yaml, looks_described, open_des
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.formats.feature_table import looks_like_feature_table, open_feature_table
 from ispom.sequences.formats.folder import looks_like_images, open_folder, unread_images
+from ispom.sequences.formats.four_seasons import looks_like_four_seasons, open_four_seasons
 from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
+from ispom.sequences.formats.kitti_360 import looks_like_kitti_360, open_kitti_360
 from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.formats.live import looks_live, open_live
+from ispom.sequences.formats.published import looks_like_published, open_published
+from ispom.sequences.formats.robotcar import looks_like_robotcar, open_robotcar
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tartanair import looks_like_tartanair, open_tartanair
@@ -39,11 +43,15 @@ from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
 from ispom.types import FRAME_KINDS, Measurement, Sequence
 
 MIN_FRAMES = 3
+Topics = tuple[str, ...]
 Looks = Callable[[Path], bool]
 LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_described: open_described,
     looks_like_kitti: open_kitti,
     looks_like_kitti_raw: open_kitti_raw,
+    looks_like_kitti_360: open_kitti_360,
+    looks_like_four_seasons: open_four_seasons,
+    looks_like_robotcar: open_robotcar,
     looks_like_vslam_lab: open_vslam_lab,  # before EuRoC, whose folder may still be there, without its images
     looks_like_euroc: open_euroc,
     looks_like_parking: open_parking,
@@ -57,6 +65,7 @@ ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
     looks_like_tum: open_tum,
     looks_like_seven_scenes: open_seven_scenes,
     looks_like_video: open_video,
+    looks_like_published: open_published,
     looks_like_images: open_folder,
     looks_like_video_folder: open_video_folder,
 }
@@ -87,6 +96,7 @@ def open_sequence(
     policy: SourcePolicy = ANY_SOURCE,
     placed: bool = True,
     sensors: str | Path | None = None,
+    topics: Topics = (),
     cache_dir: Path | None = None,
 ) -> Sequence:
     """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
@@ -96,12 +106,15 @@ def open_sequence(
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
     pose: it is then that of the rig. With `scale_calibration`, a calibration for images of another size of the same
     shape is scaled to the images. `sensors` is a file that
-    describes other sensors (see `sequences.sensors`). `cache_dir` replaces the user's cache folder, where images of
+    describes other sensors (see `sequences.sensors`), `topics` names those of a bag: left=TOPIC and right=TOPIC, or
+    video=TOPIC. `cache_dir` replaces the user's cache folder, where images of
     simulations are kept.
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
         raise InputError(f"{source} has its own calibration: leave --camera {camera} out")
+    if topics and (source.startswith("sim:") or looks_live(source)):
+        raise InputError(f"{source} is no bag: leave --topics out")
     check_max_exposures(max_exposures)
     check_shape(stereo_every, video_scale)
     if not 0 <= seed <= MAX_SEED:
@@ -120,7 +133,7 @@ def open_sequence(
         with bounded(policy.places), scaled_calibrations(scale_calibration):
             path = expanded(source)
             described = not placed and exists(path) and looks_described(path)
-            opened = open_described(path, placed) if described else _opened(path, calibration, seed)
+            opened = open_described(path, placed) if described else _opened(path, calibration, seed, topics)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
         sequence = _within(sequence, policy)
     frames = max(map(sequence.kinds.count, FRAME_KINDS))
@@ -166,10 +179,14 @@ def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
     return replace(sequence, load=load)
 
 
-def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequence:
+def _opened(path: Path, calibration: Path | None, seed: int, topics: Topics = ()) -> Recording | Sequence:
     if not exists(path):
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
     layout = layout_of(path)
+    if layout is looks_like_bag:
+        return open_bag(path, calibration, topics)
+    if topics:
+        raise InputError(f"{path} is no bag: leave --topics out")
     if isinstance(layout, Format):
         if calibration is not None:
             raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")

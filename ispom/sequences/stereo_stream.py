@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +53,26 @@ def stereo_stream(path: Path, rig: Rig, left: Stream, right: Stream) -> StereoSt
         return StereoStream(rig, left.times_ns[i_left], raw, notes)
     maps = {"left": rectified.left_maps, "right": rectified.right_maps}
     return StereoStream(rectified.placed(rig), left.times_ns[i_left], straight, notes)
+
+
+def level_pair(
+    path: Path, streams: Mapping[Side, Stream]
+) -> tuple[NDArray[np.int64], Callable[[Side, int], Image], tuple[str, ...]]:
+    """Returns times (N,), how image i of a side is read, and notes, of a left and perhaps a right stream whose images
+    are rectified. Raises InputError where no images belong together."""
+    left, right = streams["left"], streams.get("right")
+    if right is None:
+        return left.times_ns, lambda _, i: left.read(i), left.notes
+    i_left, i_right = pairs(left.times_ns, right.times_ns)
+    if not len(i_left):
+        raise InputError(f"{path}: no left and right image are of the same time: restore the missing ones")
+    index = {"left": i_left, "right": i_right}
+
+    def read(side: Side, i: int) -> Image:
+        return streams[side].read(int(index[side][i]))
+
+    notes = left.notes + right.notes + unmatched_note(len(left.times_ns), len(right.times_ns), len(i_left))
+    return left.times_ns[i_left], read, tuple(dict.fromkeys(notes))
 
 
 def _rectification(path: Path, rig: Rig) -> Rectification | None:

@@ -19,7 +19,7 @@ from ispom.types import Trajectory
 from tests import doubles
 from tests.app.helpers import build
 from tests.io.test_maps import scene
-from tests.sequences import bag_folders, folders, own_folders
+from tests.sequences import bag_folders, car_folders, folders, own_folders
 from tests.sequences.kitti_folder import make_drive
 
 IMAGES = ("jpg", "bmp", "tif", "ppm", "webp")
@@ -42,7 +42,13 @@ class Item:
 def make_corpus(root: Path) -> list[Item]:
     """Writes all of them below a folder."""
     found = []
-    for name, make in {**folders.MAKERS, **own_folders.OWN, **bag_folders.BAGS, **_folders_of_images()}.items():
+    for name, make in {
+        **folders.MAKERS,
+        **car_folders.CARS,
+        **own_folders.OWN,
+        **bag_folders.BAGS,
+        **_folders_of_images(),
+    }.items():
         folder = root / name.replace(" ", "-").replace(",", "")
         source = "{}/" + str(make(folder).relative_to(folder))
         run = ("run", source, "--no-recording", "--out", "{}/the-run")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from ispom_app.cli.main import main
 
 from ispom.errors import InputError
@@ -13,7 +14,7 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.files import rig_files
 from ispom.io.calibrations.recognised import one_camera, one_rig
 from ispom.io.rig import rig_text
-from ispom.types import EXACT_PAIR, Camera, LaserScanner, LensSigma, Rig
+from ispom.types import EXACT_PAIR, Camera, Imu, LaserScanner, LensSigma, Rig
 
 LEFT = Camera(752, 480, 458.654321987, 457.296, 367.215, 248.375, (-0.28340811, 0.07395907, 1.9359e-4, 1.76187114e-5))
 VIDEO = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
@@ -64,6 +65,18 @@ def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> No
         seen = [r.rig_from_left.inverse() @ (r.rig_from_laser or Pose()) for r in (stated_rig, found)]
         np.testing.assert_allclose(seen[0].matrix, seen[1].matrix, atol=1e-9)
         back.unlink()
+
+
+def test_the_chain_of_kalibr_has_the_place_of_the_imu(tmp_path: Path) -> None:
+    """As OpenVINS needs it: imu_from_camera, or its inverse."""
+    rig_from_imu = Pose.from_rotvec(np.array([0.3, -1.2, 0.4]), np.array([0.02, -0.05, 0.1]))
+    path = tmp_path / "camchain.yaml"
+    path.write_text(rig_files(RIG.changed(imu=Imu(rig_from_sensor=rig_from_imu)), "kalibr")["camchain.yaml"])
+    content = yaml.safe_load(path.read_text())
+    for name, camera in (("cam0", "left"), ("cam1", "right"), ("cam2", "video")):
+        expected = RIG.rig_from(camera).inverse() @ rig_from_imu
+        np.testing.assert_allclose(content[name]["T_cam_imu"], expected.matrix, atol=1e-12)
+    assert alike(RIG, one_rig((path,))[0])
 
 
 @pytest.mark.parametrize("form", ["camera", "kalibr", "euroc", "opencv", "ros", "colmap"])

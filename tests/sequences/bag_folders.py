@@ -30,12 +30,15 @@ def make_bag(
     baseline_m: float = 0.5,
     binning: int = 0,
     model: tuple[str, tuple[float, ...]] = ("plumb_bob", (0.0,) * 5),
+    names: tuple[str, str] = ("/{}/image_raw", "/{}/camera_info"),
+    calibrated: tuple[str, ...] | None = None,
 ) -> Path:
     """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (baseline_m between cameras,
     a sensor `binning` times as large as the images, and the distortion model and coefficients).
 
-    `info` may also be "zeros", as that of a camera without calibration. `stamp` gives the time [ns] in an image's
-    header; compressed images are PNG files of the encoded values.
+    `names` are those of the topics of images and of camera_info, where {} stands for the camera; only those
+    `calibrated` have one. `info` may also be "zeros", as that of a camera without calibration. `stamp` gives the time
+    [ns] in an image's header; compressed images are PNG files of the encoded values.
     """
     pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
     from rosbags.rosbag1 import Writer as Writer1
@@ -65,7 +68,7 @@ def make_bag(
     with writer:
         for k, camera in enumerate(cameras):
             found = []
-            for i, image in enumerate(images(6, 8 * (1 - k))):
+            for i, image in enumerate(images(6, 8 * max(1 - k, 0))):
                 encoding, values = encode(image)
                 if compressed:
                     data = cv2.imencode(".png", values)[1]
@@ -76,8 +79,8 @@ def make_bag(
                     what = header(stamp(i)), height, width, encoding, big, len(data) // height, data
                     found.append(types["sensor_msgs/msg/Image"](*what))
             name = f"sensor_msgs/msg/{'CompressedImage' if compressed else 'Image'}"
-            put(f"/{camera}/image_raw{'/compressed' if compressed else ''}", name, written, found)
-            if not info:
+            put(f"{names[0].format(camera)}{'/compressed' if compressed else ''}", name, written, found)
+            if not info or camera not in (cameras if calibrated is None else calibrated):
                 continue
             n = max(binning, 1)
             k_matrix = np.array([80.0 * n, 0, 47.5 * n, 0, 80 * n, 31.5 * n, 0, 0, 1])
@@ -91,7 +94,7 @@ def make_bag(
             camera_message = types["sensor_msgs/msg/CameraInfo"](
                 header(START_NS), *size, model[0], np.array(model[1]), *matrices, binning, binning, region
             )
-            put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [camera_message])
+            put(names[1].format(camera), "sensor_msgs/msg/CameraInfo", [START_NS], [camera_message])
     return path
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Image, Sequence, is_stereo, is_video
-from tests.sequences import bag_folders, folders, own_folders
+from tests.sequences import bag_folders, car_folders, folders, own_folders
 
-MAKERS = {**folders.MAKERS, **own_folders.OWN, **bag_folders.BAGS}
+MAKERS = {**folders.MAKERS, **car_folders.CARS, **own_folders.OWN, **bag_folders.BAGS}
 
 
 @pytest.fixture(params=MAKERS)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ispom.errors import InputError, printable
 from ispom.io.colmap import colmap_model
+from ispom.io.colmap_binary import colmap_binary
 from ispom.io.files import exists
 from ispom.io.kitti import poses_text
 from ispom.io.maps import read_maps
@@ -35,10 +36,14 @@ from ...engine.run_folder.run_folder import MARKER
 from ...presentation import colours
 from .options import Export
 from .panorama import panorama_png
+from .scenes import Files, mcap_files, nerfstudio_files, scene_of, settings_files
 
-Files = dict[str, str | bytes]
+OF_RUN = ("kalibr", "orbslam")
+"""Formats whose files are those of the run, not of a method."""
 VSLAM_LAB_FILE = "00000_KeyFrameTrajectory.csv"
 """Name that VSLAM-LAB looks for; the digits are the number of the iteration."""
+MOST_NAMED = 8
+"""Files of a method that are printed."""
 MIN_SHARE = 0.8
 """A COLMAP model of less of the observations is not what the run saw."""
 
@@ -49,6 +54,7 @@ def export(options: Export) -> int:
     run = options.run
     frame = read_run_file(run).frame
     methods = _methods(options)
+    methods = methods[:1] if options.format in OF_RUN else methods
     if not 0 < options.max_error_px < math.inf:
         raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
     folder = options.out or run / "export" / options.format
@@ -67,7 +73,8 @@ def export(options: Export) -> int:
         for name, content in files.items():
             require_no_links(run if options.out is None else folder, folder / name)
             write_whole(folder / name, content)
-        _print(f"{method}: {summary}: {', '.join(files)}")
+        named = [*files] if len(files) <= MOST_NAMED else [*[*files][:MOST_NAMED], "..."]
+        _print(f"{method}: {summary}: {', '.join(named)}")
     if len(failures) < len(methods):
         _print(f"in {folder}")
     if failures:
@@ -89,8 +96,10 @@ def _methods(options: Export) -> list[str]:
 
 def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
     """The files of one method by name, and what they hold."""
-    if options.format == "colmap":
+    if options.format in ("colmap", "colmap-binary"):
         return _colmap(options, method)
+    if options.format == "nerfstudio":
+        return nerfstudio_files(options.run, method)
     trajectory = read_tum(options.run / f"{method}.tum", frame)
     unit = "a unit of its own" if registered(method).unit == "own" else "metres"
     summary = f"{len(trajectory)} poses world_from_{frame} in {unit}"
@@ -103,6 +112,10 @@ def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:
             return {f"{method}.csv": euroc_text(trajectory)}, summary
         case "vslam-lab":
             return _vslam_lab(options.run, method, trajectory)
+        case "mcap":
+            return mcap_files(options.run, method, trajectory, 1.0 if registered(method).unit == "metric" else None)
+        case "kalibr" | "orbslam":
+            return settings_files(options.run, options.format, trajectory)
         case "panorama":
             png, shown = panorama_png(options.run, trajectory)
             return {f"{method}.png": png}, shown
@@ -134,10 +147,8 @@ def _vslam_lab(run: Path, method: str, trajectory: Trajectory) -> tuple[Files, s
 def _colmap(options: Export, method: str) -> tuple[Files, str]:
     """The model; InputError where the run's own poses do not agree with what its keyframes saw."""
     run = options.run
-    scene, rig = read_maps(run / "landmarks.npz").get(method), read_rig(run / "rig.yaml")
-    if scene is None or getattr(rig, scene.key_frames.frame) is None:
-        raise InputError(f"{run} has no points of {method}, or not their camera: run again")
-    model = colmap_model(scene, rig.camera(scene.key_frames.frame), options.max_error_px)
+    scene, camera = scene_of(run, method)
+    model = colmap_model(scene, camera, options.max_error_px)
     if not model.observations:
         raise InputError(f"{run}: no two keyframes of {method} saw the same point: give a run with motion")
     fitting = f"{model.kept} of {model.observations} observations ({100 * model.kept / model.observations:.0f} %)"
@@ -148,6 +159,8 @@ def _colmap(options: Export, method: str) -> tuple[Files, str]:
             "give other --methods, or a larger --max-error-px"
         )
     files: Files = {"cameras.txt": model.cameras, "images.txt": model.images, "points3D.txt": model.points}
+    if options.format == "colmap-binary":
+        files = {**colmap_binary(model)}
     mean = f"{within}, mean {model.mean_error_px:.2f} px"
     return (
         {f"{method}/{name}": content for name, content in files.items()},

@@ -68,7 +68,7 @@ class Serve(Options):
 
         def opened(source: str, options: SourceOptions | None = None) -> Sequence:
             if named and source in (named, without_secrets(named)):  # the page shows and sends it without its password
-                own = {"camera": self.camera, "sensors": self.sensors, "scale_calibration": self.scale_calibration}
+                own = {name: getattr(self, name) for name in ("camera", "sensors", "scale_calibration", "topics")}
                 return replace(options or self, **own).opened(named)
             return (options or self).opened(source, policy)
 

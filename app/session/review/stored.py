@@ -56,6 +56,7 @@ _KINDS = {
     "max_exposures": int,
     "camera": str,
     "sensors": str,
+    "topics": list,
 }
 
 
@@ -158,4 +159,6 @@ def source_options(run: RunFile) -> SourceOptions:
             raise InputError(f"run.yaml: {name} is {str(value)[:40]!r}: restore the file, or run again")
         if value is not None:
             found[name] = Path(value) if name in ("camera", "sensors") else value
+            if name == "topics":
+                found[name] = tuple(map(str, value))
     return SourceOptions(**found)

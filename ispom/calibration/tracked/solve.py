@@ -32,6 +32,8 @@ REFERENCE_PX = 750.0
 LEAST_VIEWS = 5
 LEAST_SEEN = 3
 """Least number of keyframes of a point."""
+LEAST_SHOWN = 3
+"""Least number of points of a keyframe, whose pose has six unknowns."""
 ROUNDS, STEPS = (4, 4, 8), 12
 """Most adjustments of the tracks as they are, and of those realigned by a first and by a better scene."""
 LEAST_PX = 0.1
@@ -148,9 +150,12 @@ def widths(scene: Scene, seen: Observations, unit_px: float) -> Array:
 
 def _result(
     scene: Scene, seen: Observations, prior: LensPrior, unit_px: float, factor: float, remaining: Array, guess: Camera
-) -> TrackedLens:
-    """Returns the lens in the original images, of which the tracked ones are reduced by `factor`."""
+) -> TrackedLens | None:
+    """Returns the lens in the original images, of which the tracked ones are reduced by `factor`; None where too few
+    keyframes remain."""
     scene, seen, _ = _often_observed(scene, seen)
+    if len(scene.rotations) < LEAST_VIEWS:
+        return None
     errors, lens = scene.errors_px(seen), scene.lens
     focal = float(np.exp(lens[0])) / factor
     cx, cy = ((float(v) + 0.5) / factor - 0.5 for v in lens[1:3])
@@ -170,10 +175,21 @@ def _result(
 
 
 def _often_observed(scene: Scene, seen: Observations) -> tuple[Scene, Observations, NDArray[np.bool_]]:
-    """Selects the points with enough observations; returns which observations (K,) those are, too."""
-    often = (np.bincount(seen.point, minlength=len(scene.points)) >= LEAST_SEEN)[seen.point]
+    """Selects the points and keyframes with enough observations, without which a covariance would have no bound;
+    returns which observations (K,) those are, too."""
+    often = np.ones(len(seen.uv), bool)
+    for _ in range(len(scene.rotations)):
+        before = int(often.sum())
+        often &= (np.bincount(seen.point[often], minlength=len(scene.points)) >= LEAST_SEEN)[seen.point]
+        often &= (np.bincount(seen.view[often], minlength=len(scene.rotations)) >= LEAST_SHOWN)[seen.view]
+        if often.sum() == before:
+            break
     points, owner = np.unique(seen.point[often], return_inverse=True)
-    return replace(scene, points=scene.points[points]), Observations(seen.view[often], owner, seen.uv[often]), often
+    views, place = np.unique(seen.view[often], return_inverse=True)
+    scene = replace(
+        scene, rotations=scene.rotations[views], translations=scene.translations[views], points=scene.points[points]
+    )
+    return scene, Observations(place, owner, seen.uv[often]), often
 
 
 def difference_of_halves(scene: Scene, seen: Observations, prior: LensPrior, width_px: Array) -> float:

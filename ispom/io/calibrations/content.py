@@ -97,6 +97,8 @@ class Content:
         """The numbers of each line of a text that has nothing else but brackets, separators and comments (#, %, //)."""
         if not 0 < len(self.words) <= 64 * MOST_NUMBERS:
             return None
+        if any(self.words.count(one) != self.words.count(other) for one, other in ("[]", "()", "{}")):
+            return None  # a part of something else
         found: list[list[float]] = []
         for line in self.words.splitlines():
             words = re.split(r"#|%|//", line)[0].translate(_BRACKETS).split()

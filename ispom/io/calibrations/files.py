@@ -49,7 +49,8 @@ def rig_files(rig: Rig, form: Format) -> dict[str, str]:
             raise InputError("--format camera is of one camera: choose rig for several")
         return {"camera.yaml": camera_text(cameras[0].camera)}
     if form == "kalibr":
-        return {"camchain.yaml": kalibr_text(cameras)}
+        imu = next((each for each in rig.sensors.values() if each.kind == "imu"), None)
+        return {"camchain.yaml": kalibr_text(cameras, None if imu is None else imu.rig_from_sensor)}
     if form == "opencv":
         return {"calibration.yml": opencv_text(cameras)}
     if form == "colmap":

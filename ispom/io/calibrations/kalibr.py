@@ -25,8 +25,9 @@ ALIKE_M = 1e-3
 """Largest difference of two poses that a file gives for the same camera."""
 
 
-def kalibr_text(cameras: list[Placed]) -> str:
-    """Writes the cameras in the given order. Raises InputError for a rational lens, which Kalibr does not have."""
+def kalibr_text(cameras: list[Placed], body_from_imu: Pose | None = None) -> str:
+    """Writes the cameras in the given order, as a camchain-imucam with the pose of an IMU on the body of the cameras.
+    Raises InputError for a rational lens, which Kalibr does not have."""
     chain: dict[str, Any] = {}
     before: Pose | None = None
     for n, each in enumerate(cameras):
@@ -39,6 +40,8 @@ def kalibr_text(cameras: list[Placed]) -> str:
             "resolution": [camera.width, camera.height],
             "rostopic": f"/{each.name}/image_raw",
         }
+        if body_from_imu is not None:
+            entry["T_cam_imu"] = matrix_of(each.pose.inverse() @ body_from_imu)
         if before is not None:
             entry["T_cn_cnm1"] = matrix_of(each.pose.inverse() @ before)
         chain[f"cam{n}"] = entry

@@ -7,9 +7,10 @@
     right: {source: right, times: right.txt}
     truth: truth.tum                 # optional, world_from_rig, of any known program
 
-A source is a folder of images or a video file. Left and right images need not be rectified; those of times
-that differ by less than 2 ms are a pair; of folders without times, those of one number or time in their names. Where
-no video is named, left images are the video, too, as in other stereo recordings.
+A source is a folder of images or a video file. Where its images hold those of two cameras, `half` (left, right, top or
+bottom) says which part is the camera's: `left: {source: film.avi, half: top}`. Left and right images need not be
+rectified; those of times that differ by less than 2 ms are a pair; of folders without times, those of one number or
+time in their names. Where no video is named, left images are the video, too, as in other stereo recordings.
 
 A folder with the folders `left` and `right` (or `L` and `R`), or the films left.mp4 and right.mp4, and a rig.yaml needs
 no sequence.yaml; `times.txt` in it holds the times of both.
@@ -31,7 +32,7 @@ from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
 from ispom.io.poses.recognised import read_trajectory
 from ispom.sequences.formats.folder import TIMES, first_image, holds_images, named_images
-from ispom.sequences.formats.streams import StreamInput, streams
+from ispom.sequences.formats.streams import HALVES, StreamInput, streams
 from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
@@ -44,7 +45,7 @@ from ispom.types import Frame, Kind, Measurement, Rig, Sequence, Trajectory
 FILE = "sequence.yaml"
 ENTRIES = ("name", "rig", "video", "left", "right", "truth")
 STREAMS = ("video", "left", "right")
-STREAM_ENTRIES = ("source", *CLOCK_KEYS)
+STREAM_ENTRIES = ("source", "half", *CLOCK_KEYS)
 
 
 def looks_described(path: Path) -> bool:
@@ -219,7 +220,10 @@ def _fitted_rig(path: Path, content: dict[Any, Any], rig: Rig) -> tuple[Rig, tup
         first = first_image(named_file(path, f"{name}.source", source))
         if first is None:
             continue
-        camera, scaled = fitted(path, camera, size_of_photo(first))
+        width, height = size_of_photo(first)
+        half = entry.get("half") if isinstance(entry, dict) else None
+        size = width // (1 + (half in ("left", "right"))), height // (1 + (half in ("top", "bottom")))
+        camera, scaled = fitted(path, camera, size)
         rig, notes = (rig.changed(**{name: camera}), (*notes, *scaled)) if scaled else (rig, notes)
     return rig, notes
 
@@ -234,11 +238,14 @@ def _stream_input(path: Path, camera: str, content: dict[Any, Any], rig: Rig) ->
     if described is None:
         raise InputError(f"{path} has a {camera} stream, but its rig no {camera} camera: add it to the rig's file")
     source, clock = named_file(path, f"{camera}.source", entry.get("source")), clock_of(path, entry, f"{camera}.")
+    half = entry.get("half")
+    if half is not None and half not in HALVES:
+        raise InputError(f"{path}: {camera}.half is {str(half)[:40]}, give one of {', '.join(HALVES)}")
     if is_folder(source):
-        return StreamInput(source, size_of(described), clock, named_images(source))
+        return StreamInput(source, size_of(described), clock, named_images(source), half)
     if not looks_like_video(source):
         raise InputError(f"{path}: {camera}.source names {source}, neither a folder nor a video file: correct it")
-    return StreamInput(source, size_of(described), clock)
+    return StreamInput(source, size_of(described), clock, None, half)
 
 
 def _refuse_others(path: Path, where: str, values: dict[Any, Any], known: tuple[str, ...]) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,11 @@ from ispom.sequences.formats.folder import folder_stream
 from ispom.sequences.formats.video import video_stream
 from ispom.sequences.named import Named, ticks_of_pair
 from ispom.sequences.stream import Clock, Stream
+from ispom.types import Image
+
+Half = Literal["left", "right", "top", "bottom"]
+HALVES: tuple[Half, ...] = get_args(Half)
+"""Of images that hold those of two cameras, side by side or one above the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +27,18 @@ class StreamInput:
 
     source: Path
     size: tuple[int, int]
-    """(width, height)."""
+    """(width, height) of the camera's images."""
     clock: Clock
     images: Named | None = None
     """Of a folder; None of a film."""
+    half: Half | None = None
+    """Which part of the images is the camera's; None: all."""
+
+    @property
+    def whole_size(self) -> tuple[int, int]:
+        """(width, height) of the images as they are kept."""
+        wide, high = self.half in ("left", "right"), self.half in ("top", "bottom")
+        return self.size[0] * (1 + wide), self.size[1] * (1 + high)
 
     @property
     def stamps_ns(self) -> NDArray[np.int64] | None:
@@ -41,13 +55,27 @@ def streams(path: Path, inputs: dict[str, StreamInput]) -> dict[str, Stream]:
     absolute = all(s is not None or one.clock.times is not None for s, one in zip(stamps, inputs.values(), strict=True))
     since_ns = 0 if absolute or not first else min(first)
     ticks = _ticks(path, inputs["left"], inputs["right"]) if "left" in inputs else {}
-    result = {}
+    result, films = {}, {}
     for name, one in inputs.items():
         if one.images is None:
-            result[name] = video_stream(one.source, one.size, one.clock)
+            film = (one.source, one.whole_size, one.clock)
+            whole = films[film] if film in films else films.setdefault(film, video_stream(*film))
         else:
-            result[name] = folder_stream(one.source, one.size, one.clock, one.images, ticks.get(name), since_ns)
+            whole = folder_stream(one.source, one.whole_size, one.clock, one.images, ticks.get(name), since_ns)
+        result[name] = whole if one.half is None else _half_of(whole, one.half)
     return result
+
+
+def _half_of(stream: Stream, half: Half) -> Stream:
+    def read(i: int) -> Image:
+        image = stream.read(i)
+        rows, columns = image.shape[0] // 2, image.shape[1] // 2
+        parts = {"left": image[:, :columns], "right": image[:, columns:], "top": image[:rows], "bottom": image[rows:]}
+        part = np.ascontiguousarray(parts[half])
+        part.setflags(write=False)
+        return part
+
+    return replace(stream, read=read)
 
 
 def _ticks(path: Path, left: StreamInput, right: StreamInput) -> dict[str, NDArray[np.int64]]:

@@ -15,6 +15,7 @@ from ispom_app.session.review.stored import compared, stored_source
 from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
 from tests import doubles
+from tests.sequences.bag_folders import make_bag
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -53,6 +54,13 @@ def test_ones_own_run_finds_its_source_wherever_both_are(run: Path, drive: Path,
     found = stored_source(moved, read_run_file(moved))
     assert (found.source, found.places) == (str(drive), None)
     assert read_stored(moved, opener, build).unavailable == ""
+
+
+def test_the_topics_of_a_bag_are_those_of_the_run(tmp_path: Path) -> None:
+    path, folder = make_bag(tmp_path, "ros1", ("a", "b", "c")), tmp_path / "run"
+    words = ["--topics", "left=/a/image_raw", "right=/c/image_raw", "--methods", "stereo", "--no-recording"]
+    assert main(["run", str(path), "--out", str(folder), *words], build) == 0
+    assert stored_source(folder, read_run_file(folder)).opened().rig.baseline_m == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,18 @@ def test_too_few_views_and_no_motion_say_nothing() -> None:
     assert lens_of_tracks(still, guess(), SIGMA) is None
 
 
+def test_a_keyframe_without_tracks_is_no_part_of_the_covariance() -> None:
+    """As after a jump whose points are seen in two keyframes only."""
+    seen = tracks(0)
+    last = len(seen.views) - 1
+    in_last = np.isin(seen.point, seen.point[seen.view == last])
+    kept = ~in_last | (seen.view >= last - 1)
+    fewer = replace(seen, view=seen.view[kept], point=seen.point[kept], uv=seen.uv[kept])
+    found = solved(fewer)
+    assert np.isfinite(found.covariance).all() and np.linalg.eigvalsh(found.covariance).min() > 0
+    assert found.views == last
+
+
 def test_derivatives_are_those_of_the_cost() -> None:
     rng = np.random.default_rng(0)
     seen = tracks(0, views=5, points=40)

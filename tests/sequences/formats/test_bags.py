@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.io.rig import rig_text
 from ispom.sequences import open_sequence
-from ispom.types import is_stereo, is_video
+from ispom.types import Camera, Rig, is_stereo, is_video
 from tests.sequences.bag_folders import DELAY_NS, START_NS, STEP_NS, make_bag
-from tests.sequences.folders import images
+from tests.sequences.folders import HEIGHT, WIDTH, images
 
 KINDS = ("ros1", "sqlite3", "mcap")
 
@@ -280,3 +282,76 @@ def test_fisheye_lenses_and_fourteen_coefficients(tmp_path: Path) -> None:
     assert camera.distortion == model[1][:8]
     with pytest.raises(InputError, match="distortion_model is omni"):
         open_sequence(str(make_bag(tmp_path / "d", "ros1", ("camera",), model=("omni", (0.1,) * 4))))
+
+
+PLACES = (
+    ("/{}/image_raw", "/{}/camera_info"),
+    ("/{}/image", "/{}/image/camera_info"),
+    ("/rig/image_{}", "/rig/camera_info_{}"),
+    ("/rig/{}_image_rect", "/rig/{}_camera_info"),
+    ("/{}/image_color", "/{}/info"),
+    ("/device_0/sensor_0/{}/image/data", "/device_0/sensor_0/{}/info/camera_info"),
+    ("/{}", "/{}/camera_info"),
+    ("/{}", "/{}_info"),
+)
+
+
+@pytest.mark.parametrize("names", PLACES)
+@pytest.mark.parametrize("cameras", [("left", "right"), ("l_cam", "r_cam"), ("front", "other")])
+def test_a_pair_is_known_wherever_its_camera_info_is_and_whatever_it_is_called(
+    names: tuple[str, str], cameras: tuple[str, str], tmp_path: Path
+) -> None:
+    opened = open_sequence(str(make_bag(tmp_path, "ros1", cameras, names=names)))
+    assert opened.rig.has_stereo and opened.rig.baseline_m == pytest.approx(0.5)
+    by_name = cameras == ("left", "right")
+    assert any("by the baseline" in str(note) for note in opened.notes) != by_name
+    swapped = open_sequence(str(make_bag(tmp_path / "swapped", "ros1", cameras[::-1], baseline_m=-0.5, names=names)))
+    assert swapped.rig.baseline_m == pytest.approx(0.5)  # Tx says which is left
+
+
+def test_one_camera_has_the_camera_info_one_level_higher_where_it_is_alone(tmp_path: Path) -> None:
+    names = ("/{}/image/raw", "/{}/camera_info")
+    assert open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), names=names))).rig.camera("video").fx == 80
+    names = ("/c/{}/image", "/c/camera_info")
+    other = make_bag(tmp_path / "b", "ros1", ("color", "grey"), names=names, calibrated=("grey",))
+    assert open_sequence(str(other)).guess is not None
+
+
+def test_topics_are_chosen(tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("a", "b", "c"))  # each is 0.5 m to the right of the one before
+    a, b, c = (f"/{name}/image_raw" for name in "abc")
+    assert any("--topics" in str(note) for note in open_sequence(str(path)).notes)
+    chosen = open_sequence(str(path), topics=(f"left={a}", f"right={c}"))
+    assert chosen.rig.baseline_m == pytest.approx(1.0)
+    chosen = open_sequence(str(path), topics=(f"right={c}", f"left={b}"))
+    assert chosen.rig.baseline_m == pytest.approx(0.5)
+    chosen = open_sequence(str(path), topics=(f"video={b}",))
+    assert not chosen.rig.has_stereo and any(f"only {b} is used" in str(note) for note in chosen.notes)
+    for words, reason in (
+        ((f"left={c}", f"right={a}"), "exchanged"),
+        ((f"left={a}",), "give left=TOPIC right=TOPIC"),
+        ((f"left={a}", f"left={b}"), "give left=TOPIC right=TOPIC"),
+        ((a, b), "give left=TOPIC right=TOPIC"),
+        ((f"left={a}", f"right={a}"), "twice"),
+        ((f"left={a}", "right=/nothing"), f"can name {a}"),
+        ((f"video={a}", f"right={b}"), "give left=TOPIC right=TOPIC"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            open_sequence(str(path), topics=words)
+    with pytest.raises(InputError, match="is no bag"):
+        open_sequence("sim:tiny", topics=(f"video={a}",))
+    with pytest.raises(InputError, match="is no bag"):
+        open_sequence(str(path.parent), topics=(f"video={a}",))
+
+
+def test_chosen_topics_without_camera_info_have_the_calibration_of_a_file(tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("a", "b", "c"), info=False)
+    topics = ("left=/a/image_raw", "right=/c/image_raw")
+    with pytest.raises(InputError, match="no usable camera_info for /a/image_raw"):
+        open_sequence(str(path), topics=topics)
+    camera = Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5)
+    rig = Rig.of(left=camera, right=camera, rig_from_right=Pose(translation=np.array([0.3, 0.0, 0.0])))
+    (tmp_path / "rig.yaml").write_text(rig_text(rig))
+    assert open_sequence(str(path), topics=topics).rig.baseline_m == pytest.approx(0.3)
+    with pytest.raises(InputError, match="--topics left="):
+        open_sequence(str(path))

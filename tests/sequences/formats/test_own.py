@@ -15,10 +15,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ispom.errors import InputError, UnreadableImage
+from ispom.geometry import Pose
+from ispom.io.rig import rig_text
 from ispom.sequences import open_sequence
-from ispom.types import LensSigma, PairSigma, is_stereo, is_video
+from ispom.types import Camera, LensSigma, PairSigma, Rig, is_stereo, is_video
 from tests.sequences import own_folders
-from tests.sequences.folders import images
+from tests.sequences.folders import HEIGHT, WIDTH, images
 from tests.sequences.own_folders import (
     CAMERA,
     make_described,
@@ -356,6 +358,32 @@ def test_left_and_right_folders_with_a_rig_need_no_sequence_yaml(tmp_path: Path)
     (folder / "rig.yaml").unlink()
     with pytest.raises(InputError, match="left and right images, but no rig"):
         open_sequence(str(folder))
+
+
+@pytest.mark.parametrize(("halves", "axis"), [(("left", "right"), 1), (("top", "bottom"), 0)])
+@pytest.mark.parametrize("film", [False, True])
+def test_two_cameras_in_one_image_are_a_pair(halves: tuple[str, str], axis: int, film: bool, tmp_path: Path) -> None:
+    left, right = images(6, 8), images(6, 0)
+    both = [np.concatenate(pair, axis) for pair in zip(left, right, strict=True)]
+    source = write_video(tmp_path / "both.avi", both) if film else write_images(tmp_path / "both", both)
+    camera = Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5)
+    rig = Rig.of(left=camera, right=camera, rig_from_right=Pose(translation=np.array([0.3, 0.0, 0.0])))
+    (tmp_path / "rig.yaml").write_text(rig_text(rig))
+    described = "".join(
+        f"{side}: {{source: {source.name}, half: {half}}}\n"
+        for side, half in zip(("left", "right"), halves, strict=True)
+    )
+    (tmp_path / "sequence.yaml").write_text(described)
+    opened = open_sequence(str(tmp_path), stereo_every=1)
+    pairs = [frame for frame in (opened[i] for i in range(len(opened))) if is_stereo(frame)]
+    assert len(pairs) == 6 and opened.rig.baseline_m == pytest.approx(0.3)
+    for i, pair in enumerate(pairs):
+        for image, expected in ((pair.left, left[i]), (pair.right, right[i])):
+            grey = image[..., 0] if image.ndim == 3 else image
+            assert np.abs(grey.astype(int) - expected).mean() < (4 if film else 1e-9)
+    (tmp_path / "sequence.yaml").write_text(described.replace(f"half: {halves[1]}", "half: middle"))
+    with pytest.raises(InputError, match=r"right\.half is middle"):
+        open_sequence(str(tmp_path))
 
 
 def test_the_examples_of_the_documentation_open(tmp_path: Path) -> None:

@@ -48,6 +48,8 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
         lens, words = "fov", ["FOV", *words]
     values = numbers(path, lines[0][0], words[1:]).tolist()
     width, height = numbers(path, lines[1][0], lines[1][1]).tolist()
+    if name == "pinhole" and not any(values[4:]):
+        values = [*values[:4], 0.0]  # as 4Seasons has it, with more zeros
     expected = 8 if lens == "fisheye" or name == "radtan" else 5
     if len(values) != expected:
         raise InputError(f"{path} line {lines[0][0]}: {words[0]} has {expected} numbers, not {len(values)}: correct it")

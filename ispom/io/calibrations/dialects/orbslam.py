@@ -38,9 +38,12 @@ _DEPTH = ("DepthMapFactor", "RGBD.DepthMapFactor", "depth_map_factor")
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 _PERSPECTIVE = {"", "pinhole", "rectified", "perspective"}
 
+OTHERS = frozenset(f"Camera.{name}" for name in ("model", "setup", "cols", "rows", "color_order"))
+"""Entries of stella_vslam."""
+
 
 def _recognises(content: Content) -> bool:
-    return bool(content.keys & {"Camera.fx", "Camera1.fx"}) and not content.keys & {"Camera.model", "Camera.setup"}
+    return bool(content.keys & {"Camera.fx", "Camera1.fx"}) and not content.keys & OTHERS
 
 
 def _read(content: Content, size: ImageSize | None) -> CalibrationFile:

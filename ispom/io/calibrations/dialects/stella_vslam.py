@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.camera_info import ImageSize
 from ispom.io.calibrations.content import Content
@@ -27,7 +28,7 @@ from ispom.io.calibrations.dialect import (
     several_numbers,
     size_of_images,
 )
-from ispom.io.calibrations.dialects.orbslam import rate_entry
+from ispom.io.calibrations.dialects.orbslam import OTHERS, rate_entry
 from ispom.io.calibrations.placed import Placed, rotation_of
 from ispom.io.camera import intrinsics_of
 from ispom.io.mapping import finite_numbers
@@ -37,7 +38,7 @@ PROGRAM = "stella_vslam"
 
 def _recognises(content: Content) -> bool:
     nested = content.mapping.get("Camera")
-    return bool(content.keys & {"Camera.model", "Camera.setup"}) or (
+    return bool(content.keys & OTHERS) or (
         isinstance(nested, dict) and bool({"model", "setup"} & set(nested)) and "name" in nested
     )
 
@@ -56,6 +57,8 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     model, setup = (str(values.get(key, "")).strip().lower() for key in ("model", "setup"))
     if model not in ("", "perspective", "fisheye"):
         raise not_supported(content.path, PROGRAM, f"Camera.model {model[:40]}")
+    if not model and "k4" in values:
+        raise InputError(f"{content.path}: Camera.model is missing, and k4 may be that of a fisheye: add it")
     notes: tuple[str, ...] = ()
     if {"cols", "rows"} <= set(values):
         width, height = several_numbers(content.path, "Camera.", values, ("cols", "rows"))

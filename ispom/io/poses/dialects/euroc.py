@@ -15,7 +15,7 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile
 from ispom.io.trajectories import OWN
 
-COUNT = 8
+COUNT, LOOKED_AT = 8, 16
 
 
 def _recognises(content: PoseContent) -> bool:
@@ -23,6 +23,8 @@ def _recognises(content: PoseContent) -> bool:
         return content.columns.order == OWN.order and content.columns.unit in (None, "ns")
     if content.header_fault is not None or content.spaced or content.width < COUNT or content.roles is not None:
         return False
+    if any("." in words[0] and "e" not in words[0].lower() for _, words in content.data[:LOOKED_AT]):
+        return False  # seconds
     whole = content.column(0)
     return bool((whole == np.round(whole)).all()) and not (content.unit_length(5) and not content.unit_length(4))
 

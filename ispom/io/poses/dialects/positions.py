@@ -27,7 +27,8 @@ def _recognises(content: PoseContent) -> bool:
             return False  # what is behind the positions may be a rotation
         return bool(roles.times and roles.xyz) and not (roles.xyzw or roles.angles or roles.geographic)
     four = content.width == COUNT and len(content.sample) >= LEAST
-    increasing = four and bool((np.diff(content.column(0)) >= 0).all())
+    steps = np.diff(content.column(0)) if four else np.zeros(1)
+    increasing = bool((steps >= 0).all() and (steps > 0).any())
     return increasing and not matrices.DIALECT.recognises(content)
 
 
