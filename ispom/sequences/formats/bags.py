@@ -20,21 +20,20 @@ from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
-from ispom.io.poses.dialects.ros_bag import pose_topics
+from ispom.sequences.formats.bag_sensors import BagCamera, sensors_of_bag
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.guess import guessed
 from ispom.sequences.images import as_bytes, decode, sampled, span_of_values, values_of
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import remapped, undistortion
-from ispom.sequences.sidecars import first_of
+from ispom.sequences.sidecars import first_of, used
 from ispom.sequences.stereo_stream import stereo_stream
 from ispom.sequences.stream import Stream, size_of
-from ispom.types import Camera, Image
+from ispom.types import Camera, Found, Image
 
 RIGS = ("camchain.yaml", "rig.yaml")
 """Files of two cameras beside a bag."""
-SENSORS = frozenset(f"sensor_msgs/msg/{name}" for name in ("Imu", "NavSatFix", "LaserScan", "PointCloud2"))
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 SIDES = (
     ("left", "right"),
@@ -93,6 +92,7 @@ class _Info:
     """(3, 3) rectified_from_raw."""
     projection: Array
     """(3, 4) of the rectified image; all zero where the camera was not calibrated."""
+    topic: str = ""
     notes: tuple[str, ...] = ()
 
     @property
@@ -124,11 +124,10 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
         raise InputError(f"{path} has no image topic: give a bag with images")
     topics = [topic for topic in topics if bag.holds(topic)] or topics
     infos, reasons = {topic: _usable_info(bag, topic) for topic in topics}, []
-    others = _others_note(bag)
     if not any(isinstance(info, _Info) for info in infos.values()):
         by_file = _pair_of_file(bag, topics, calibration)
         if by_file is not None:
-            return replace(by_file, notes=(*by_file.notes, *others))
+            return _with_others(bag, *by_file)
     for left in topics:
         right = next((left.replace(*names) for names in SIDES if names[0] in left), left)
         first, second = infos[left], infos.get(right)
@@ -137,20 +136,28 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
         if not (fault := _pair_fault(first, second)):
             if calibration is not None:
                 raise _calibrated(path, calibration)
-            found = _pair(bag, (left, right), (first, second))
-            return replace(found, notes=(*found.notes, *others))
+            return _with_others(bag, *_pair(bag, (left, right), (first, second)))
         reasons.append(f"{path.name}: {left} and {right} are not used as a pair: {fault}")
     cameras = [topic for topic in topics if not _is_depth(topic)] or topics
     by_baseline = None if reasons or calibration is not None else _pair_by_baseline(bag, cameras, infos)
     if by_baseline is not None:
-        return replace(by_baseline, notes=(*by_baseline.notes, *others))
+        return _with_others(bag, *by_baseline)
     known = [topic for topic in cameras if isinstance(infos[topic], _Info)]
     topic = (known if known and calibration is None else cameras)[0]
-    alone = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
-    return replace(alone, notes=(*alone.notes, *reasons[:1], *others))
+    alone, camera = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
+    return _with_others(bag, replace(alone, notes=(*alone.notes, *reasons[:1])), camera)
 
 
-def _pair_by_baseline(bag: BagFile, topics: list[str], infos: dict[str, _Info | InputError | None]) -> Recording | None:
+def _with_others(bag: BagFile, recording: Recording, camera: BagCamera) -> Recording:
+    """The recording with what else the bag holds."""
+    sensors, others = sensors_of_bag(bag, camera)
+    times = Found("times", f"{bag.path.name}:{camera.topic}", why="by the bag's clock" if camera.own_clock else "")
+    return replace(recording, found=(*recording.found, times, *others), sensors=sensors)
+
+
+def _pair_by_baseline(
+    bag: BagFile, topics: list[str], infos: dict[str, _Info | InputError | None]
+) -> tuple[Recording, BagCamera] | None:
     """The pair of two topics of one name in different places, known by a P that is that of the other one moved to the
     right (Tx); None where there is none."""
     for left in topics:
@@ -158,13 +165,13 @@ def _pair_by_baseline(bag: BagFile, topics: list[str], infos: dict[str, _Info | 
             first, second = infos[left], infos[right]
             same = left.rsplit("/", 1)[-1] == right.rsplit("/", 1)[-1] and left != right
             if same and isinstance(first, _Info) and isinstance(second, _Info) and not _pair_fault(first, second):
-                found = _pair(bag, (left, right), (first, second))
+                found, camera = _pair(bag, (left, right), (first, second))
                 note = f"{bag.path.name}: {left} and {right} are taken as a pair, by the baseline in their camera_info"
-                return replace(found, notes=(note, *found.notes))
+                return replace(found, notes=(note, *found.notes)), camera
     return None
 
 
-def _pair_of_file(bag: BagFile, topics: list[str], calibration: Path | None) -> Recording | None:
+def _pair_of_file(bag: BagFile, topics: list[str], calibration: Path | None) -> tuple[Recording, BagCamera] | None:
     """The pair of a bag without calibration, by a file of two cameras: `calibration`, or a camchain.yaml or rig.yaml
     beside the bag, whose topics are those that it names (Kalibr's rostopic), or those that are called as pairs are.
     None where there is no such file. Raises InputError where its cameras are none of the topics."""
@@ -191,30 +198,21 @@ def _pair_of_file(bag: BagFile, topics: list[str], calibration: Path | None) -> 
             f"{path} has two cameras, and none of the topics of {bag.path} are known as theirs ({', '.join(cameras)}): "
             "write rostopic in it, as Kalibr does"
         )
-    streams = []
+    streams, clocks = [], []
     for topic, side in zip(both, ("left", "right"), strict=True):
         index = _index(bag, str(topic))
+        clocks.append(index.own_clock)
         images = _Images(bag, str(topic), index, size_of(rig.camera(side)))
         streams.append(Stream(index.stamps_ns, images.read, _notes(bag, index)))
     stereo = stereo_stream(bag.path, rig, *streams)
     note = f"{bag.path.name}: {both[0]} and {both[1]} are the pair of {path}"
-    return Recording(
+    recording = Recording(
         f"bag {bag.path.name}", stereo.rig.camera("left"), stereo.rig.baseline_m, stereo.times_ns, stereo.read, None,
         (note, *notes, *stereo.notes), video_sigma=stereo.rig.video_sigma, pair_sigma=stereo.rig.pair_sigma,
+        found=used(("lens", path)),
     )  # fmt: skip
-
-
-def _others_note(bag: BagFile) -> tuple[str, ...]:
-    """Notes about topics of poses and of other sensors, which are not used."""
-    poses = [topic for topic in pose_topics(bag) if "/tf" not in topic]
-    notes: tuple[str, ...] = ()
-    if poses:
-        notes += (
-            f"{bag.path.name} has poses in {', '.join(poses)}: not used as ground truth, as their body need not be the "
-            f"camera; compare with them by ispom evaluate {bag.path}:{poses[0]} ESTIMATE",
-        )
-    others = [f"{topic} ({kind.rsplit('/', 1)[-1]})" for topic, kind in bag.types.items() if kind in SENSORS]
-    return (*notes, f"{bag.path.name}: there and not used: {', '.join(others)}") if others else notes
+    left_from_raw = stereo.rig.rig_from_left.inverse() @ rig.rig_from_left
+    return recording, BagCamera(str(both[0]), left_from_raw, clocks[0])
 
 
 def _calibrated(path: Path, calibration: Path) -> InputError:
@@ -231,16 +229,20 @@ def _usable_info(bag: BagFile, topic: str) -> _Info | InputError | None:
 
 def _single(
     bag: BagFile, topic: str, info: _Info | InputError | None, others: list[str], calibration: Path | None
-) -> Recording:
+) -> tuple[Recording, BagCamera]:
     default_camera = bag.path.resolve().parent / CAMERA
     index, guess = _index(bag, topic), None
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
     notes += _notes(bag, index)
     images = _Images(bag, topic, index)
+    found, raw = used(("lens", calibration or default_camera)), BagCamera(topic, own_clock=index.own_clock)
     if isinstance(info, _Info):
         if calibration is not None:
             raise _calibrated(bag.path, calibration)
-        camera = usable(info.rectified, f"{bag.path}: P of {topic}") if _is_rectified(topic) else info.raw
+        camera, found = info.raw, (Found("lens", f"{bag.path.name}:{info.topic}"),)
+        if _is_rectified(topic):
+            camera = usable(info.rectified, f"{bag.path}: P of {topic}")
+            raw = replace(raw, left_from_raw=Pose(info.turn))
         notes = info.notes + notes
     elif calibration is not None or exists(default_camera):
         camera, _, unknown = read_settings(calibration or default_camera, images.first_size)
@@ -249,21 +251,29 @@ def _single(
         raise InputError(f"{info.args[0]}, or give --camera")
     else:
         size = images.first_size()
-        guess = guessed(size, None)
+        guess, found = guessed(size, None), ()
         camera = guess.camera(size)
         notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {default_camera}",)
     images = _Images(bag, topic, index, (camera.width, camera.height))
     times_ns = index.stamps_ns
     return Recording(
-        f"bag {bag.path.name}", camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess
-    )
+        f"bag {bag.path.name}",
+        camera,
+        None,
+        times_ns,
+        lambda _, i: images.read(i),
+        None,
+        notes,
+        guess=guess,
+        found=found,
+    ), raw
 
 
 def _notes(bag: BagFile, *indices: Index) -> tuple[str, ...]:
     return tuple(f"{bag.path.name}: {note}" for index in indices for note in index.notes)
 
 
-def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> Recording:
+def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> tuple[Recording, BagCamera]:
     left, right = _indices(bag, topics)
     i_left, i_right = pairs(left.stamps_ns, right.stamps_ns)
     if not len(i_left):
@@ -285,7 +295,10 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
     notes = infos[0].notes + infos[1].notes + _notes(bag, left, right)
     notes += unmatched_note(len(left.places), len(right.places), len(i_left))
     baseline_m = _baseline_m(*infos)
-    return Recording(f"bag {bag.path.name}", camera, baseline_m, left.stamps_ns[i_left], read, None, notes)
+    lens = tuple(Found("lens", f"{bag.path.name}:{info.topic}") for info in infos)
+    times_ns, name = left.stamps_ns[i_left], f"bag {bag.path.name}"
+    recording = Recording(name, camera, baseline_m, times_ns, read, None, notes, found=lens)
+    return recording, BagCamera(topics[0], Pose(infos[0].turn), left.own_clock)
 
 
 def _rank(topic: str) -> tuple[bool, bool, bool, str]:
@@ -356,7 +369,7 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
     content["roi"] = {key: int(getattr(message.roi, key)) for key in region}
     info = camera_info(bag.path, content, where=f"{name}: ")
     projection = np.zeros((3, 4)) if info.projection is None else info.projection
-    return _Info(info.raw, info.turn, projection, info.notes)
+    return _Info(info.raw, info.turn, projection, name, info.notes)
 
 
 def _info_names(place: str) -> tuple[str, str]:
