@@ -10,12 +10,22 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ispom.errors import InputError
-from ispom.sequences.readings import DISTURBING, Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
-from ispom.types import Found, FrameName, Imu, Measurement, Rig, Sensor, Sequence
+from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
+from ispom.types import Found, FrameName, Imu, Rig, Sensor, Sequence
 
 AUTO, NONE = Path("auto"), Path("none")
 """Choices of `--sensors` that are no file: those that lie in or beside the source, or none."""
+UNSOUND = (
+    *("time_unit", "imu_swapped", "imu_all_zero", "gyroscope_in_degrees", "gnss_all_zero", "gnss_earth_centred"),
+    *("accelerometer_in_g", "accelerometer_too_large", "accelerometer_without_gravity"),
+    *("latitude_longitude_swapped", "latitude_in_radians", "latitude_in_minutes"),
+    *("wheel_unit", "wheel_cumulative", "wheel_turn_in_degrees"),
+)
+"""Doubts about values that no method can use, so that the sensor is not used unasked."""
 POSE = "{translation_m: [x, y, z], rotation_xyzw: [x, y, z, w]}"
 
 
@@ -38,15 +48,21 @@ class OwnSensor:
     placed: bool = True
     """Whether its pose is known."""
 
+    def placed_on(self, rig: Rig) -> Sensor:
+        """Returns the sensor with its pose on the rig of the recording."""
+        rig_from_left = rig.rig_from("left" if rig.has_stereo else "video")
+        return replace(self.sensor, rig_from_sensor=rig_from_left @ self.sensor.rig_from_sensor)
+
     @property
-    def entry(self) -> str:
-        """The entry of a file for `--sensors` that makes it usable."""
+    def how(self) -> str:
+        """What to do to use it, with the entry of a file for `--sensors`."""
         kind = "" if self.name == self.sensor.kind else f"sensor: {self.sensor.kind}"
         pose = "" if self.placed else f"rig_from_{self.name}: {POSE}"
-        return f"{self.name}: {{{', '.join(part for part in (kind, pose) if part)}}}"
+        entry = f"{self.name}: {{{', '.join(part for part in (kind, pose) if part)}}}"
+        return f"write `{entry}` to a file, and give that by --sensors"
 
 
-def imu_said(of_pose: str, noise: dict[str, float], of_noise: str) -> str:
+def imu_said(of_pose: str, noise: Imu | None, of_noise: str) -> str:
     """Says where the pose of an IMU is from, empty where it is not known, and its noise; the usual noise is a decision
     that is said."""
     if noise and of_noise == of_pose:
@@ -58,55 +74,56 @@ def imu_said(of_pose: str, noise: dict[str, float], of_noise: str) -> str:
     return f"{pose}nothing states its noise: the usual one is taken ({usual})"
 
 
-def left_camera(rig: Rig) -> FrameName:
-    """Returns the name of the camera of the rig that is the left one of a recording."""
-    return "left" if rig.has_stereo else "video"
-
-
 def with_own_sensors(sequence: Sequence, own: Iterable[OwnSensor]) -> Sequence:
     """Returns the sequence with the measurements of those of its own sensors that can be used; the others are named."""
-    sensors, measurements, found = dict[str, Sensor](), list[Measurement](), list[Found]()
-    used = dict[str, OwnSensor]()
-    frames_ns, kept = frames_ns_of(sequence), dict[str, Readings]()
-    rig_from_left = sequence.rig.rig_from(left_camera(sequence.rig))
-    for each in own:
-        kind, why = each.sensor.kind, each.missing
-        if why:
-            why = f"{why}; to use it, write `{each.entry}` to a file, and give that by --sensors"
-        elif kind in used:
-            why = f"is not used: {used[kind].where} is, and methods take one {kind}; to change that, write "
-            why += f"`{each.entry}` to a file, and give that by --sensors"
-        else:
-            sensor = replace(each.sensor, rig_from_sensor=rig_from_left @ each.sensor.rig_from_sensor)
-            try:
-                readings, why, inside = _sound(each, sensor, sequence)
-            except InputError as fault:
-                readings, why, inside = None, f"is not used: {fault.args[0]}", []
-            if readings is not None and not why:
-                used[kind], sensors[each.name], kept[each.name] = each, sensor, readings
-                measurements += inside
-        found.append(Found(kind, each.where, not why, why or each.said))
-    if not sensors:
+    listed, frames_ns = tuple(own), frames_ns_of(sequence)
+    reasons = {i: f"{each.missing}; to use it, {each.how}" for i, each in enumerate(listed) if each.missing}
+    read = dict[int, Readings]()
+    while True:
+        chosen = _first_of_each_kind(listed, reasons, read, frames_ns)
+        sensors = {listed[i].name: listed[i].placed_on(sequence.rig) for i in chosen}
+        where = {"the rig": "the rig"} | {listed[i].name: listed[i].where for i in chosen}
+        rig = sequence.rig.changed(**sensors)
+        readings = {listed[i].name: read[i] for i in chosen}
+        doubts = sensor_doubts(where.__getitem__, rig, readings, frames_ns) if chosen else ()
+        wrong = {i: str(d) for i in chosen for d in doubts if d.key in UNSOUND and d.startswith(listed[i].where)}
+        if not wrong:
+            break
+        reasons |= {i: f"is not used: {doubt}" for i, doubt in wrong.items()}
+    found = list[Found]()
+    for i, each in enumerate(listed):
+        why = reasons.get(i, "")
+        if not why and i not in chosen:
+            other = next(listed[k].where for k in chosen if listed[k].sensor.kind == each.sensor.kind)
+            why = f"is not used: {other} is, and methods take one {each.sensor.kind}; to change that, {each.how}"
+        found.append(Found(each.sensor.kind, each.where, not why, why or each.said))
+    if not chosen:
         return sequence.with_found(found)
-    rig = sequence.rig.changed(**sensors)
-    places = {each.name: each.where for each in used.values()}
-    notes: list[str] = [*sensor_doubts(lambda name: places.get(name, name), rig, kept, frames_ns)]
-    notes += mount_doubts(sequence.name, Rig(sensors))
-    return replace(sequence, rig=rig).with_found(found).with_notes(notes).with_measurements(measurements)
+    notes = (*doubts, *mount_doubts(sequence.name, Rig(sensors)))
+    measured = (m for i in chosen for m in measured_within(listed[i].name, read[i], frames_ns))
+    return replace(sequence, rig=rig).with_found(found).with_notes(notes).with_measurements(measured)
 
 
-def _sound(each: OwnSensor, sensor: Sensor, sequence: Sequence) -> tuple[Readings, str, list[Measurement]]:
-    """Returns what a sensor measured, why it is not used ("" where it is), and its measurements within the frames."""
-    readings, frames_ns = each.read(), frames_ns_of(sequence)
-    if not len(readings):
-        return readings, "holds no measurements", []
-    inside = list(measured_within(each.name, readings, frames_ns))
-    if not inside:
-        first, last = frames_ns[[0, -1]] * 1e-9
-        times_s = readings.times_ns[[0, -1]] * 1e-9
-        why = f"is not used: it measured from {times_s[0]:.3f} to {times_s[1]:.3f} s, nothing within the frames' "
-        return readings, f"{why}{first:.3f} to {last:.3f} s", []
-    rig = sequence.rig.changed(**{each.name: sensor})
-    doubts = sensor_doubts(lambda _: each.where, rig, {each.name: readings}, frames_ns)
-    wrong = next((str(doubt) for doubt in doubts if doubt.key in DISTURBING), "")
-    return readings, f"is not used: {wrong}" if wrong else "", inside
+def _first_of_each_kind(
+    listed: tuple[OwnSensor, ...], reasons: dict[int, str], read: dict[int, Readings], frames_ns: NDArray[np.int64]
+) -> list[int]:
+    """Returns the first of each kind that has measurements within the frames; adds what was read to `read`, and to
+    `reasons` why the others are not used."""
+    chosen = dict[str, int]()
+    for i, each in enumerate(listed):
+        if i in reasons or each.sensor.kind in chosen:
+            continue
+        try:
+            read[i] = readings = read[i] if i in read else each.read()
+        except InputError as fault:
+            reasons[i] = f"is not used: {fault.args[0]}"
+            continue
+        if not len(readings):
+            reasons[i] = "is not used: it has no measurements"
+        elif next(iter(measured_within(each.name, readings, frames_ns)), None) is None:
+            (first, last), (begin, end) = readings.times_ns[[0, -1]] * 1e-9, frames_ns[[0, -1]] * 1e-9
+            when = f"it measured from {first:.3f} to {last:.3f} s, nothing within the frames'"
+            reasons[i] = f"is not used: {when} {begin:.3f} to {end:.3f} s"
+        else:
+            chosen[each.sensor.kind] = i
+    return list(chosen.values())

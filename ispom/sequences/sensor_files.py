@@ -80,9 +80,8 @@ def geodetic_values(where: str, geodetic: Array, sigma: Array, origin: Array | N
         raise impossible(doubts)
     if not len(geodetic):
         raise InputError(f"{where} has no fix: leave it out")
-    if origin is None:
-        origin = geodetic[int(np.argmin(null_fixes(geodetic)))]  # the first that is a fix
-    return {"xyz": local_of(geodetic, origin), "sigma": sigma, "geodetic": geodetic}
+    first = geodetic[int(np.argmin(null_fixes(geodetic)))]  # that is a fix
+    return {"xyz": local_of(geodetic, first if origin is None else origin), "sigma": sigma, "geodetic": geodetic}
 
 
 def local_of(geodetic: Array, origin: Array) -> Array:

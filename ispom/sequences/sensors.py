@@ -26,7 +26,7 @@ from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rig import sensor_of
 from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
 from ispom.plausibility.times import time_doubts
-from ispom.sequences.own_sensors import OwnSensor, left_camera
+from ispom.sequences.own_sensors import OwnSensor
 from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
 from ispom.sequences.sensor_files import gnss_readings, imu_readings, wheel_readings
 from ispom.types import Found, Kind, Measurement, Rig, Sensor, Sequence
@@ -110,7 +110,7 @@ def _completed(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor, ri
     stated = sensor_of(path, name, given)
     pose = stated.rig_from_sensor
     if keeps:
-        pose = rig.rig_from(left_camera(rig)) @ lies.sensor.rig_from_sensor
+        pose = lies.placed_on(rig).rig_from_sensor
     noise = {f.name: getattr(stated, f.name) for f in fields(stated) if f.name in entry}
     return replace(lies.sensor, rig_from_sensor=pose, **noise)
 

@@ -6,6 +6,7 @@ sensor.yaml, of a camchain with T_cam_imu, or of KITTI's calibrations. What none
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -23,6 +24,8 @@ from ispom.types import GnssAntenna, Imu
 
 IMU_TABLES = ("imu0/data.csv", "imu.csv", "imu.txt", "imu0.csv")
 GNSS_TABLES = ("gnss.csv", "gps.csv", "gps.txt")
+IMU_FILE, CHAIN_FILE = re.compile("(?<![a-z])imu"), re.compile("camchain|imucam")
+"""What files of Kalibr and OpenVINS are called, such as dataset-imu.yaml and camchain-imucam-dataset.yaml."""
 OXTS = "oxts"
 EUROC_IMU = "imu0"
 NO_POSE = "is not used, as its pose on the rig is not known"
@@ -65,9 +68,9 @@ def _imu_of(table: Path, places: Sequence[Path], left_from_raw: Pose) -> OwnSens
     if at is None:
         missing = f"{NO_POSE} (no camchain with T_cam_imu)"
         said, read = imu_said("", noise, of_noise), partial(imu_readings, table)
-        return OwnSensor("imu", str(table), Imu(**noise), read, said, missing, placed=False)
+        return OwnSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False)
     pose, later_ns, of_pose = at
-    sensor = Imu(rig_from_sensor=left_from_raw @ pose, **noise)
+    sensor = replace(noise or Imu(), rig_from_sensor=left_from_raw @ pose)
     read = partial(_later, partial(imu_readings, table), later_ns)
     return OwnSensor("imu", str(table), sensor, read, imu_said(of_pose, noise, of_noise))
 
@@ -77,19 +80,19 @@ def _later(read: Callable[[], Readings], by_ns: int) -> Readings:
     return replace(found, times_ns=found.times_ns + by_ns)
 
 
-def imu_noise_beside(places: Sequence[Path]) -> tuple[dict[str, float], str]:
-    """Returns the noise of an IMU by a file of Kalibr, OpenVINS or TUM-VI in folders, and which it is; empty without
+def imu_noise_beside(places: Sequence[Path]) -> tuple[Imu | None, str]:
+    """Returns the noise of an IMU by a file of Kalibr, OpenVINS or TUM-VI in folders, and which it is; None without
     one. Raises InputError for an invalid one."""
-    for path in _named(places, "imu"):
-        if noise := imu_noise(path):
+    for path in _named(places, IMU_FILE, but=CHAIN_FILE):
+        if (noise := imu_noise(path)) is not None:
             return noise, str(path)
-    return {}, ""
+    return None, ""
 
 
 def imu_pose_beside(places: Sequence[Path], topic: str = "") -> tuple[Pose, int, str] | None:
     """Returns camera_from_imu by a camchain in folders, for the image `topic` or else its first camera; what is added
     to times of the IMU [ns]; and what they are from. None where there is none. Raises InputError for an invalid one."""
-    for path in _named(places, "camchain", "imucam"):
+    for path in _named(places, CHAIN_FILE):
         if (found := camera_from_imu(path, topic)) is not None:
             pose, later_ns = found
             clock = f" (times of the IMU {later_ns * 1e-9:+.6f} s by its timeshift_cam_imu)" if later_ns else ""
@@ -97,16 +100,11 @@ def imu_pose_beside(places: Sequence[Path], topic: str = "") -> tuple[Pose, int,
     return None
 
 
-def _named(places: Sequence[Path], *words: str) -> list[Path]:
-    """YAML files whose names have one of the words; those of camchains are none of an IMU."""
-    found = list[Path]()
-    for place in places:
-        for name in names(place):
-            stem, suffix = Path(name.lower()).stem, Path(name.lower()).suffix
-            chain = "camchain" in stem or "imucam" in stem
-            if suffix in (".yaml", ".yml") and any(word in stem for word in words) and chain == ("imu" not in words):
-                found.append(place / name)
-    return found
+def _named(places: Sequence[Path], wanted: re.Pattern[str], but: re.Pattern[str] | None = None) -> list[Path]:
+    """YAML files by a part of their names."""
+    paths = [place / name for place in places for name in names(place)]
+    files = [path for path in paths if path.suffix.lower() in (".yaml", ".yml") and wanted.search(path.stem.lower())]
+    return [path for path in files if but is None or not but.search(path.stem.lower())]
 
 
 def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[OwnSensor, ...]:
@@ -124,7 +122,7 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Own
     try:
         content = read_mapping(own) if exists(own) else {}
         noise, of_noise = imu_noise(own, content), str(own)
-        if not noise:
+        if noise is None:
             noise, of_noise = imu_noise_beside(beside)
         in_body = body_from_imu(own, content)
         at = imu_pose_beside(beside) if in_body is None else (raw_from_body @ in_body, 0, str(own))
@@ -133,9 +131,9 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Own
     if at is None:
         said = imu_said("", noise, of_noise)
         missing = f"{NO_POSE} ({own} with T_BS is missing, and no camchain has T_cam_imu)"
-        return (OwnSensor("imu", str(table), Imu(**noise), read, said, missing, placed=False),)
+        return (OwnSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False),)
     pose, later_ns, of_pose = at
-    sensor = Imu(rig_from_sensor=left_from_raw @ pose, **noise)
+    sensor = replace(noise or Imu(), rig_from_sensor=left_from_raw @ pose)
     said = imu_said(of_pose, noise, of_noise)
     return (OwnSensor("imu", str(table), sensor, partial(_later, read, later_ns), said),)
 
@@ -151,7 +149,7 @@ def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tupl
     fixes = "positions are smoothed by the unit, and their errors last; their standard deviations are its pos_accuracy"
     imu = Imu(rig_from_sensor=pose)
     antenna = GnssAntenna(rig_from_sensor=pose)
-    said = [imu_said(at, {}, ""), f"pose of {at}, {fixes}" if placed else fixes]
+    said = [imu_said(at, None, ""), f"pose of {at}, {fixes}" if placed else fixes]
     return (
         OwnSensor("imu", f"{oxts} (IMU)", imu, partial(imu_readings, oxts), said[0], missing, placed),
         OwnSensor("gnss", f"{oxts} (GNSS)", antenna, partial(gnss_readings, str(oxts), oxts), said[1], missing, placed),

@@ -16,6 +16,7 @@ from ispom.io.calibrations.kalibr import is_camera, pose_at_imu
 from ispom.io.calibrations.placed import pose_of
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rig import LEAST_NOISE, MAX_NOISE
+from ispom.types import Imu
 
 NOISE = {
     "gyroscope_noise_density": "gyroscope_noise",
@@ -28,18 +29,19 @@ SHIFT = "timeshift_cam_imu"
 LONGEST_SHIFT_S = 10.0
 
 
-def imu_noise(path: Path, content: dict[Any, Any] | None = None) -> dict[str, float]:
-    """Returns the noise by the names that an `Imu` has; empty for a file that says nothing of it. Raises InputError
-    for a value that is no positive number."""
-    content = read_mapping(path) if content is None else content
+def imu_noise(path: Path, content: dict[Any, Any] | None = None) -> Imu | None:
+    """Returns an IMU with the noise of a file, and the usual one where it lacks a value; None for a file that says
+    nothing of it. Raises InputError for a value that is no positive number."""
+    entries: dict[Any, Any] = read_mapping(path) if content is None else content
     for inner in ("imu0", "imu"):
-        if isinstance(content.get(inner), dict):
-            content = content[inner]
-    return {
-        ours: finite_numbers(path, theirs, [content[theirs]], 1, LEAST_NOISE, MAX_NOISE)[0]
+        if isinstance(found := entries.get(inner), dict):
+            entries = found
+    noise: dict[str, Any] = {
+        ours: finite_numbers(path, theirs, [entries[theirs]], 1, LEAST_NOISE, MAX_NOISE)[0]
         for theirs, ours in NOISE.items()
-        if content.get(theirs) is not None
+        if entries.get(theirs) is not None
     }
+    return Imu(**noise) if noise else None
 
 
 def body_from_imu(path: Path, content: dict[Any, Any]) -> Pose | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -153,7 +153,7 @@ def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSenso
         noise, of_noise = imu_noise_beside(beside)
         chain = imu_pose_beside(beside, camera.topic)
     except InputError as fault:
-        missing, noise, of_noise, chain = f"is not used: {fault.args[0]}", {}, "", None
+        missing, noise, of_noise, chain = f"is not used: {fault.args[0]}", None, "", None
     later_ns = 0
     if chain is not None:  # calibrated: more exact than a drawing
         pose, later_ns, of_pose = camera.left_from_raw @ chain[0], chain[1], chain[2]
@@ -161,7 +161,7 @@ def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSenso
     if pose is None:
         missing = missing or f"{NO_POSE} ({said}; no camchain with T_cam_imu is beside the bag)"
         said = ""
-    sensor = Imu(rig_from_sensor=pose or Pose(), **noise)
+    sensor = replace(noise or Imu(), rig_from_sensor=pose or Pose())
     said = imu_said(said, noise, of_noise)
     reading = partial(_shifted, read, later_ns)
     return OwnSensor("imu", _where(bag, topic), sensor, reading, said, missing, pose is not None)
