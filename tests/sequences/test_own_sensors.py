@@ -21,6 +21,7 @@ from tests.sequences.bag_folders import make_bag
 from tests.sequences.folders import START_NS, STEP_NS, make_euroc, make_kitti_raw, make_tum
 from tests.sequences.own_folders import make_images
 from tests.sequences.recorded_bag import write_bag, write_tables
+from tests.sequences.recorded_kitti import write_drive
 
 BODY_FROM_IMU = Pose.from_rotvec(np.array([0.3, -0.2, 0.5]), np.array([0.05, -0.02, 0.01]))
 CAMERA_FROM_IMU = Pose.from_rotvec(np.array([1.2, 0.1, -0.4]), np.array([-0.03, 0.07, 0.02]))
@@ -316,22 +317,43 @@ def test_a_bag_of_a_camera_alone_still_opens(tmp_path: Path) -> None:
     assert sequence.kinds == ("video",) * 6 and all(each.used for each in sequence.found)
 
 
-def test_a_run_by_itself_is_the_run_by_a_file(simulated: Sequence, tmp_path: Path) -> None:
-    """Poses differ by the rounding of quaternions alone."""
-    path = write_bag(tmp_path / "drive", simulated)
-    opened = open_sequence(str(path))
-    tables = write_tables(tmp_path, simulated, opened)
-    found = []
-    for sensors in ("auto", str(tables)):
-        out = tmp_path / f"run_{len(found)}"
-        methods = ["--methods", "stereo", "fused.stereo", "--fused.stereo.scheme", "5"]
-        words = ["run", str(path), *methods, "--sensors", sensors, "--no-recording", "--out", str(out)]
-        assert main(words) == 0
-        found.append({name: (out / f"{name}.tum").read_text() for name in ("stereo", "fused.stereo")})
-    assert found[0]["stereo"] == found[1]["stereo"]
-    tracks = [np.array([line.split() for line in each["fused.stereo"].splitlines()], float) for each in found]
+def ran(source: Path, sensors: str, out: Path) -> dict[str, str]:
+    """What `ispom run` writes: the trajectories."""
+    methods = ["--methods", "stereo", "fused.stereo", "--fused.stereo.scheme", "6"]
+    assert main(["run", str(source), *methods, "--sensors", sensors, "--no-recording", "--out", str(out)]) == 0
+    return {name: (out / f"{name}.tum").read_text() for name in ("stereo", "fused.stereo")}
+
+
+def assert_same(one: dict[str, str], other: dict[str, str]) -> None:
+    """Poses of sensors differ by the rounding of quaternions."""
+    assert one["stereo"] == other["stereo"]
+    tracks = [np.array([line.split() for line in each["fused.stereo"].splitlines()], float) for each in (one, other)]
     assert len(tracks[0]) >= 5 and tracks[0].shape == tracks[1].shape
     np.testing.assert_allclose(tracks[0], tracks[1], atol=1e-5)
+
+
+def test_a_bag_by_itself_gives_what_it_gives_by_a_file(simulated: Sequence, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "drive", simulated)
+    tables = write_tables(tmp_path, simulated, open_sequence(str(path)))
+    assert_same(ran(path, "auto", tmp_path / "one"), ran(path, str(tables), tmp_path / "two"))
+
+
+def test_a_drive_of_kitti_by_itself_gives_what_it_gives_by_a_file(simulated: Sequence, tmp_path: Path) -> None:
+    drive = write_drive(tmp_path, simulated)
+    opened = open_sequence(str(drive))
+    assert opened.truth is not None and simulated.truth is not None
+    for name in ("imu", "gnss"):
+        np.testing.assert_allclose(opened.rig.rig_from(name).matrix, simulated.rig.rig_from("imu").matrix, atol=1e-9)
+    pairs = simulated.times_ns[np.array(simulated.kinds) == "stereo"].tolist()
+    ways = [np.linalg.norm(np.ptp(opened.truth.translations[[0, -1]], axis=0))]
+    there = [simulated.truth.at(t) for t in (pairs[0], pairs[-1])]
+    ways += [np.linalg.norm(there[1].translation - there[0].translation)]  # type: ignore[union-attr]
+    assert ways[0] == pytest.approx(ways[1], rel=5e-3)  # KITTI measures on a sphere
+    pose = simulated.rig.rig_from("imu")
+    where = f"{{translation_m: {pose.translation.tolist()}, rotation_xyzw: {pose.xyzw.tolist()}}}"
+    lines = [f"{name}: {{file: {drive / 'oxts'}, rig_from_{name}: {where}}}\n" for name in ("imu", "gnss")]
+    (tmp_path / "sensors.yaml").write_text("".join(lines))
+    assert_same(ran(drive, "auto", tmp_path / "one"), ran(drive, str(tmp_path / "sensors.yaml"), tmp_path / "two"))
 
 
 # Files.
