@@ -146,7 +146,7 @@ def open_sequence(
 
 def _with_sensors(sequence: Sequence, own: tuple[OwnSensor, ...], choice: Path) -> Sequence:
     """With the other sensors of a file, or those of its own that can be used, or none."""
-    if choice == AUTO:
+    if choice in (AUTO, Path()):  # nothing is written in the page's field
         return with_own_sensors(sequence, own)
     if choice == NONE:
         why = "is not used, as --sensors is none"
