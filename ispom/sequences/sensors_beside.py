@@ -20,9 +20,9 @@ from ispom.io.mapping import read_mapping
 from ispom.sequences.own_sensors import OwnSensor, imu_said
 from ispom.sequences.readings import Readings
 from ispom.sequences.sensor_files import NMEA_SUFFIXES, gnss_readings, imu_readings
+from ispom.sequences.sidecars import IMU_TABLES
 from ispom.types import GnssAntenna, Imu
 
-IMU_TABLES = ("imu0/data.csv", "imu.csv", "imu.txt", "imu0.csv")
 GNSS_TABLES = ("gnss.csv", "gps.csv", "gps.txt")
 IMU_FILE, CHAIN_FILE = re.compile("(?<![a-z])imu"), re.compile("camchain|imucam")
 """What files of Kalibr and OpenVINS are called, such as dataset-imu.yaml and camchain-imucam-dataset.yaml."""
@@ -31,14 +31,13 @@ EUROC_IMU = "imu0"
 NO_POSE = "is not used, as its pose on the rig is not known"
 
 
-def sensors_beside(places: Sequence[Path], left_from_raw: Pose | None = None) -> tuple[OwnSensor, ...]:
-    """Returns the sensors whose files lie in folders. `left_from_raw` is the pose of the camera that a camchain is of
-    in the left camera of the recording, where they differ."""
+def sensors_beside(places: Sequence[Path]) -> tuple[OwnSensor, ...]:
+    """Returns the sensors whose files lie in folders; the first camera of a camchain there is that of the images."""
     found = list[OwnSensor]()
-    for place in places:
+    for place in filter(is_folder, places):
         for name in IMU_TABLES:
             if exists(place / name) and not is_folder(place / name):
-                found.append(_imu_of(place / name, places, left_from_raw or Pose()))
+                found.append(_imu_of(place / name, places))
         if is_folder(place / OXTS / "data"):
             found += oxts_sensors(place / OXTS, None, f"{NO_POSE} (no calibration of KITTI)")
         nmea = [name for name in names(place) if name.lower().endswith(NMEA_SUFFIXES)]
@@ -58,7 +57,7 @@ def numbered(found: Sequence[OwnSensor]) -> tuple[OwnSensor, ...]:
     return tuple(out)
 
 
-def _imu_of(table: Path, places: Sequence[Path], left_from_raw: Pose) -> OwnSensor:
+def _imu_of(table: Path, places: Sequence[Path]) -> OwnSensor:
     try:
         noise, of_noise = imu_noise_beside(places)
         at = imu_pose_beside(places)
@@ -70,7 +69,7 @@ def _imu_of(table: Path, places: Sequence[Path], left_from_raw: Pose) -> OwnSens
         said, read = imu_said("", noise, of_noise), partial(imu_readings, table)
         return OwnSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False)
     pose, later_ns, of_pose = at
-    sensor = replace(noise or Imu(), rig_from_sensor=left_from_raw @ pose)
+    sensor = replace(noise or Imu(), rig_from_sensor=pose)
     read = partial(_later, partial(imu_readings, table), later_ns)
     return OwnSensor("imu", str(table), sensor, read, imu_said(of_pose, noise, of_noise))
 
@@ -102,7 +101,7 @@ def imu_pose_beside(places: Sequence[Path], topic: str = "") -> tuple[Pose, int,
 
 def _named(places: Sequence[Path], wanted: re.Pattern[str], but: re.Pattern[str] | None = None) -> list[Path]:
     """YAML files by a part of their names."""
-    paths = [place / name for place in places for name in names(place)]
+    paths = [place / name for place in filter(is_folder, places) for name in names(place)]
     files = [path for path in paths if path.suffix.lower() in (".yaml", ".yml") and wanted.search(path.stem.lower())]
     return [path for path in files if but is None or not but.search(path.stem.lower())]
 
@@ -117,7 +116,7 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Own
     if not exists(table):
         return ()
     parent = mav0.resolve().parent
-    beside = [place for place in (mav0, parent, parent / "dso") if is_folder(place)]
+    beside = (mav0, parent, parent / "dso")
     read = partial(imu_readings, table)
     try:
         content = read_mapping(own) if exists(own) else {}

@@ -54,6 +54,8 @@ POSES = (
 """Files of poses; `pose` is a folder with a matrix for each image, as ScanNet has it."""
 OTHERS = ("depth", "confidence")
 """What is named where it is there, as it is not used; the files of other sensors are in `sensors_beside`."""
+IMU, IMU_TABLES = "imu.yaml", ("imu.csv", "imu.txt", "imu0.csv", "imu0/data.csv")
+"""What an IMU's noise and its measurements are called."""
 
 
 def places_of(folder: Path) -> tuple[Path, ...]:
@@ -75,8 +77,13 @@ def used(*parts: tuple[str, Path | None]) -> tuple[Found, ...]:
 def not_used(places: Sequence[Path]) -> tuple[Found, ...]:
     """What is there and not used."""
     why = "is not used: the cameras' images are all that is taken of it"
-    there = [place / name for place in places for name in OTHERS if exists(place / name)]
-    return tuple(Found("depth", str(path), False, why) for path in there)
+    there = [
+        Found("depth", str(place / name), False, why) for place in places for name in OTHERS if exists(place / name)
+    ]
+    if not any(exists(place / name) for place in places for name in IMU_TABLES):
+        why = f"is not used: no measurements of an IMU are there ({', '.join(IMU_TABLES)})"
+        there += [Found("imu", str(place / IMU), False, why) for place in places if exists(place / IMU)]
+    return tuple(there)
 
 
 def image_times(path: Path, count: int, image_names: Sequence[str] = ()) -> tuple[NDArray[np.int64], str]:

@@ -10,7 +10,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from ispom.geometry import Pose
+from ispom.geometry import Array, Pose
 from ispom.types import GnssFix, ImuSamples, Measurement, Sequence, WheelIncrement, images_of
 
 START_NS = 1_700_000_000_000_000_000
@@ -27,6 +27,7 @@ def write_bag(
     kind: str = "sqlite3",
     topics: Mapping[str, str] | None = None,
     tf: bool = True,
+    info: bool = True,
     extra: bool = False,
 ) -> Path:
     """Writes what a simulation measured; `topics` are those of imu, gnss and wheel. `extra` has a scan, a temperature
@@ -88,7 +89,8 @@ def write_bag(
             size, matrices = (lens.height, lens.width), (k, np.eye(3).ravel(), p)
             of = header(START_NS, f"{camera}_optical")
             message = made("sensor_msgs/msg/CameraInfo", of, *size, "plumb_bob", d, *matrices, 0, 0, region)
-            put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", START_NS, message)
+            if info:
+                put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", START_NS, message)
         odometry = Pose()
         begun = False
         for i in range(len(sequence)):
@@ -119,7 +121,7 @@ def write_bag(
                     put(named["imu"], "sensor_msgs/msg/Imu", START_NS + t, made("sensor_msgs/msg/Imu", of, *values))
             if isinstance(measured, GnssFix):
                 of, status = header(time_ns, FRAMES["gnss"]), made("sensor_msgs/msg/NavSatStatus", 0, 1)
-                place = [float(v) for v in pymap3d.enu2geodetic(*measured.xyz_in_local, *ORIGIN)]
+                place = geodetic(measured.xyz_in_local)
                 covariance = np.ascontiguousarray(measured.covariance).ravel()
                 message = made("sensor_msgs/msg/NavSatFix", of, status, *place, covariance, 2)
                 put(named["gnss"], "sensor_msgs/msg/NavSatFix", time_ns, message)
@@ -147,6 +149,12 @@ def _put_odometry(put: Any, made: Any, header: Any, topic: str, time_ns: int, po
     )
     twist = made("geometry_msgs/msg/TwistWithCovariance", made("geometry_msgs/msg/Twist", still, still), np.zeros(36))
     put(topic, name, time_ns, made(name, of, FRAMES["wheel"], where, twist))
+
+
+def geodetic(xyz_in_local: Array) -> list[float]:
+    """Latitude, longitude [deg] and height [m]."""
+    east, north, up = xyz_in_local
+    return [float(v) for v in pymap3d.enu2geodetic(east, north, up, *ORIGIN)]
 
 
 def arc(measured: WheelIncrement) -> Pose:
@@ -187,7 +195,7 @@ def _add_rows(rows: dict[str, list[str]], measured: Measurement) -> None:
         for t, row in zip(measured.times_ns.tolist(), values.tolist(), strict=True):
             rows["imu"].append(" ".join([str(START_NS + t), *map(repr, row)]))
     if isinstance(measured, GnssFix):
-        place = [float(v) for v in pymap3d.enu2geodetic(*measured.xyz_in_local, *ORIGIN)]
+        place = geodetic(measured.xyz_in_local)
         sigma = np.sqrt(np.diag(measured.covariance)).tolist()
         rows["gnss"].append(" ".join([str(START_NS + measured.time_ns), *map(repr, (*place, *sigma))]))
     if isinstance(measured, WheelIncrement):

@@ -65,7 +65,8 @@ def _write_unit(oxts: Path, sequence: Sequence) -> None:
     positions = CubicSpline(placed.times_ns * 1e-9, placed.translations)(at) @ LOCAL_FROM_WORLD.T
     turned = RotationSpline(placed.times_ns * 1e-9, Rotation.from_matrix(placed.rotations))(at)
     yaw, pitch, roll = (Rotation.from_matrix(LOCAL_FROM_WORLD) * turned).as_euler("ZYX").T
-    latitude, longitude, height = pymap3d.enu2geodetic(*positions.T, *ORIGIN)
+    east, north, up = positions.T
+    latitude, longitude, height = pymap3d.enu2geodetic(east, north, up, *ORIGIN)
     rows = np.zeros((len(at), 30))
     rows[:, :6] = np.stack([latitude, longitude, height, roll, pitch, yaw], axis=1)
     rows[:, 11:14], rows[:, 17:20], rows[:, 23] = imu.values["forces"], imu.values["rates"], ACCURACY_M

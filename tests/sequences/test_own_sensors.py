@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
@@ -287,6 +288,41 @@ def test_without_tf_static_a_bag_says_what_is_missing(simulated: Sequence, tmp_p
     left_from_imu = chained.rig.rig_from_left.inverse() @ chained.rig.rig_from("imu")
     np.testing.assert_allclose(left_from_imu.matrix, CAMERA_FROM_IMU.matrix, atol=1e-6)
     assert noise_of(chained) == STATED
+
+
+def test_a_bag_with_a_camchain_of_all_has_the_imu_in_the_rectified_camera(simulated: Sequence, tmp_path: Path) -> None:
+    """The right camera is turned by two degrees, so that rectification turns the left one."""
+    path, lens = write_bag(tmp_path / "drive", simulated, tf=False, info=False), simulated.rig.camera("left")
+    right_from_left = Pose.from_rotvec(np.array([0.01, 0.035, -0.005]), np.array([-0.4, 0.01, 0.02]))
+    chain = {
+        f"cam{k}": {
+            "camera_model": "pinhole",
+            "intrinsics": [lens.fx, lens.fy, lens.cx, lens.cy],
+            "distortion_model": "radtan",
+            "distortion_coeffs": [0.0] * 4,
+            "resolution": [lens.width, lens.height],
+            "rostopic": f"/{side}/image_raw",
+            "T_cam_imu": (each @ CAMERA_FROM_IMU).matrix.tolist(),
+            **({"T_cn_cnm1": right_from_left.matrix.tolist()} if k else {}),
+        }
+        for k, (side, each) in enumerate((("left", Pose()), ("right", right_from_left)))
+    }
+    (tmp_path / "camchain.yaml").write_text(json.dumps(chain))
+    sequence = open_sequence(str(path))
+    none, k = np.zeros(5), lens.matrix
+    turn = cv2.stereoRectify(
+        k,
+        none,
+        k,
+        none,
+        (lens.width, lens.height),
+        right_from_left.rotation,
+        right_from_left.translation[:, None],
+        alpha=0,
+    )[0]
+    left_from_imu = sequence.rig.rig_from_left.inverse() @ sequence.rig.rig_from("imu")
+    np.testing.assert_allclose(left_from_imu.matrix, (Pose(turn) @ CAMERA_FROM_IMU).matrix, atol=1e-5)
+    assert abs(turn - np.eye(3)).max() > 0.01
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from ispom.errors import InputError, counted
 from ispom.geometry import Array, Pose
 from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, BagFile
 from ispom.io.poses.dialects.ros_bag import TF, pose_topics
-from ispom.io.values import LEAST_SIGMA, MOST_SIGMA
+from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA
 from ispom.sequences.own_sensors import OwnSensor, imu_said
 from ispom.sequences.readings import Readings
 from ispom.sequences.sensor_files import geodetic_values
@@ -190,7 +190,10 @@ def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSe
     if not WHEELS.search(name):
         likely = bool(NAMED_ODOMETRY.search(name)) and not OTHERWISE.search(name)
         if not likely or not _is_flat(bag, topic):
-            missing = "is not used: nothing says that this odometry is of wheels, and no estimate or truth"
+            missing = (
+                "is not used: nothing says that this odometry is of wheels, and no estimate or truth (compare with "
+            )
+            missing += f"it by ispom evaluate {bag.path}:{topic} ESTIMATE)"
         else:
             said += ", taken for wheels as it has neither height, roll nor pitch"
     if not missing and pose is None:
@@ -227,10 +230,11 @@ def _rows(
         times.append(written_ns if own_clock or time_ns == 0 else time_ns)
         values.append(row(message))
     table = np.array(values, float).reshape(len(times), -1)
-    sound = np.isfinite(table).all(axis=1)
+    stamps = np.array(times, np.int64)
+    sound = (abs(table) <= LARGEST).all(axis=1) & (abs(stamps) <= MAX_TIME_S * 10**9)
     if not sound.any():
         raise InputError(f"{bag.path}: {topic} has no finite value in {counted(len(times), 'message')}: leave it out")
-    times_ns, first = np.unique(np.array(times, np.int64)[sound], return_index=True)
+    times_ns, first = np.unique(stamps[sound], return_index=True)
     return times_ns, table[sound][first]
 
 
