@@ -28,6 +28,7 @@ def write_bag(
     topics: Mapping[str, str] | None = None,
     tf: bool = True,
     info: bool = True,
+    optical: str = "optical",
     extra: bool = False,
 ) -> Path:
     """Writes what a simulation measured; `topics` are those of imu, gnss and wheel. `extra` has a scan, a temperature
@@ -70,7 +71,7 @@ def write_bag(
     rig = sequence.rig
     with writer:
         transforms = []
-        placed = {f"{name}_optical": name for name in cameras} | {FRAMES[n]: n for n in FRAMES if n in rig.sensors}
+        placed = {f"{name}_{optical}": name for name in cameras} | {FRAMES[n]: n for n in FRAMES if n in rig.sensors}
         for frame, name in placed.items():
             pose = BASE_FROM_RIG @ rig.rig_from(name)
             transform = made("geometry_msgs/msg/Transform", vector(pose.translation), turn(pose))
@@ -87,7 +88,7 @@ def write_bag(
             region = made("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
             d = np.array([*lens.distortion, 0, 0, 0, 0, 0][:5], float)
             size, matrices = (lens.height, lens.width), (k, np.eye(3).ravel(), p)
-            of = header(START_NS, f"{camera}_optical")
+            of = header(START_NS, f"{camera}_{optical}")
             message = made("sensor_msgs/msg/CameraInfo", of, *size, "plumb_bob", d, *matrices, 0, 0, region)
             if info:
                 put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", START_NS, message)
@@ -100,7 +101,7 @@ def write_bag(
                 if camera in cameras:
                     encoding = "mono8" if image.ndim == 2 else "rgb8"
                     wide = image.shape[1] * (1 if image.ndim == 2 else 3)
-                    of = header(time_ns, f"{camera}_optical")
+                    of = header(time_ns, f"{camera}_{optical}")
                     values = (*image.shape[:2], encoding, 0, wide, np.ascontiguousarray(image).ravel())
                     name = "sensor_msgs/msg/Image"
                     put(f"/{camera}/image_raw", name, time_ns, made(name, of, *values))

@@ -14,9 +14,10 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.imu import camera_from_imu, imu_noise
 from ispom.sequences import open_sequence
-from ispom.sequences.own_sensors import NONE
-from ispom.sequences.readings import readings_of
+from ispom.sequences.own_sensors import NONE, OwnSensor, with_own_sensors
+from ispom.sequences.readings import Readings, readings_of
 from ispom.types import Found, Imu, Sequence
+from tests import doubles
 from tests.sequences import recorded_bag
 from tests.sequences.bag_folders import make_bag
 from tests.sequences.folders import START_NS, STEP_NS, make_euroc, make_kitti_raw, make_tum
@@ -196,6 +197,26 @@ def test_values_that_no_method_can_use_are_not_used(tmp_path: Path) -> None:
     assert not row.used and str(path) in row.why
 
 
+def test_one_of_each_kind_is_used_and_the_other_is_named() -> None:
+    plain = doubles.sequence()
+    times_ns = plain.times_ns[0] + 10_000_000 * np.arange(50)
+    calls: list[str] = []
+
+    def own(name: str, unit: float) -> OwnSensor:
+        def read() -> Readings:
+            calls.append(name)
+            forces = np.tile([0.0, -9.81 * unit, 0.1], (50, 1))
+            return Readings("imu", times_ns, {"rates": np.full((50, 3), 0.01), "forces": forces})
+
+        return OwnSensor(name, f"/{name}", Imu(rig_from_sensor=CAMERA_FROM_IMU), read, "said")
+
+    found = with_own_sensors(plain, (own("imu", 1 / 9.81), own("imu_2", 1), own("imu_3", 1)))
+    assert [each.used for each in found.found] == [False, True, False]
+    assert "units of g" in found.found[0].why and found.found[1].why == "said"
+    assert "/imu_2" in found.found[2].why and "`imu_3: {sensor: imu}`" in found.found[2].why
+    assert set(found.rig.sensors) - set(plain.rig.sensors) == {"imu_2"} and calls == ["imu", "imu_2"]
+
+
 # KITTI raw.
 
 
@@ -323,6 +344,13 @@ def test_a_bag_with_a_camchain_of_all_has_the_imu_in_the_rectified_camera(simula
     left_from_imu = sequence.rig.rig_from_left.inverse() @ sequence.rig.rig_from("imu")
     np.testing.assert_allclose(left_from_imu.matrix, (Pose(turn) @ CAMERA_FROM_IMU).matrix, atol=1e-5)
     assert abs(turn - np.eye(3)).max() > 0.01
+
+
+def test_images_in_the_frame_of_a_body_say_nothing_of_the_cameras_axes(simulated: Sequence, tmp_path: Path) -> None:
+    sequence = open_sequence(str(write_bag(tmp_path / "drive", simulated, optical="link")))
+    assert set(sequence.kinds) == {"video", "stereo"}
+    for name in ("imu", "gnss", "wheel"):
+        assert "left_link" in row_of(sequence, name).why and f"rig_from_{name}" in row_of(sequence, name).why
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,9 @@
 """The other sensors of a bag: IMU, NavSatFix, wheel odometry; poses on the rig by tf_static or a camchain beside it.
 
 An image's frame_id is taken for the optical frame of its camera (x right, y down, z ahead; REP 103), as sensor_msgs
-asks for. A topic of nav_msgs/Odometry is taken for wheels where its name says so, or where it is called odom or
-odometry and has neither height, roll nor pitch at all: other odometry may be the estimate of a camera, or the truth.
-Its child_frame_id has x ahead and z up (REP 105). Sources: ROS, sensor_msgs, nav_msgs, tf2_msgs.
+asks for, unless its name is that of a body (camera_link). A topic of nav_msgs/Odometry is taken for wheels where its
+name says so, or where it is called odom or odometry and has neither height, roll nor pitch at all: other odometry may
+be the estimate of a camera, or the truth. Its child_frame_id has x ahead and z up (REP 105). Sources: ROS, sensor_msgs, nav_msgs, tf2_msgs.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ WHEELS = re.compile(r"wheel|encoder|diff_?drive|velocity_controller")
 NAMED_ODOMETRY = re.compile(r"(^|/)odom(etry)?(/[a-z]*)?$")
 OTHERWISE = re.compile(r"truth|gt|visual|camera|zed|slam|vio|lidar|laser|icp|vins|filter|fused|global|map|optimi[sz]ed")
 """What topics of odometry are called that are of no wheels alone."""
+BODY = "_link"
+"""How names of frames of bodies end (REP 103, 105): cameras whose images are in one may look along its x axis."""
 FLAT = 1e-9
 """Odometry of wheels has no height, roll and pitch beyond it."""
 USUAL_SIGMA_M = (5.0, 5.0, 10.0)
@@ -136,6 +138,9 @@ def _mount(bag: BagFile, topic: str, frame: str, camera: BagCamera, tree: _Frame
     for name, of in ((frame, topic), (optical, camera.topic)):
         if not name:
             return None, f"{of} has no frame_id"
+    if optical.lower().endswith(BODY):
+        body = f"the images of {camera.topic} are in {optical}, a name of a body (x ahead) and not of an optical frame"
+        return None, f"{body} (z ahead), so that the camera's axes are not known"
     pose = tree.between(optical, frame)
     if pose is None:
         return None, f"tf_static has no way from {optical} to {frame}" if tree.parents else "the bag has no tf_static"
