@@ -342,7 +342,9 @@ def test_a_bag_with_a_camchain_of_all_has_the_imu_in_the_rectified_camera(simula
         alpha=0,
     )[0]
     left_from_imu = sequence.rig.rig_from_left.inverse() @ sequence.rig.rig_from("imu")
-    np.testing.assert_allclose(left_from_imu.matrix, (Pose(turn) @ CAMERA_FROM_IMU).matrix, atol=1e-5)
+    np.testing.assert_allclose(
+        left_from_imu.matrix, (Pose(np.asarray(turn, float)) @ CAMERA_FROM_IMU).matrix, atol=1e-5
+    )
     assert abs(turn - np.eye(3)).max() > 0.01
 
 

@@ -3,7 +3,8 @@
 An image's frame_id is taken for the optical frame of its camera (x right, y down, z ahead; REP 103), as sensor_msgs
 asks for, unless its name is that of a body (camera_link). A topic of nav_msgs/Odometry is taken for wheels where its
 name says so, or where it is called odom or odometry and has neither height, roll nor pitch at all: other odometry may
-be the estimate of a camera, or the truth. Its child_frame_id has x ahead and z up (REP 105). Sources: ROS, sensor_msgs, nav_msgs, tf2_msgs.
+be the estimate of a camera, or the truth. Its child_frame_id has x ahead and z up (REP 105). Sources: ROS, the packages
+sensor_msgs, nav_msgs and tf2_msgs.
 """
 
 from __future__ import annotations
