@@ -12,6 +12,7 @@ from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
+from ispom.sequences.own_sensors import AUTO
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
@@ -74,9 +75,9 @@ class SourceOptions:
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file next to them."""
     scale_calibration: bool = False
     """A calibration that is for images of another size of the same shape is scaled to the images."""
-    sensors: Path | None = None
-    """Other sensors (IMU, GNSS, wheels) of the same drive: a YAML file that names their files, as described in
-    docs/reference/source_files.md."""
+    sensors: Path = AUTO
+    """Other sensors (IMU, GNSS, wheels): auto (those that lie in or beside the source), none, or a YAML file that names
+    their files, as described in docs/reference/source_files.md."""
     topics: tuple[str, ...] = ()
     """Topics of a bag: left=TOPIC right=TOPIC, or video=TOPIC. Without them, names and calibrations show which are
     used."""

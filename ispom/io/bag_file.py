@@ -107,11 +107,15 @@ class BagFile:
     def all_messages(self, topic: str, most: int = 5_000_000) -> Iterator[Any]:
         """Yields the topic's messages, decoded, in the order in which they were written. Raises InputError for more
         than `most`."""
+        return (message for _, message in self.timed_messages(topic, most))
+
+    def timed_messages(self, topic: str, most: int = 5_000_000) -> Iterator[tuple[int, Any]]:
+        """Yields when each was written [ns], too."""
         with self._reading() as reader:
-            for n, (connection, _, raw) in enumerate(reader.messages(_connections(reader, topic))):
+            for n, (connection, time_ns, raw) in enumerate(reader.messages(_connections(reader, topic))):
                 if n == most:
                     raise InputError(f"{self.path}: {topic} has more than {most} messages: give a shorter bag")
-                yield reader.deserialize(raw, connection.msgtype)
+                yield time_ns, reader.deserialize(raw, connection.msgtype)
 
     @contextmanager
     def _reading(self) -> Iterator[AnyReader]:

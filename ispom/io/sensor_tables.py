@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.rows import numbers, read_text
-from ispom.io.values import LEAST_SIGMA, MOST_SIGMA, number, time_ns
+from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, time_ns
 
 TIMES = {"time_ns": 1, "time_s": 10**9}
 IMU = ("gx", "gy", "gz", "ax", "ay", "az")
@@ -75,6 +76,10 @@ def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
     clock = next((name for name in TIMES if name in names), None)
     if clock is None:
         raise InputError(f"{path} has no column time_ns or time_s in its first line ({', '.join(header)[:80]}): add it")
+    others = [name for name in names if name != clock]
+    found = _at_once([text for _, text in lines[1:]], comma, len(names), names.index(clock), TIMES[clock])
+    if found is not None:
+        return Table(path, found[0], {name: found[1][:, i] for i, name in enumerate(others)})
     times, rows = list[int](), list[Array]()
     for line, text in lines[1:]:
         words = [word.strip() for word in text.split(comma)]
@@ -87,8 +92,26 @@ def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
     if not rows:
         raise InputError(f"{path} has no rows below its first line: restore the file")
     values = np.stack(rows)
-    others = [name for name in names if name != clock]
     return Table(path, np.array(times, np.int64), {name: values[:, i] for i, name in enumerate(others)})
+
+
+def _at_once(
+    rows: list[str], comma: str | None, columns: int, clock: int, unit_ns: int
+) -> tuple[NDArray[np.int64], Array] | None:
+    """Returns times (N,) [ns] and the other values (N, K) of rows without a fault; None where there is one."""
+    if not rows:
+        return None
+    try:
+        values = np.loadtxt(rows, delimiter=comma, comments=None, ndmin=2)
+        words = [row.split(comma)[clock].strip() for row in rows]
+        times = np.array([int((Decimal(word) * unit_ns).to_integral_value()) for word in words], np.int64)
+    except (ValueError, ArithmeticError):
+        return None
+    others = np.delete(values, clock, axis=1)
+    late = max(abs(int(times[0])), abs(int(times[-1]))) > MAX_TIME_S * 10**9
+    if late or values.shape[1] != columns or not (np.diff(times) > 0).all() or not (abs(others) <= LARGEST).all():
+        return None
+    return times, others
 
 
 def gnss_sigma(table: Table, default_m: float | None) -> Array:

@@ -33,6 +33,7 @@ from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, 
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import chapters_in, join_line, looks_like_video_folder, open_video_folder
 from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
+from ispom.sequences.own_sensors import AUTO, NONE, OwnSensor, with_own_sensors
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
@@ -40,7 +41,7 @@ from ispom.sequences.readings import with_doubts
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import scaled_calibrations
 from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
-from ispom.types import FRAME_KINDS, Measurement, Sequence
+from ispom.types import FRAME_KINDS, Found, Measurement, Sequence
 
 MIN_FRAMES = 3
 Topics = tuple[str, ...]
@@ -95,7 +96,7 @@ def open_sequence(
     scale_calibration: bool = False,
     policy: SourcePolicy = ANY_SOURCE,
     placed: bool = True,
-    sensors: str | Path | None = None,
+    sensors: str | Path | None = AUTO,
     topics: Topics = (),
     cache_dir: Path | None = None,
 ) -> Sequence:
@@ -105,10 +106,9 @@ def open_sequence(
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
     pose: it is then that of the rig. With `scale_calibration`, a calibration for images of another size of the same
-    shape is scaled to the images. `sensors` is a file that
-    describes other sensors (see `sequences.sensors`), `topics` names those of a bag: left=TOPIC and right=TOPIC, or
-    video=TOPIC. `cache_dir` replaces the user's cache folder, where images of
-    simulations are kept.
+    shape is scaled to the images. Other sensors are those that lie in or beside the source ("auto"), those of the file
+    `sensors` (see `sequences.sensors`), or none ("none", or None). `topics` names those of a bag: left=TOPIC and
+    right=TOPIC, or video=TOPIC. `cache_dir` replaces the user's cache folder, where images of simulations are kept.
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
@@ -120,13 +120,15 @@ def open_sequence(
     if not 0 <= seed <= MAX_SEED:
         raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")
     calibration = None if camera is None else expanded(camera)
+    choice = NONE if sensors is None else Path(sensors)
+    own: tuple[OwnSensor, ...] = ()
     if source.startswith("sim:"):
         from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
         with bounded(policy.places):  # its words may name files: a route, a mesh
             sequence = open_words(source.removeprefix("sim:"), seed, cache_dir)
     elif looks_live(source):
-        if sensors is not None:
+        if choice not in (AUTO, NONE):
             raise InputError(f"{source} is a live camera, which takes in no files of sensors: leave --sensors out")
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
@@ -134,7 +136,10 @@ def open_sequence(
             path = expanded(source)
             described = not placed and exists(path) and looks_described(path)
             opened = open_described(path, placed) if described else _opened(path, calibration, seed, topics)
-        sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
+        if isinstance(opened, Sequence):
+            sequence = opened
+        else:
+            sequence, own = two_rate(opened, stereo_every, video_scale), opened.sensors
         sequence = _within(sequence, policy)
     frames = max(map(sequence.kinds.count, FRAME_KINDS))
     if frames < MIN_FRAMES:
@@ -142,16 +147,25 @@ def open_sequence(
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
     if not source.startswith("sim:"):  # a simulation is as it was ordered
         sequence = with_doubts(sequence.with_notes(_unit_notes(source, sequence)), source)
-    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(_as_text, sequence.notes)))
+    sequence = replace(sequence, name=as_text(sequence.name))
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
     if sequence.prepare is None:  # images of simulations are made, not read
         require_readable(sequence)
-    if sensors is not None:
-        from ispom.sequences.sensors import with_sensors
+    with bounded(policy.places):
+        sequence = _with_sensors(sequence, own, choice)
+    return prefetched(replace(sequence, notes=tuple(map(_as_text, sequence.notes))))
 
-        with bounded(policy.places):
-            sequence = with_sensors(sequence, expanded(sensors))
-    return prefetched(sequence)
+
+def _with_sensors(sequence: Sequence, own: tuple[OwnSensor, ...], choice: Path) -> Sequence:
+    """With the other sensors of a file, or those of its own that can be used, or none."""
+    if choice in (AUTO, Path()):  # nothing is written in the page's field
+        return with_own_sensors(sequence, own)
+    if choice == NONE:
+        why = "is not used, as --sensors is none"
+        return sequence.with_found(Found(each.sensor.kind, each.where, False, why) for each in own)
+    from ispom.sequences.sensors import with_sensors
+
+    return with_sensors(sequence, expanded(choice), own)
 
 
 def _as_text(note: str) -> str:

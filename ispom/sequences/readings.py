@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,7 @@ from ispom.plausibility import Doubt
 from ispom.plausibility.gnss import geodetic_doubts, gnss_doubts, mirrored_doubts, null_fixes
 from ispom.plausibility.imu import imu_doubts
 from ispom.plausibility.mounts import far_doubts, gravity_doubts
-from ispom.plausibility.times import time_doubts
+from ispom.plausibility.times import BEFORE_NS, time_doubts
 from ispom.plausibility.wheel import still_doubts, wheel_doubts
 from ispom.types import FRAME_KINDS, FrameName, GnssFix, ImuSamples, Kind, Measurement, Rig, Sequence, WheelIncrement
 
@@ -156,3 +156,33 @@ def _upward(readings: Mapping[FrameName, Readings]) -> dict[FrameName, Array]:
             if length > 0 and np.linalg.norm(mean) > LEAST_SHARE * length:
                 found[name] = mean / np.linalg.norm(mean)
     return found
+
+
+def measured_within(name: str, found: Readings, frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
+    """Yields what one sensor measured within the frames' time, in the order of time."""
+    times_ns, values = found.times_ns, found.values
+    if found.kind == "imu":
+        yield from imu_measurements(times_ns, values["rates"], values["forces"], frames_ns, name)
+        return
+    ends_ns = times_ns[1:] if found.kind == "wheel" else times_ns
+    used = (ends_ns >= frames_ns[0] - BEFORE_NS) & (ends_ns <= frames_ns[-1])
+    if "geodetic" in values:
+        used &= ~null_fixes(values["geodetic"])
+    for i in np.flatnonzero(used).tolist():
+        if found.kind == "gnss":
+            yield GnssFix(int(times_ns[i]), values["xyz"][i], np.diag(values["sigma"][i] ** 2), name)
+        else:
+            turn = float(values["turns"][i]) if "turns" in values else None
+            yield WheelIncrement(int(ends_ns[i]), int(times_ns[i]), float(values["distances"][i]), turn, name)
+
+
+def imu_measurements(
+    times_ns: NDArray[np.int64], rates: Array, forces: Array, frames_ns: NDArray[np.int64], name: str
+) -> Iterator[ImuSamples]:
+    """Yields the samples from one frame to the next; those before BEFORE_NS and after the last frame are skipped."""
+    keep = (times_ns >= frames_ns[0] - BEFORE_NS) & (times_ns <= frames_ns[-1])
+    times_ns, rates, forces = times_ns[keep], rates[keep], forces[keep]
+    part = np.searchsorted(frames_ns, times_ns)
+    for index in np.split(np.arange(len(times_ns)), np.flatnonzero(np.diff(part)) + 1):
+        if len(index):
+            yield ImuSamples(int(times_ns[index[-1]]), times_ns[index], rates[index], forces[index], name)

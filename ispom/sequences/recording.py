@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Guess, Image, LensSigma, PairSigma, Trajectory
+from ispom.sequences.own_sensors import OwnSensor
+from ispom.types import Camera, Found, Guess, Image, LensSigma, PairSigma, Trajectory
 
 Side = Literal["left", "right"]
 
@@ -41,3 +42,7 @@ class Recording:
     """and of the pair; None where it does not say."""
     guess: Guess | None = None
     """Where the camera has no calibration; its note comes before the others."""
+    found: tuple[Found, ...] = ()
+    """What lies in or beside it, but for the sensors: used or not."""
+    sensors: tuple[OwnSensor, ...] = ()
+    """The other sensors that lie in or beside it, with their poses in the left camera."""

@@ -1,4 +1,4 @@
-"""Sensors other than the cameras of a sequence: a YAML file says which files hold what they measured.
+"""Sensors other than the cameras of a sequence by a YAML file, which says what measured, where it sits, how exactly.
 
 Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_NAME`; its noise), and
 
@@ -8,44 +8,40 @@ Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_
     sigma_m: 0.5                # of GNSS fixes without standard deviations
     origin: [49.0, 8.4, 116]    # latitude, longitude [deg] and height [m] of the local frame; default: the first fix
 
-Of an IMU all samples between two frames are one measurement.
+Without `file` it is the sensor of that name that lies in or beside the source (see `own_sensors`), whose pose and noise
+count where the entry has none. Of an IMU all samples between two frames are one measurement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.geometry import Array
-from ispom.io.files import is_folder
-from ispom.io.kitti import read_oxts_values
 from ispom.io.mapping import finite_numbers, read_mapping
-from ispom.io.nmea import read_gga
 from ispom.io.rig import sensor_of
-from ispom.io.sensor_tables import GEODETIC, IMU, LOCAL, gnss_sigma, read_table
 from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
-from ispom.plausibility.gnss import geodetic_doubts, null_fixes
-from ispom.plausibility.times import BEFORE_NS, time_doubts
-from ispom.sequences.readings import Readings, frames_ns_of, impossible, mount_doubts, sensor_doubts
-from ispom.types import GnssFix, ImuSamples, Kind, Measurement, Rig, Sensor, Sequence, WheelIncrement
+from ispom.plausibility.times import time_doubts
+from ispom.sequences.own_sensors import OwnSensor
+from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
+from ispom.sequences.sensor_files import gnss_readings, imu_readings, wheel_readings
+from ispom.types import Found, Kind, Measurement, Rig, Sensor, Sequence
 
 KINDS = ("imu", "gnss", "wheel")
 OWN = ("file", "columns", "clock_offset_s", "sigma_m", "origin")
 """Entries that a rig.yaml does not have."""
-NMEA_SUFFIXES = (".nmea", ".nma")
+OF_FILES = ("columns", "origin")
+"""Those that go with `file`."""
 MAX_HEIGHT_M = 1e6
-OXTS_GYROSCOPE, OXTS_ACCELEROMETER, OXTS_ACCURACY = slice(17, 20), slice(11, 14), 23
-"""Columns of a line of KITTI's oxts: rates and accelerations about the unit's x, y, z, and the position's accuracy."""
+NOWHERE = {"translation_m": [0.0, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]}
 
 
-def with_sensors(sequence: Sequence, path: Path) -> Sequence:
-    """Returns the sequence with the measurements of the sensors that a YAML file describes.
+def with_sensors(sequence: Sequence, path: Path, own: Iterable[OwnSensor] = ()) -> Sequence:
+    """Returns the sequence with the measurements of the sensors that a YAML file describes; `own` lie beside it.
 
     Raises InputError that names the file, entry or line that is wrong, and where a sensor measured before or after the
     frames only. What is likely a mistake, and a gap of a sensor as long as the sequence, are among its notes.
@@ -53,25 +49,33 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
     if sequence.grow is not None:
         raise InputError(f"--sensors {path}: a live camera takes in no files of other sensors: leave it out")
     sensors, measurements, notes = dict[str, Sensor](), list[Measurement](), list[str]()
-    readings = dict[str, Readings]()
-    frames_ns = sequence.times_ns
+    readings, found = dict[str, Readings](), list[Found]()
+    frames_ns, beside = sequence.times_ns, {each.name: each for each in own}
     for name, given in read_mapping(path).items():
         if not isinstance(given, dict) or given.get("sensor", name) not in KINDS:
             known = ", ".join(KINDS)
             raise InputError(f"{path}: {str(name)[:40]} is no sensor of the kinds {known}: give `sensor` and `file`")
         entry = {"sensor": name, **given}
         _require_free(path, sensor_name(str(path), name), entry["sensor"], sequence)
-        sensors[name] = sensor_of(path, name, {k: v for k, v in entry.items() if k not in OWN})
-        found = _read(path, name, entry)
-        readings[name] = found
-        inside = list(_measured(name, found, frames_ns))
+        if entry.get("file") is None and name in beside:
+            lies = beside[name]
+            sensors[name] = _completed(path, name, entry, lies, sequence.rig)
+            read, where = _of_source(path, name, entry, lies), lies.where
+        else:
+            sensors[name] = sensor_of(path, name, {k: v for k, v in entry.items() if k not in OWN})
+            read = _read(path, name, entry, beside)
+            where = str(path.parent / entry["file"])
+        readings[name] = read
+        found.append(Found(entry["sensor"], where, True, f"by {path}"))
+        inside = list(measured_within(name, read, frames_ns))
         if not inside:
             first, last = frames_ns[[0, -1]] * 1e-9
-            measured = f"{found.times_ns[0] * 1e-9:.3f} to {found.times_ns[-1] * 1e-9:.3f} s"
-            when = measured if len(found) else "nothing"
-            about = f"{path}: {name} measured nothing within the frames' {first:.3f} to {last:.3f} s (it has {when})"
-            if not len(found) or found.times_ns[-1] < frames_ns[0] or found.times_ns[0] > frames_ns[-1]:
-                doubts = time_doubts(f"{path}: {name}", found.kind, found.times_ns, frames_ns)
+            measured = f"{read.times_ns[0] * 1e-9:.3f} to {read.times_ns[-1] * 1e-9:.3f} s" if len(read) else "nothing"
+            about = (
+                f"{path}: {name} measured nothing within the frames' {first:.3f} to {last:.3f} s (it has {measured})"
+            )
+            if not len(read) or read.times_ns[-1] < frames_ns[0] or read.times_ns[0] > frames_ns[-1]:
+                doubts = time_doubts(f"{path}: {name}", read.kind, read.times_ns, frames_ns)
                 unit = " (or the unit of its times)" if any(doubt.key == "time_unit" for doubt in doubts) else ""
                 raise InputError(f"{about}: correct its file or its clock_offset_s{unit}")
             notes.append(f"{about}.")
@@ -79,7 +83,13 @@ def with_sensors(sequence: Sequence, path: Path) -> Sequence:
     rig = sequence.rig.changed(**sensors)
     doubts = sensor_doubts(lambda name: f"{path}: {name}", rig, readings, frames_ns_of(sequence))
     notes += [*doubts, *mount_doubts(str(path), Rig(sensors))]
-    return replace(sequence, rig=rig).with_notes(notes).with_measurements(measurements)
+    named = {each.where for each in found}
+    found += [
+        Found(each.sensor.kind, each.where, False, f"is not used, as {path} does not name it")
+        for each in beside.values()
+        if each.where not in named
+    ]
+    return replace(sequence, rig=rig).with_found(found).with_notes(notes).with_measurements(measurements)
 
 
 def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None:
@@ -89,103 +99,65 @@ def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None
         raise InputError(f"{path}: {name} is a sensor of the source already: choose another name, and give `sensor`")
 
 
-def _read(path: Path, name: str, entry: dict[Any, Any]) -> Readings:
+def _completed(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor, rig: Rig) -> Sensor:
+    """Returns the sensor of the source with the pose and the noise of its entry, or else its own."""
+    if entry["sensor"] != lies.sensor.kind:
+        kind = lies.sensor.kind
+        raise InputError(f"{path}: {name} of the source is of the kind {kind}: give `sensor: {kind}`, or a `file`")
+    pose_key = f"rig_from_{name}"
+    keeps = lies.placed and entry.get(pose_key) is None
+    given = {key: value for key, value in entry.items() if key not in OWN} | ({pose_key: NOWHERE} if keeps else {})
+    stated = sensor_of(path, name, given)
+    pose = stated.rig_from_sensor
+    if keeps:
+        pose = lies.placed_on(rig).rig_from_sensor
+    noise = {f.name: getattr(stated, f.name) for f in fields(stated) if f.name in entry}
+    return replace(lies.sensor, rig_from_sensor=pose, **noise)
+
+
+def _of_source(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor) -> Readings:
+    """Returns all that a sensor of the source measured, on the clock of the frames."""
+    if wrong := [key for key in OF_FILES if entry.get(key) is not None]:
+        raise InputError(f"{path}: {name}.{wrong[0]} goes with `file`: name the file, or leave it out")
+    read = lies.read()
+    if (sigma_m := _sigma_m(path, name, entry)) is not None and "sigma" in read.values:
+        read = replace(read, values={**read.values, "sigma": np.full_like(read.values["sigma"], sigma_m)})
+    return _on_clock(path, name, entry, read)
+
+
+def _read(path: Path, name: str, entry: dict[Any, Any], beside: Mapping[str, OwnSensor]) -> Readings:
     """Returns all that one sensor measured, on the clock of the frames."""
     given = entry.get("file")
     if not isinstance(given, str):
-        raise InputError(f"{path}: {name}.file is missing: name the file that holds its measurements")
+        own = f", or one of the source's own ({', '.join(beside)}) as the entry" if beside else ""
+        raise InputError(f"{path}: {name}.file is missing: name the file that holds its measurements{own}")
     columns = entry.get("columns")
     if columns is not None and not (isinstance(columns, dict) and all(isinstance(v, str) for v in columns.values())):
         raise InputError(f"{path}: {name}.columns must map usual names to those of the file: correct it")
-    offset_s = _number(path, name, entry, "clock_offset_s", 0.0, -MAX_TIME_S, MAX_TIME_S)
     file, kind = path.parent / given, entry["sensor"]
-    if kind == "gnss":
-        times_ns, values = _fixes(path, name, entry, file, columns)
-    elif kind == "wheel":
-        table = read_table(file, columns)
-        times_ns, values = table.times_ns, {"distances": table.stacked(("distance",))[1:, 0]}
-        values |= {"turns": table.columns["turn"][1:]} if "turn" in table.columns else {}
-    elif is_folder(file):
-        times_ns, rows = read_oxts_values(file)
-        values = {"rates": rows[:, OXTS_GYROSCOPE], "forces": rows[:, OXTS_ACCELEROMETER]}
-    else:
-        table = read_table(file, columns)
-        times_ns, rows = table.times_ns, table.stacked(IMU)
-        values = {"rates": rows[:, :3], "forces": rows[:, 3:]}
-    for end_ns in times_ns[[0, -1]].tolist():
-        number(f"{path}: {name}, a time with its clock_offset_s", offset_s + end_ns * 1e-9, -MAX_TIME_S, MAX_TIME_S)
-    return Readings(kind, times_ns + round(1e9 * offset_s), values)
-
-
-def _measured(name: str, found: Readings, frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
-    """Yields what one sensor measured within the frames' time, in the order of time."""
-    times_ns, values = found.times_ns, found.values
-    if found.kind == "imu":
-        yield from imu_measurements(times_ns, values["rates"], values["forces"], frames_ns, name)
-        return
-    ends_ns = times_ns[1:] if found.kind == "wheel" else times_ns
-    used = (ends_ns >= frames_ns[0] - BEFORE_NS) & (ends_ns <= frames_ns[-1])
-    if "geodetic" in values:
-        used &= ~null_fixes(values["geodetic"])
-    for i in np.flatnonzero(used).tolist():
-        if found.kind == "gnss":
-            yield GnssFix(int(times_ns[i]), values["xyz"][i], np.diag(values["sigma"][i] ** 2), name)
-        else:
-            turn = float(values["turns"][i]) if "turns" in values else None
-            yield WheelIncrement(int(ends_ns[i]), int(times_ns[i]), float(values["distances"][i]), turn, name)
-
-
-def imu_measurements(
-    times_ns: NDArray[np.int64], rates: Array, forces: Array, frames_ns: NDArray[np.int64], name: str
-) -> Iterator[ImuSamples]:
-    """Yields the samples from one frame to the next; those before BEFORE_NS and after the last frame are skipped."""
-    keep = (times_ns >= frames_ns[0] - BEFORE_NS) & (times_ns <= frames_ns[-1])
-    times_ns, rates, forces = times_ns[keep], rates[keep], forces[keep]
-    part = np.searchsorted(frames_ns, times_ns)
-    for index in np.split(np.arange(len(times_ns)), np.flatnonzero(np.diff(part)) + 1):
-        if len(index):
-            yield ImuSamples(int(times_ns[index[-1]]), times_ns[index], rates[index], forces[index], name)
-
-
-def _fixes(
-    path: Path, name: str, entry: dict[Any, Any], file: Path, columns: dict[str, str] | None
-) -> tuple[NDArray[np.int64], dict[str, Array]]:
-    """Returns times (N,), and by name local positions `xyz` (N, 3), their standard deviations `sigma` (N, 3), and
-    perhaps what they were as latitude, longitude and height (`geodetic`, (N, 3))."""
-    default = _number(path, name, entry, "sigma_m", None, LEAST_SIGMA, MOST_SIGMA)
-    if is_folder(file):
-        times_ns, values = read_oxts_values(file)
-        geodetic = values[:, :3]
-        sigma = np.repeat(np.maximum(values[:, [OXTS_ACCURACY]], 0.01), 3, axis=1)
-    elif file.name.lower().endswith(NMEA_SUFFIXES):
-        stamps, fixes = read_gga(file)
-        times_ns = np.array(stamps, np.int64)
-        geodetic = np.array([[f.latitude_deg, f.longitude_deg, f.height_m] for f in fixes])
-        sigma = np.stack([f.sigma_m for f in fixes])
-    else:
-        table = read_table(file, columns)
-        times_ns, sigma = table.times_ns, gnss_sigma(table, default)
-        if not table.has(GEODETIC):
-            return times_ns, {"xyz": table.stacked(LOCAL), "sigma": sigma}
-        geodetic = table.stacked(GEODETIC)
-    if default is not None:
-        sigma = np.full_like(sigma, default)
-    doubts, nowhere = geodetic_doubts(f"{path}: {name}", geodetic)
-    if nowhere:
-        raise impossible(doubts)
-    origin = geodetic[int(np.argmin(null_fixes(geodetic)))]  # the first that is a fix
+    if kind == "imu":
+        return _on_clock(path, name, entry, imu_readings(file, columns))
+    if kind == "wheel":
+        return _on_clock(path, name, entry, wheel_readings(file, columns))
+    origin = None
     if entry.get("origin") is not None:
         bounds = ((-90, 90), (-360, 360), (-MAX_HEIGHT_M, MAX_HEIGHT_M))
-        given = finite_numbers(path, f"{name}.origin", entry["origin"], 3)
-        origin = np.array([number(f"{path}: {name}.origin", v, *b) for v, b in zip(given, bounds, strict=True)])
-    return times_ns, {"xyz": local_of(geodetic, origin), "sigma": sigma, "geodetic": geodetic}
+        values = finite_numbers(path, f"{name}.origin", entry["origin"], 3)
+        origin = np.array([number(f"{path}: {name}.origin", v, *b) for v, b in zip(values, bounds, strict=True)])
+    read = gnss_readings(f"{path}: {name}", file, columns, _sigma_m(path, name, entry), origin)
+    return _on_clock(path, name, entry, read)
 
 
-def local_of(geodetic: Array, origin: Array) -> Array:
-    """Returns east, north and up (N, 3) [m] of latitude, longitude [deg] and ellipsoidal height [m] (N, 3)."""
-    import pymap3d
+def _on_clock(path: Path, name: str, entry: dict[Any, Any], read: Readings) -> Readings:
+    """Returns the readings with the entry's clock_offset_s added to their times."""
+    offset_s = _number(path, name, entry, "clock_offset_s", 0.0, -MAX_TIME_S, MAX_TIME_S)
+    for end_ns in read.times_ns[[0, -1]].tolist() if len(read.times_ns) else ():
+        number(f"{path}: {name}, a time with its clock_offset_s", offset_s + end_ns * 1e-9, -MAX_TIME_S, MAX_TIME_S)
+    return replace(read, times_ns=read.times_ns + round(1e9 * offset_s))
 
-    return np.stack(pymap3d.geodetic2enu(*np.asarray(geodetic, float).T, *origin), axis=1)
+
+def _sigma_m(path: Path, name: str, entry: dict[Any, Any]) -> float | None:
+    return _number(path, name, entry, "sigma_m", None, LEAST_SIGMA, MOST_SIGMA)
 
 
 def _number(path: Path, name: str, entry: dict[Any, Any], key: str, default: Any, least: float, most: float) -> Any:

@@ -23,7 +23,7 @@ from ispom.io.poses.dialect import ROW_NS, TrajectoryFile, rotations_of
 from ispom.io.poses.recognised import read_trajectory
 from ispom.io.rows import Row, matrix, read_text
 from ispom.sequences.matching import truth_at
-from ispom.types import Trajectory
+from ispom.types import Found, Trajectory
 
 INNER = ("images", "image", "rgb", "color", "colour", "frames", "img", "imgs", "results")
 """Names of folders of images within the folder of a recording."""
@@ -52,8 +52,10 @@ POSES = (
     "pose",
 )
 """Files of poses; `pose` is a folder with a matrix for each image, as ScanNet has it."""
-OTHERS = ("imu.csv", "imu.txt", "imu.yaml", "imu0", "oxts", "depth", "confidence", "gps.txt", "gps.csv")
-"""What is named where it is there, as it is not used."""
+OTHERS = ("depth", "confidence")
+"""What is named where it is there, as it is not used; the files of other sensors are in `sensors_beside`."""
+IMU, IMU_TABLES = "imu.yaml", ("imu.csv", "imu.txt", "imu0.csv", "imu0/data.csv")
+"""What an IMU's noise and its measurements are called."""
 
 
 def places_of(folder: Path) -> tuple[Path, ...]:
@@ -67,16 +69,21 @@ def first_of(places: Sequence[Path], wanted: Sequence[str]) -> Path | None:
     return next((place / name for name in wanted for place in places if exists(place / name)), None)
 
 
-def not_used(places: Sequence[Path]) -> tuple[str, ...]:
-    """A note about what is there and not used."""
-    found = [str(place / name) for place in places for name in OTHERS if exists(place / name)]
-    return (f"there and not used, as one camera needs none of it: {', '.join(found)}",) if found else ()
+def used(*parts: tuple[str, Path | None]) -> tuple[Found, ...]:
+    """The files that are used, each with what it holds; without those that are not there."""
+    return tuple(Found(what, str(path)) for what, path in parts if path is not None)
 
 
-def sensors_note(*paths: Path) -> tuple[str, ...]:
-    """A note about those measurements of other sensors that are there; nothing without them."""
-    found = [str(path) for path in paths if exists(path)]
-    return (f"used only with --sensors, whose file names it: {', '.join(found)}",) if found else ()
+def not_used(places: Sequence[Path]) -> tuple[Found, ...]:
+    """What is there and not used."""
+    why = "is not used: the cameras' images are all that is taken of it"
+    there = [
+        Found("depth", str(place / name), False, why) for place in places for name in OTHERS if exists(place / name)
+    ]
+    if not any(exists(place / name) for place in places for name in IMU_TABLES):
+        why = f"is not used: no measurements of an IMU are there ({', '.join(IMU_TABLES)})"
+        there += [Found("imu", str(place / IMU), False, why) for place in places if exists(place / IMU)]
+    return tuple(there)
 
 
 def image_times(path: Path, count: int, image_names: Sequence[str] = ()) -> tuple[NDArray[np.int64], str]:
@@ -226,38 +233,40 @@ def _of_pose_folder(
 
 def truth_beside(
     places: Sequence[Path], times_ns: NDArray[np.int64], image_names: Sequence[str]
-) -> tuple[Trajectory | None, tuple[str, ...]]:
-    """Returns the ground truth that lies beside images, and notes that say where it is from, or why it is not used."""
+) -> tuple[Trajectory | None, tuple[str, ...], tuple[Found, ...]]:
+    """Returns the ground truth that lies beside images, notes that say where it is from, or why it is not used, and
+    what was found."""
     path = first_of(places, POSES)
     if path is None:
-        return None, ()
+        return None, (), ()
     try:
         truth, notes = truth_of_images(path, times_ns, image_names)
     except InputError as fault:
-        return None, (f"{fault.args[0]} (not used as ground truth)",)
+        return None, (), (Found("truth", str(path), False, f"is not used as ground truth: {fault.args[0]}"),)
     if truth is None:
-        return None, notes
+        return None, notes[:-1], (Found("truth", str(path), False, notes[-1].removeprefix(f"{path} ")),)
     of = f"{len(truth)} of {counted(len(times_ns), 'image')}"
-    return truth, (*notes, f"ground truth of {of} is that of {path}: move it away to run without it")
+    note = f"ground truth of {of} is that of {path}: move it away to run without it"
+    return truth, (*notes, note), (Found("truth", str(path)),)
 
 
-def subtitles_note(path: Path | None) -> tuple[str, ...]:
-    """A note about the positions in the subtitles of a drone's film, which are not used; nothing without them."""
+def subtitles_found(path: Path | None) -> tuple[Found, ...]:
+    """The positions in the subtitles of a drone's film, which are not used; nothing without them."""
     if path is None:
         return ()
     try:
         count = len(read_trajectory(path).trajectory)
     except InputError:
         return ()  # of a film with a language
-    return (
-        f"{path} has {counted(count, 'position')}: not used as ground truth, as it has no rotations; compare with them "
-        f"by ispom evaluate {path} ESTIMATE --alignment sim3",
-    )
+    why = f"has {counted(count, 'position')}: not used as ground truth, as it has no rotations; compare with them "
+    return (Found("truth", str(path), False, f"{why}by ispom evaluate {path} ESTIMATE --alignment sim3"),)
 
 
-def calibration_beside(places: Sequence[Path], readable: Callable[[Path], bool]) -> tuple[Path | None, tuple[str, ...]]:
-    """Returns the first calibration of another program, and notes about those that are no calibration or not used."""
-    notes: tuple[str, ...] = ()
+def calibration_beside(
+    places: Sequence[Path], readable: Callable[[Path], bool]
+) -> tuple[Path | None, tuple[Found, ...]]:
+    """Returns the first calibration of another program, and those files that are no calibration or not used."""
+    found: tuple[Found, ...] = ()
     chosen: Path | None = None
     seen: list[Path] = []
     for path in (place / name for name in CALIBRATIONS for place in places):
@@ -266,11 +275,12 @@ def calibration_beside(places: Sequence[Path], readable: Callable[[Path], bool])
         seen.append(path)
         if chosen is not None:
             if path.stem != chosen.stem:  # cameras.txt says what cameras.bin says
-                notes += (f"{path} is there and not used: the calibration is that of {chosen}",)
+                why = f"is there and not used: the calibration is that of {chosen}"
+                found += (Found("lens", str(path), False, why),)
             continue
         try:
             if readable(path):
                 chosen = path
         except InputError as fault:
-            notes += (f"not used as calibration: {fault.args[0]}",)
-    return chosen, notes
+            found += (Found("lens", str(path), False, f"is not used as calibration: {fault.args[0]}"),)
+    return chosen, found

@@ -65,7 +65,8 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
 
     times_ns = recording.times_ns[[i for i, _ in plan]]
     truth = recording.truth and recording.truth.moved(right=rig.rig_from_video.inverse(), frame="rig")
-    return Sequence(recording.name, rig, times_ns, tuple(kind for _, kind in plan), load, truth, notes, guess=guess)
+    kinds = tuple(kind for _, kind in plan)
+    return Sequence(recording.name, rig, times_ns, kinds, load, truth, notes, guess=guess).with_found(recording.found)
 
 
 def _emulation(stereo_every: int, video_scale: float) -> str:

@@ -35,7 +35,7 @@ from ispom.types.rig import (
     Sensor,
     WheelOdometer,
 )
-from ispom.types.sequence import Guess, Sequence
+from ispom.types.sequence import Found, Guess, Sequence
 from ispom.types.tracks import ImageLines, Landmarks, Tracks, TrackStatus, WorldLines
 from ispom.types.trajectory import SegmentFit, SplineFit, Trajectory
 
@@ -49,6 +49,7 @@ __all__ = [
     "Corrections",
     "Decision",
     "DecisionKind",
+    "Found",
     "Frame",
     "FrameName",
     "GnssAntenna",

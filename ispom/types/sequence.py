@@ -42,6 +42,25 @@ class Guess:
         )
 
 
+@dataclass(frozen=True)
+class Found:
+    """Something that lies in or beside a source, and what it is used for."""
+
+    what: str
+    """What it holds: lens, times, truth, or the kind of a sensor."""
+    where: str
+    """The file, the folder, or the topic of a bag."""
+    used: bool = True
+    why: str = ""
+    """Of what is not used the reason, and what would make it usable, as the rest of a sentence about it; of the others
+    what was decided."""
+
+    @property
+    def note(self) -> str:
+        """One sentence."""
+        return f"{self.where} {self.why}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sequence:
     """A time-ordered stream of measurements with their rig; images are read when they are requested."""
@@ -69,6 +88,8 @@ class Sequence:
     """Of a live source: ends the recording and frees the camera; what came so far stays."""
     guess: Guess | None = None
     """Of a video camera without a calibration; its note is one of the notes."""
+    found: tuple[Found, ...] = ()
+    """What lies in or beside the source, used or not; of what is not used, the note is one of the notes."""
 
     def __post_init__(self) -> None:
         """Raises ValueError where kinds are missing, or times decrease."""
@@ -114,6 +135,11 @@ class Sequence:
     def with_notes(self, notes: Iterable[str]) -> Sequence:
         """Returns the sequence with more notes, each once."""
         return replace(self, notes=tuple(dict.fromkeys((*self.notes, *notes))))
+
+    def with_found(self, found: Iterable[Found]) -> Sequence:
+        """Returns the sequence with more of what lies in or beside its source."""
+        more = tuple(found)
+        return replace(self, found=(*self.found, *more)).with_notes(each.note for each in more if not each.used)
 
     def with_measurements(self, measurements: Iterable[Measurement]) -> Sequence:
         """Returns the sequence with measurements of other sensors among its own, in the order of time.

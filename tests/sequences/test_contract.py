@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.sequences import open_sequence
-from ispom.types import Camera, Image, Sequence, is_stereo, is_video
+from ispom.types import Camera, Image, Sequence, images_of, is_stereo, is_video
 from tests.sequences import bag_folders, car_folders, folders, own_folders
 
 MAKERS = {**folders.MAKERS, **car_folders.CARS, **own_folders.OWN, **bag_folders.BAGS}
@@ -24,7 +24,7 @@ def test_times_are_ordered_and_each_has_a_kind(path: str) -> None:
     sequence = open_sequence(path)
     assert sequence.times_ns.dtype == np.int64 and sequence.name
     assert (np.diff(sequence.times_ns) >= 0).all()
-    assert len(sequence.kinds) == len(sequence) and set(sequence.kinds) <= {"video", "stereo"}
+    assert len(sequence.kinds) == len(sequence) and all(sequence.rig.has(kind) for kind in set(sequence.kinds))
     for kind in ("video", "stereo"):
         assert (np.diff(sequence.times_ns[np.array(sequence.kinds) == kind]) > 0).all()
     assert (sequence.rig.has_stereo, sequence.rig.video is not None) == tuple(
@@ -40,6 +40,8 @@ def test_what_is_loaded_is_what_was_announced(path: str) -> None:
         if is_video(exposure):
             assert kind == "video"
             fits(exposure.image, sequence.rig.video)
+        elif not images_of(exposure):
+            assert exposure.kind == kind and sequence.rig.has(kind)
         else:
             assert is_stereo(exposure) and kind == "stereo"
             fits(exposure.left, sequence.rig.left)
@@ -70,9 +72,7 @@ def test_any_order_gives_the_same_images(path: str) -> None:
 
 def content(sequence: Sequence, i: int) -> bytes:
     exposure = sequence[i]
-    if is_video(exposure):
-        return exposure.image.tobytes()
-    return exposure.left.tobytes() + exposure.right.tobytes()
+    return b"".join(image.tobytes() for _, image in sorted(images_of(exposure).items()))
 
 
 def test_opening_decodes_the_first_images_at_most(path: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,8 @@ from ispom.plausibility import DOUBTS, Doubt
 from ispom.plausibility.doubt import keys_of
 from ispom.sequences import open_sequence
 from ispom.sequences.readings import frames_ns_of, mount_doubts, readings_of, sensor_doubts
-from ispom.sequences.sensors import local_of, with_sensors
+from ispom.sequences.sensor_files import local_of
+from ispom.sequences.sensors import with_sensors
 from ispom.types import FRAME_KINDS, Frame, GnssFix, Rig, Sequence
 from tests import doubles
 

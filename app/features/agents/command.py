@@ -12,6 +12,7 @@ from ispom.errors import InputError
 from ispom.io.files import confined, expanded, is_folder
 from ispom.io.whole import append_to_file
 from ispom.methods import in_order
+from ispom.sequences.own_sensors import AUTO, NONE
 from ispom.sequences.policy import SourcePolicy
 from ispom.types import Sequence
 
@@ -89,7 +90,10 @@ def _opener(options: Mcp) -> Callable[..., Sequence]:
     runs."""
     stored, simulated = (SourcePolicy(root, devices=False, network=False) for root in (None, expanded(options.runs)))
 
-    files = (*options.sources, *(str(path) for path in (options.camera, options.sensors) if path is not None))
+    files = (
+        *options.sources,
+        *(str(path) for path in (options.camera, options.sensors) if path not in (None, AUTO, NONE)),
+    )
     named = tuple(place_of(expanded(file)) for file in files if not file.startswith(SIMULATION))
 
     def opened(source: str, of_source: SourceOptions | None = None) -> Sequence:

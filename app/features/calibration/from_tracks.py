@@ -37,7 +37,7 @@ def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
         raise InputError(f"--from-motion takes one film or folder of images, not {len(options.images)}: give one")
     if options.report is not None:
         raise InputError("--report shows images of a target: leave it out with --from-motion, or give --json")
-    sequence = open_sequence(str(options.images[0]))
+    sequence = open_sequence(str(options.images[0]), sensors=None)
     camera = sequence.rig.video
     if camera is None:
         raise InputError(f"{options.images[0]} has no video camera: give images of one camera")

@@ -38,7 +38,7 @@ def describe(job: Job, images_sha256: str | None = None) -> None:
     """run.yaml, as far as the run came; `images_sha256` is that of all images, once the run came to its end."""
     options, stop = job.options, job.watch.stop if images_sha256 else None
     used: dict[str, Any] = {"methods": list(job.methods)} | {name: getattr(options, name) for name in _OPTIONS}
-    used |= {name: str(path) if (path := getattr(options, name)) else None for name in ("camera", "sensors")}
+    used |= {"camera": str(options.camera) if options.camera else None, "sensors": str(options.sensors)}
     used |= {"topics": list(options.topics)} if options.topics else {}
     config = {name: asdict(options.config.of(name)) for name in job.playback.methods}
     stopped = None if stop is None else {n: getattr(stop, n) for n in ("exposure", "time_ns", "values")}

@@ -74,7 +74,8 @@ def differing_settings(methods: Iterable[str], config: Config, options: Mapping[
     usual = Config({name: method(name).config() for name in chosen})
     found = list(changes((chosen, usual), (chosen, config)))
     defaults = asdict(SourceOptions())
-    plain = {name: value for name, value in options.items() if name in defaults and value != defaults[name]}
+    others = {name: value for name, value in options.items() if name in defaults and value is not None}
+    plain = {name: value for name, value in others.items() if str(value) != str(defaults[name])}
     return (*found, *(f"{name.replace('_', ' ')} {str(value)[:40]}" for name, value in plain.items()))
 
 

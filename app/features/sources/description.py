@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from ispom.errors import printable
 from ispom.methods import possible_methods
-from ispom.sequences.readings import READ, Readings, readings_of
-from ispom.types import Camera, Kind, Sequence, Trajectory
+from ispom.sequences.readings import READ, Readings, frames_ns_of, readings_of
+from ispom.types import Camera, Found, Kind, Sequence, Trajectory
 
 from ...engine.options import Options
 
@@ -61,9 +62,23 @@ def described(sequence: Sequence) -> list[str]:
             lines += _camera(name, rig.camera(name), what) if name in rig.cameras else [_line(name, what)]
     lines.append(_line("span", _span(sequence.times_ns)))
     lines += [_line("gaps", text) for text in _gaps(sequence)]
-    lines.append(_line("truth", _truth(sequence.truth, sequence.times_ns)))
+    lines.append(_line("truth", _truth(sequence.truth, frames_ns_of(sequence))))
     lines.append(_line("methods", ", ".join(possible_methods(rig)) or "none: neither a video camera nor a stereo pair"))
-    return lines + [_line("note", note) for note in sequence.notes]
+    lines += _table(sequence.found)
+    unused = {each.note for each in sequence.found if not each.used}
+    return lines + [_line("note", note) for note in sequence.notes if note not in unused]
+
+
+def _table(found: Iterable[Found]) -> list[str]:
+    """What lies in or beside the source, what it holds, and what it is used for or why it is not."""
+    rows = sorted(found, key=lambda each: not each.used)  # stable: those that are used come first
+    wide = max((len(each.what) for each in rows), default=0)
+    lines = []
+    for number, each in enumerate(rows):
+        word = "used" if each.used else "not used"
+        why = f" ({each.why})" if each.used and each.why else "" if each.used else f" {each.why}"
+        lines.append(_line("found" if number == 0 else "", f"{word:<9} {each.what:<{wide}} {each.where}{why}"))
+    return lines
 
 
 def _line(name: str, text: str) -> str:

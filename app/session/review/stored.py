@@ -6,12 +6,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from ispom.ensemble import Ensemble
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import Places, confined, exists, expanded, is_below
 from ispom.methods import Config
 from ispom.sequences.address import is_address, is_device, without_secrets
+from ispom.sequences.own_sensors import AUTO, NONE
 from ispom.types import Measurement, Rig, Sequence, Trajectory
 
 from ...engine.history.record import ExposureRecord
@@ -104,7 +106,8 @@ def stored_source(
     places = None if run.own else (folder,)
     if places is not None:
         allowed = (*places, place_of(expanded(source))) if given and not simulated else places
-        files = {"source": None if simulated or given else source, "camera": options.camera, "sensors": options.sensors}
+        sensors = None if options.sensors in (AUTO, NONE) else options.sensors
+        files = {"source": None if simulated or given else source, "camera": options.camera, "sensors": sensors}
         for name, file in files.items():
             if file is not None and not is_below(expanded(file), allowed):
                 how = cure if name == "source" else "copy it into the folder of the run"
@@ -152,7 +155,7 @@ def _are_of(sequence: Sequence, expected: str) -> bool:
 
 def source_options(run: RunFile) -> SourceOptions:
     """How it opened its source; InputError for what `ispom run` does not write."""
-    found = {}
+    found: dict[str, Any] = {"sensors": NONE}  # of runs before sources had sensors by themselves
     for name in (field.name for field in fields(SourceOptions)):
         value = run.options.get(name)
         if value is not None and not isinstance(value, _KINDS[name]):

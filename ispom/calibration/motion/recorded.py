@@ -57,7 +57,7 @@ def recording_of(paths: tuple[Path, ...]) -> Sequence:
     """Returns the recording, its video camera without a place. Raises InputError for a source without both cameras."""
     if len(paths) != 1:
         raise InputError(f"--from-motion takes one recording of all three cameras, not {len(paths)}: give one")
-    sequence = open_sequence(str(paths[0]), placed=False)
+    sequence = open_sequence(str(paths[0]), placed=False, sensors=None)
     if sequence.rig.video is None or not sequence.rig.has_stereo:
         raise InputError(f"{paths[0]} has not both a video camera and a stereo pair: give a recording of all")
     return sequence

@@ -67,7 +67,7 @@ def read_kalibr(path: Path, content: dict[Any, Any] | None = None) -> list[Place
         intrinsics = finite_numbers(path, f"{name}.intrinsics", entry.get("intrinsics"), 4)
         distortion = coefficients(path, f"{name}.distortion_coeffs", entry.get("distortion_coeffs", []), lens)
         camera = camera_from(path, name, np.array(size), intrinsics, distortion, lens)
-        from_imu = _from_imu(path, name, entry)
+        from_imu = pose_at_imu(path, name, entry)
         if not out:
             first_from_imu = from_imu
         pose, notes = (Pose(), ()) if not out else _pose(path, name, entry, out[-1].pose, first_from_imu, from_imu)
@@ -101,7 +101,8 @@ def _pose(
     return pose, (f"{path}: {name} has another place by {BETWEEN} than by its pose at the IMU: the first is used",)
 
 
-def _from_imu(path: Path, name: str, entry: dict[Any, Any]) -> Pose | None:
+def pose_at_imu(path: Path, name: str, entry: dict[Any, Any]) -> Pose | None:
+    """Returns camera_from_imu of a camera of a camchain; None where that has none. Raises InputError for no pose."""
     if entry.get(OF_IMU) is not None:
         return pose_of(path, f"{name}.{OF_IMU}", entry[OF_IMU])
     return pose_of(path, f"{name}.{AT_IMU}", entry[AT_IMU]).inverse() if entry.get(AT_IMU) is not None else None

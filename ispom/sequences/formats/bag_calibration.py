@@ -27,6 +27,7 @@ class TopicInfo:
     """(3, 3) rectified_from_raw."""
     projection: Array
     """(3, 4) of the rectified image; all zero where the camera was not calibrated."""
+    topic: str = ""
     notes: tuple[str, ...] = ()
 
     @property
@@ -68,7 +69,7 @@ def _info(bag: BagFile, topic: str) -> TopicInfo | None:
     content["roi"] = {key: int(getattr(message.roi, key)) for key in region}
     info = camera_info(bag.path, content, where=f"{name}: ")
     projection = np.zeros((3, 4)) if info.projection is None else info.projection
-    return TopicInfo(info.raw, info.turn, projection, info.notes)
+    return TopicInfo(info.raw, info.turn, projection, name, info.notes)
 
 
 def _info_topic(bag: BagFile, topic: str) -> str:

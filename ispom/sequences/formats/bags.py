@@ -7,29 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.geometry import Pose
 from ispom.io.bag_file import IMAGE_TYPES, METADATA, BagFile, Index
 from ispom.io.calibrations.recognised import one_rig
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
-from ispom.io.poses.dialects.ros_bag import pose_topics
 from ispom.sequences.formats.bag_calibration import TopicInfo, baseline_m, fault_of_pair, usable_info
 from ispom.sequences.formats.bag_images import TopicImages
+from ispom.sequences.formats.bag_sensors import BagCamera, sensors_of_bag
 from ispom.sequences.formats.bag_topics import SIDES, Infos, by_role, is_depth, is_rectified, pairs_by_baseline, rank
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.guess import guessed
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import remapped, undistortion
-from ispom.sequences.sidecars import first_of
+from ispom.sequences.sidecars import first_of, used
 from ispom.sequences.stereo_stream import stereo_stream
 from ispom.sequences.stream import Stream, size_of
-from ispom.types import Image
+from ispom.types import Found, Image
 
 RIGS = ("camchain.yaml", "rig.yaml")
 """Files of two cameras beside a bag."""
-SENSORS = frozenset(f"sensor_msgs/msg/{name}" for name in ("Imu", "NavSatFix", "LaserScan", "PointCloud2"))
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
+Opened = tuple[Recording, BagCamera]
+"""A recording, and its left camera in the bag."""
 
 
 def looks_like_bag(path: Path) -> bool:
@@ -51,12 +53,19 @@ def open_bag(path: Path, calibration: Path | None = None, chosen: Sequence[str] 
     topics = [topic for topic in topics if bag.holds(topic)] or topics
     infos: Infos = {topic: usable_info(bag, topic) for topic in {*topics, *roles.values()}}
     opened = _of_choice(bag, topics, infos, calibration, roles) if roles else _found(bag, topics, infos, calibration)
-    return replace(opened, notes=(*opened.notes, *_others_note(bag)))
+    return _with_others(bag, *opened)
+
+
+def _with_others(bag: BagFile, recording: Recording, camera: BagCamera) -> Recording:
+    """The recording with what else the bag holds."""
+    sensors, others = sensors_of_bag(bag, camera)
+    times = Found("times", f"{bag.path.name}:{camera.topic}", why="by the bag's clock" if camera.own_clock else "")
+    return replace(recording, found=(*recording.found, times, *others), sensors=sensors)
 
 
 def _of_choice(
     bag: BagFile, topics: list[str], infos: Infos, calibration: Path | None, roles: dict[str, str]
-) -> Recording:
+) -> Opened:
     """The recording of the topics that a person named. Raises InputError where two are no pair."""
     if "video" in roles:
         topic = roles["video"]
@@ -79,7 +88,7 @@ def _of_choice(
     return found
 
 
-def _found(bag: BagFile, topics: list[str], infos: Infos, calibration: Path | None) -> Recording:
+def _found(bag: BagFile, topics: list[str], infos: Infos, calibration: Path | None) -> Opened:
     """The recording of the pair, or else the first camera, that topics and camera_info show."""
     if not any(isinstance(info, TopicInfo) for info in infos.values()):
         by_file = _pair_of_file(bag, topics, calibration)
@@ -102,27 +111,27 @@ def _found(bag: BagFile, topics: list[str], infos: Infos, calibration: Path | No
         return by_baseline
     known = [topic for topic in cameras if isinstance(infos[topic], TopicInfo)]
     topic = (known if known and calibration is None else cameras)[0]
-    alone = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
-    return replace(alone, notes=(*alone.notes, *reasons[:1]))
+    alone, camera = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
+    return replace(alone, notes=(*alone.notes, *reasons[:1])), camera
 
 
-def _pair_by_baseline(bag: BagFile, topics: list[str], infos: Infos) -> Recording | None:
+def _pair_by_baseline(bag: BagFile, topics: list[str], infos: Infos) -> Opened | None:
     """The pair of two topics that are known by a P that is that of the other one moved to the right (Tx), whatever
     their names are; None where there is none."""
     found = list(pairs_by_baseline(topics, infos))
     if not found:
         return None
     left, right, first, second = found[0]
-    opened = _pair(bag, (left, right), (first, second))
+    opened, camera = _pair(bag, (left, right), (first, second))
     note = f"{bag.path.name}: {left} and {right} are taken as a pair, by the baseline in their camera_info"
     if len({(one.rsplit("/", 1)[0], other.rsplit("/", 1)[0]) for one, other, _, _ in found}) > 1:
         note += "; others are pairs, too: --topics left=... right=... chooses"
-    return replace(opened, notes=(note, *opened.notes))
+    return replace(opened, notes=(note, *opened.notes)), camera
 
 
 def _pair_of_file(
     bag: BagFile, topics: list[str], calibration: Path | None, chosen: tuple[str, str] | None = None
-) -> Recording | None:
+) -> Opened | None:
     """The pair of a bag without calibration, by a file of two cameras: `calibration`, or a camchain.yaml or rig.yaml
     beside the bag, whose topics are the `chosen` ones, those that it names (Kalibr's rostopic), or those that are
     called as pairs are. None where there is no such file. Raises InputError where its cameras are none of the
@@ -141,17 +150,21 @@ def _pair_of_file(
     if not rig.has_stereo:
         return None
     both = chosen or _topics_of_file(bag, path, cameras)
-    streams = []
+    streams, clocks = [], []
     for topic, side in zip(both, ("left", "right"), strict=True):
         index = _index(bag, str(topic))
+        clocks.append(index.own_clock)
         images = TopicImages(bag, str(topic), index, size_of(rig.camera(side)))
         streams.append(Stream(index.stamps_ns, images.read, _notes(bag, index)))
     stereo = stereo_stream(bag.path, rig, *streams)
     note = f"{bag.path.name}: {both[0]} and {both[1]} are the pair of {path}"
-    return Recording(
+    recording = Recording(
         f"bag {bag.path.name}", stereo.rig.camera("left"), stereo.rig.baseline_m, stereo.times_ns, stereo.read, None,
         (note, *notes, *stereo.notes), video_sigma=stereo.rig.video_sigma, pair_sigma=stereo.rig.pair_sigma,
+        found=used(("lens", path)),
     )  # fmt: skip
+    left_from_raw = stereo.rig.rig_from_left.inverse() @ rig.rig_from_left
+    return recording, BagCamera(str(both[0]), left_from_raw, clocks[0])
 
 
 def _topics_of_file(bag: BagFile, path: Path, cameras: list[str]) -> tuple[str, str]:
@@ -169,35 +182,26 @@ def _topics_of_file(bag: BagFile, path: Path, cameras: list[str]) -> tuple[str, 
     return str(both[0]), str(both[1])
 
 
-def _others_note(bag: BagFile) -> tuple[str, ...]:
-    """Notes about topics of poses and of other sensors, which are not used."""
-    poses = [topic for topic in pose_topics(bag) if "/tf" not in topic]
-    notes: tuple[str, ...] = ()
-    if poses:
-        notes += (
-            f"{bag.path.name} has poses in {', '.join(poses)}: not used as ground truth, as their body need not be the "
-            f"camera; compare with them by ispom evaluate {bag.path}:{poses[0]} ESTIMATE",
-        )
-    others = [f"{topic} ({kind.rsplit('/', 1)[-1]})" for topic, kind in bag.types.items() if kind in SENSORS]
-    return (*notes, f"{bag.path.name}: there and not used: {', '.join(others)}") if others else notes
-
-
 def _calibrated(path: Path, calibration: Path) -> InputError:
     return InputError(f"{path} has its own calibration: leave --camera {calibration} out")
 
 
 def _single(
     bag: BagFile, topic: str, info: TopicInfo | InputError | None, others: list[str], calibration: Path | None
-) -> Recording:
+) -> Opened:
     default_camera = bag.path.resolve().parent / CAMERA
     index, guess = _index(bag, topic), None
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
     notes += _notes(bag, index)
     images = TopicImages(bag, topic, index)
+    found, raw = used(("lens", calibration or default_camera)), BagCamera(topic, own_clock=index.own_clock)
     if isinstance(info, TopicInfo):
         if calibration is not None:
             raise _calibrated(bag.path, calibration)
-        camera = usable(info.rectified, f"{bag.path}: P of {topic}") if is_rectified(topic) else info.raw
+        camera, found = info.raw, (Found("lens", f"{bag.path.name}:{info.topic}"),)
+        if is_rectified(topic):
+            camera = usable(info.rectified, f"{bag.path}: P of {topic}")
+            raw = replace(raw, left_from_raw=Pose(info.turn))
         notes = info.notes + notes
     elif calibration is not None or exists(default_camera):
         camera, _, unknown = read_settings(calibration or default_camera, images.first_size)
@@ -206,21 +210,22 @@ def _single(
         raise InputError(f"{info.args[0]}, or give --camera")
     else:
         size = images.first_size()
-        guess = guessed(size, None)
+        guess, found = guessed(size, None), ()
         camera = guess.camera(size)
         notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {default_camera}",)
     images = TopicImages(bag, topic, index, (camera.width, camera.height))
-    times_ns = index.stamps_ns
-    return Recording(
-        f"bag {bag.path.name}", camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess
+    name, times_ns = f"bag {bag.path.name}", index.stamps_ns
+    recording = Recording(
+        name, camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess, found=found
     )
+    return recording, raw
 
 
 def _notes(bag: BagFile, *indices: Index) -> tuple[str, ...]:
     return tuple(f"{bag.path.name}: {note}" for index in indices for note in index.notes)
 
 
-def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[TopicInfo, TopicInfo]) -> Recording:
+def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[TopicInfo, TopicInfo]) -> Opened:
     left, right = _indices(bag, topics)
     i_left, i_right = pairs(left.stamps_ns, right.stamps_ns)
     if not len(i_left):
@@ -241,7 +246,10 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[TopicInfo, TopicIn
 
     notes = infos[0].notes + infos[1].notes + _notes(bag, left, right)
     notes += unmatched_note(len(left.places), len(right.places), len(i_left))
-    return Recording(f"bag {bag.path.name}", camera, baseline_m(*infos), left.stamps_ns[i_left], read, None, notes)
+    lens = tuple(Found("lens", f"{bag.path.name}:{info.topic}") for info in infos)
+    times_ns, name = left.stamps_ns[i_left], f"bag {bag.path.name}"
+    recording = Recording(name, camera, baseline_m(*infos), times_ns, read, None, notes, found=lens)
+    return recording, BagCamera(topics[0], Pose(infos[0].turn), left.own_clock)
 
 
 def _index(bag: BagFile, topic: str) -> Index:

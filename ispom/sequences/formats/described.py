@@ -37,7 +37,7 @@ from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
-from ispom.sequences.sidecars import truth_of_images
+from ispom.sequences.sidecars import truth_of_images, used
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
 from ispom.sequences.stream import Stream, clock_of, fitted, named_file, size_of
 from ispom.types import Frame, Kind, Measurement, Rig, Sequence, Trajectory
@@ -146,7 +146,9 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
         opened = _recording(name, stereo, truth)
     else:
         raise InputError(no_camera)
-    opened = replace(opened, notes=notes + opened.notes + about_truth)
+    files = [("lens", path.parent / "rig.yaml"), ("truth", path.parent / str(content.get("truth", "")))]
+    found = used(*((what, file) for what, file in files if exists(file) and not is_folder(file)))
+    opened = replace(opened, notes=notes + opened.notes + about_truth, found=found)
     if truth is None:
         return opened
     return replace(opened, notes=opened.notes + no_truth_note(path.parent / content["truth"], opened.truth))

@@ -15,16 +15,16 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.kalibr import read_euroc_sensor
 from ispom.io.calibrations.pair import pair_fault
-from ispom.io.files import exists, is_folder
+from ispom.io.files import exists, is_folder, names
 from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
 from ispom.io.values import nanoseconds
 from ispom.sequences.images import read_grey, require_size, those_there
-from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
+from ispom.sequences.matching import pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
-from ispom.sequences.sidecars import sensors_note
-from ispom.types import Camera, Image, Trajectory
+from ispom.sequences.sensors_beside import EUROC_IMU, euroc_imu
+from ispom.types import Camera, Found, Image, Trajectory
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0")
 """Folders that hold the body's poses, in EuRoC and in TUM-VI."""
@@ -41,9 +41,6 @@ class _Sensor:
     notes: tuple[str, ...]
 
 
-IMU = "imu0/data.csv"
-
-
 def looks_like_euroc(folder: Path) -> bool:
     """Whether it is a `mav0`, or the folder that holds one."""
     return is_folder(folder / "mav0") or exists(folder / "cam0" / "data.csv")
@@ -56,12 +53,14 @@ def open_euroc(folder: Path) -> Recording:
     left = _sensor(mav0 / "cam0")
     if not is_folder(mav0 / "cam1"):
         truth, about = _truth(mav0, left.body_from_camera, left.times_ns)
-        size, notes = (left.camera.width, left.camera.height), left.notes + about + sensors_note(mav0 / IMU)
+        size, notes = (left.camera.width, left.camera.height), left.notes
 
         def read_left(_: Side, i: int) -> Image:
             return read_grey(left.paths[i], size)
 
-        return Recording(name, left.camera, None, left.times_ns, read_left, truth, notes)
+        found = _found(mav0, ("cam0",), about)
+        imu = euroc_imu(mav0, Pose(), left.body_from_camera.inverse())
+        return Recording(name, left.camera, None, left.times_ns, read_left, truth, notes, found=found, sensors=imu)
     right = _sensor(mav0 / "cam1")
     i_left, i_right = pairs(left.times_ns, right.times_ns)
     if not len(i_left):
@@ -78,9 +77,22 @@ def open_euroc(folder: Path) -> Recording:
 
     times_ns = left.times_ns[i_left]
     truth, about = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
-    notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left)) + about
-    notes += sensors_note(mav0 / IMU)
-    return Recording(name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes)
+    notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left))
+    imu = euroc_imu(mav0, rectified.left_from_rectified.inverse(), left.body_from_camera.inverse())
+    found = _found(mav0, ("cam0", "cam1"), about)
+    return Recording(
+        name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes, found=found, sensors=imu
+    )
+
+
+def _found(mav0: Path, cameras: tuple[str, ...], truth: tuple[Found, ...]) -> tuple[Found, ...]:
+    """What lies in the folder, but for the IMU."""
+    found = [Found("lens", str(mav0 / name / "sensor.yaml")) for name in cameras]
+    found += [*(Found("times", str(mav0 / name / "data.csv")) for name in cameras), *truth]
+    known = {*(Path(each.where).parent.name for each in found), EUROC_IMU}
+    others = [mav0 / name for name in names(mav0) if name not in known and not name.startswith(".")]
+    why = "is not used: cameras, the IMU and one track of the body are read"
+    return (*found, *(Found("other", str(path), False, why) for path in others if is_folder(path) and names(path)))
 
 
 def _rectification(mav0: Path, left: _Sensor, right: _Sensor) -> Rectification:
@@ -126,10 +138,14 @@ def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
     return np.array(times_ns, np.int64), names
 
 
-def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:
-    """world_from_left at the images' times, of the body's poses, and notes about it."""
+def _truth(
+    mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]
+) -> tuple[Trajectory | None, tuple[Found, ...]]:
+    """world_from_left at the images' times, of the body's poses, and what was found of it."""
     path = next((mav0 / name / "data.csv" for name in TRUTHS if exists(mav0 / name / "data.csv")), None)
     if path is None:
         return None, ()
     truth = truth_at(read_euroc(path, "body"), times_ns)
-    return truth and truth.moved(right=body_from_left, frame="left"), no_truth_note(path, truth)
+    if truth is None:
+        return None, (Found("truth", str(path), False, "has no pose at the times of the images: no ground truth."),)
+    return truth.moved(right=body_from_left, frame="left"), (Found("truth", str(path)),)

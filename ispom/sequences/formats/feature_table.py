@@ -30,7 +30,7 @@ from ispom.io.rows import numbers, read_text
 from ispom.io.trajectories import read_tum
 from ispom.io.values import LARGEST, time_ns
 from ispom.sequences.matching import no_truth_note, truth_at
-from ispom.sequences.sensors import imu_measurements
+from ispom.sequences.readings import imu_measurements
 from ispom.types import Camera, Frame, Image, Imu, Measurement, Rig, Sequence
 
 TABLE, TRUTH = "imu_and_features.csv", "truth.tum"

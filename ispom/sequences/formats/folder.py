@@ -26,10 +26,11 @@ from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, r
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
-from ispom.sequences.sidecars import INNER, calibration_beside, first_of, not_used, places_of, truth_beside
+from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sidecars import INNER, calibration_beside, first_of, not_used, places_of, truth_beside, used
 from ispom.sequences.sidecars import TIMES as ALL_TIMES
 from ispom.sequences.stream import Clock, Stream, clock_of, fitted, size_of
-from ispom.types import Camera, Image
+from ispom.types import Camera, Found, Image
 
 CAMERA, TIMES = "camera.yaml", "times.txt"
 OTHER_TIMES = tuple(name for name in ALL_TIMES if name != TIMES)
@@ -57,9 +58,9 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     folder = images_in(source) or source
     places = places_of(folder)
     path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
-    refused: tuple[str, ...] = ()
+    found: tuple[Found, ...] = ()
     if path is None:
-        path, refused = calibration_beside(places, is_calibration)
+        path, found = calibration_beside(places, is_calibration)
     guess, images = None, named_images(folder, path is None)
     paths = [folder / name for name in images.names]
     if path is None:
@@ -74,10 +75,13 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock, images)
     name = f"images {source.resolve().name}"
-    truth, from_where = truth_beside(places, stream.times_ns, images.names)
-    notes = (*notes, *stream.notes, *refused, *from_where, *not_used(places), position_note(paths[0]))
-    notes = tuple(note for note in notes if note)
-    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes, guess=guess)
+    truth, from_where, of_truth = truth_beside(places, stream.times_ns, images.names)
+    notes = tuple(note for note in (*notes, *stream.notes, *from_where, position_note(paths[0])) if note)
+    found = (*used(("lens", path), ("times", clock.times)), *found, *of_truth, *not_used(places))
+    return Recording(
+        name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes,
+        guess=guess, found=found, sensors=sensors_beside(places),
+    )  # fmt: skip
 
 
 def images_in(source: Path) -> Path | None:

@@ -18,6 +18,8 @@ from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti import read_calibration, read_poses, read_times
 from ispom.sequences.images import IMAGE_SUFFIXES, read_grey, read_image
 from ispom.sequences.recording import Recording, Side
+from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sidecars import used
 from ispom.types import Camera, Image, Trajectory
 
 PAIRS = (("image_0", "image_1"), ("image_2", "image_3"))
@@ -54,7 +56,9 @@ def open_kitti(folder: Path) -> Recording:
     truth = _truth(folder, times_ns[:count])
     if truth is not None and left != PAIRS[0][0]:
         truth = truth.moved(right=Pose(translation=-shift_m))
-    return Recording(f"KITTI {folder.resolve().name}", camera, baseline_m, times_ns[:count], read, truth)
+    found = used(("lens", folder / "calib.txt"), ("times", folder / "times.txt"), ("truth", _truth_path(folder)))
+    name, sensors = f"KITTI {folder.resolve().name}", sensors_beside((folder,))
+    return Recording(name, camera, baseline_m, times_ns[:count], read, truth, found=found, sensors=sensors)
 
 
 def _images(images: Path) -> list[Path]:
@@ -101,11 +105,15 @@ def _cameras(folder: Path, left: str, right: str, size: tuple[int, int]) -> tupl
     return camera, baseline_m, shift_m
 
 
-def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """world_from_left of `poses/NN.txt` next to `sequences`, or next to NN as in UZH's course; None without one."""
+def _truth_path(folder: Path) -> Path | None:
     folder = folder.resolve()
     places = [place / "poses" / f"{folder.name}.txt" for place in (folder.parent.parent, folder.parent)]
-    path = next((place for place in places if exists(place)), None)
+    return next((place for place in places if exists(place)), None)
+
+
+def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
+    """world_from_left of `poses/NN.txt` next to `sequences`, or next to NN as in UZH's course; None without one."""
+    path = _truth_path(folder)
     if path is None:
         return None
     poses = read_poses(path)

@@ -21,8 +21,8 @@ from ispom.sequences.images import read_image
 from ispom.sequences.matching import truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Maps, remapped, undistortion
-from ispom.sequences.sidecars import sensors_note
-from ispom.types import Camera, Image, Trajectory
+from ispom.sequences.sensors_beside import oxts_sensors
+from ispom.types import Camera, Found, Image, Trajectory
 
 _PAIRS = (("00", "01"), ("02", "03"))
 _CALIBRATION = "calib_cam_to_cam.txt"
@@ -68,9 +68,19 @@ def open_kitti_raw(folder: Path) -> Recording:
         return image if maps is None else remapped(image, maps)
 
     name = f"KITTI raw {folder.resolve().name}"
-    truth, about = _truth(folder, left, calibrations[0], path, times_ns[frames])
-    notes = (*notes, *sensors_note(folder / "oxts"), about)
-    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, notes)
+    oxts = folder / "oxts"
+    left_from_body, why = _left_from_body(folder, left, calibrations[0], path)
+    truth, about = _truth(oxts, left_from_body, why, times_ns[frames])
+    found = [Found("lens", str(path)), Found("times", str(stamps))]
+    sensors = ()
+    if is_folder(oxts / "data"):
+        sensors = oxts_sensors(oxts, left_from_body, f"is not used, as its pose on the rig is not known ({why})")
+        found.append(Found("truth", str(oxts), truth is not None, "" if truth is not None else "is no ground truth"))
+    if is_folder(folder / "velodyne_points"):
+        found.append(Found("laser", str(folder / "velodyne_points"), False, "is not used: scans of KITTI are not read"))
+    return Recording(
+        name, camera, baseline_m, times_ns[frames], read, truth, (*notes, about), found=tuple(found), sensors=sensors
+    )
 
 
 def _calibration_path(folder: Path, name: str) -> Path | None:
@@ -78,23 +88,29 @@ def _calibration_path(folder: Path, name: str) -> Path | None:
     return next((place for place in places if exists(place)), None)
 
 
-def _truth(
-    folder: Path, left: str, calibration: dict[str, Array], path: Path, times_ns: NDArray[np.int64]
-) -> tuple[Trajectory | None, str]:
-    """world_from_left at the images' times, and a note about it."""
-    if not is_folder(folder / "oxts" / "data"):
-        return None, "The drive has no GPS/IMU track (oxts): no ground truth."
+def _left_from_body(folder: Path, left: str, calibration: dict[str, Array], path: Path) -> tuple[Pose | None, str]:
+    """The pose of the GPS/IMU unit in the rectified left camera, or None and why it is not known."""
     imu, velo = _calibration_path(folder, _IMU), _calibration_path(folder, _VELO)
     if imu is None or velo is None:
-        missing = folder.resolve().parent / (_IMU if imu is None else _VELO)
-        return None, f"{missing} is missing, without which the GPS/IMU track (oxts) cannot be used: no ground truth."
+        return None, f"{folder.resolve().parent / (_IMU if imu is None else _VELO)} is missing"
     first = calibration if left == _PAIRS[0][0] else read_calibrations(path, (_PAIRS[0][0],))[0]
     turned = Pose(Rotation.from_matrix(first["R_rect"]).as_matrix())
     projection = calibration["P_rect"]
     left_from_rectified = Pose(translation=np.linalg.solve(projection[:, :3], projection[:, 3]))
-    left_from_body = left_from_rectified @ turned @ read_rigid(velo) @ read_rigid(imu)
-    truth = truth_at(read_oxts(folder / "oxts"), times_ns, _TRUTH_GAP_NS)
-    note = "The ground truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor."
+    return left_from_rectified @ turned @ read_rigid(velo) @ read_rigid(imu), ""
+
+
+def _truth(
+    oxts: Path, left_from_body: Pose | None, why: str, times_ns: NDArray[np.int64]
+) -> tuple[Trajectory | None, str]:
+    """world_from_left at the images' times, and a note about it."""
+    if not is_folder(oxts / "data"):
+        return None, "The drive has no GPS/IMU track (oxts): no ground truth."
+    if left_from_body is None:
+        return None, f"{why}, without which the GPS/IMU track (oxts) cannot be used: no ground truth."
+    truth = truth_at(read_oxts(oxts), times_ns, _TRUTH_GAP_NS)
+    note = "The ground truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor. A method "
+    note += "that takes in its GNSS or IMU is compared with what it was given: its error says little."
     if truth is None:
         return None, "The GPS/IMU track (oxts) is of other times than the images: no ground truth."
     return truth.moved(right=left_from_body.inverse(), frame="left"), note

@@ -18,6 +18,7 @@ from ispom.io.rows import matrix
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import used
 from ispom.sequences.stream import Clock, size_of
 from ispom.types import Camera, Trajectory
 
@@ -50,7 +51,8 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
         notes += (f"{without} of {len(paths)} images have no pose, or one that is not finite.",)
     name = f"7-Scenes {folder.resolve().parent.name} {folder.resolve().name}"
     notes += (note,) if note else ()
-    return Recording(name, camera, None, times_ns, lambda _, i: read_image(paths[i], size), truth, notes)
+    found = used(("lens", path), ("times", clock.times), ("truth", folder if truth is not None else None))
+    return Recording(name, camera, None, times_ns, lambda _, i: read_image(paths[i], size), truth, notes, found=found)
 
 
 def _number(name: str) -> int | None:

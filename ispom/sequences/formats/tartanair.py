@@ -13,13 +13,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
-from ispom.io.files import exists
+from ispom.io.files import exists, names
 from ispom.io.rows import numbers, read_rows
 from ispom.sequences.formats.folder import folder_stream, holds_images, named_images
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.recording import Recording, Side
+from ispom.sequences.sidecars import used
 from ispom.sequences.stream import Clock
-from ispom.types import Camera, Image, Trajectory
+from ispom.types import Camera, Found, Image, Trajectory
 
 VERSIONS = (
     ("image_left", "image_right", "pose_left.txt", Camera(640, 480, 320.0, 320.0, 320.0, 240.0)),
@@ -68,4 +69,12 @@ def open_tartanair(folder: Path) -> Recording:
     truth = Trajectory(times_ns, rotations, values[:, :3], "left")
     baseline_m = BASELINE_M if "right" in sides else None
     name, notes = f"TartanAir {folder.resolve().name}", streams["left"].notes
-    return Recording(name, camera, baseline_m, times_ns, read, truth, notes)
+    found = (*used(("truth", folder / poses)), *_not_used(folder))
+    return Recording(name, camera, baseline_m, times_ns, read, truth, notes, found=found)
+
+
+def _not_used(folder: Path) -> tuple[Found, ...]:
+    """Depth, flow and IMU of the simulation."""
+    why = "is not used: of TartanAir the images and the poses are read"
+    others = [name for name in names(folder) if name.startswith(("depth", "flow", "seg", "imu", "lidar"))]
+    return tuple(Found("imu" if name.startswith("imu") else "other", str(folder / name), False, why) for name in others)

@@ -18,8 +18,9 @@ from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording, Side
-from ispom.sequences.sidecars import truth_of_images
-from ispom.types import Image
+from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sidecars import not_used, truth_of_images, used
+from ispom.types import Found, Image
 
 
 def looks_like_tum(folder: Path) -> bool:
@@ -59,7 +60,18 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     if exists(truth):
         ground_truth, others = truth_of_images(truth, times_ns, [path.name for path in paths])
         notes += others
-    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, ground_truth, notes, guess=guess)
+    found = used(("lens", path), ("times", listing), ("truth", truth if ground_truth is not None else None))
+    found += (*not_used((folder,)), *_acceleration(folder))
+    return Recording(
+        f"TUM {folder.resolve().name}", camera, None, times_ns, read, ground_truth, notes,
+        guess=guess, found=found, sensors=sensors_beside((folder,)),
+    )  # fmt: skip
+
+
+def _acceleration(folder: Path) -> tuple[Found, ...]:
+    """The accelerometer of TUM's Kinect, which is not used."""
+    path, why = folder / "accelerometer.txt", "is not used: accelerations alone, without a gyroscope, are no IMU"
+    return (Found("imu", str(path), False, why),) if exists(path) else ()
 
 
 def _rows(listing: Path) -> list[Row]:

@@ -29,9 +29,10 @@ from ispom.sequences.formats.folder import holds_images, named_images
 from ispom.sequences.guess import size_of_photo
 from ispom.sequences.images import read_image, require_size
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import used
 from ispom.sequences.stereo_stream import stereo_stream
 from ispom.sequences.stream import NOMINAL_HZ, Stream, size_of
-from ispom.types import Camera, Rig, Trajectory
+from ispom.types import Camera, Found, Rig, Trajectory
 
 MATRIX, POSES, IMAGES = "K.txt", "poses.txt", "images"
 
@@ -54,7 +55,9 @@ def open_parking(folder: Path) -> Recording:
     size = size_of(camera)
     name = f"VAMR {folder.resolve().name}"
     truth = _poses(folder / POSES, index, times_ns) if exists(folder / POSES) else None
-    return Recording(name, camera, None, times_ns, lambda _, i: read_image(paths[i], size), truth, images.notes + notes)
+    notes = images.notes + notes
+    found = used(("lens", folder / MATRIX), ("truth", folder / POSES if truth is not None else None))
+    return Recording(name, camera, None, times_ns, lambda _, i: read_image(paths[i], size), truth, notes, found=found)
 
 
 def _camera_of(path: Path, size: tuple[int, int]) -> tuple[Camera, tuple[str, ...]]:
@@ -102,13 +105,17 @@ def open_malaga(folder: Path) -> Recording:
     name, first = f"Malaga {above.resolve().name}", next(iter(left.values()))
     rig, notes = _rig(above, images, size_of_photo(first))
     require_size(first, size_of(rig.camera("left")))
+    why = "is not used: of Malaga the cameras are read"
+    others = [name for name in names(above) if "_all-sensors_" in name]
+    found = tuple(Found("other", str(above / name), False, why) for name in others)
     streams = [_stream(paths, size_of(rig.camera("left"))) for paths in (left, right)]
     if not right or not rig.has_stereo:
         times_ns, read = streams[0].times_ns, streams[0].read
-        return Recording(name, rig.camera("left"), None, times_ns, lambda _, i: read(i), None, notes)
+        return Recording(name, rig.camera("left"), None, times_ns, lambda _, i: read(i), None, notes, found=found)
     stereo = stereo_stream(images, rig, *streams)
     camera, baseline_m = stereo.rig.camera("left"), stereo.rig.baseline_m
-    return Recording(name, camera, baseline_m, stereo.times_ns, stereo.read, None, notes + stereo.notes)
+    notes += stereo.notes
+    return Recording(name, camera, baseline_m, stereo.times_ns, stereo.read, None, notes, found=found)
 
 
 def _folders(folder: Path) -> list[str]:

@@ -21,9 +21,10 @@ from ispom.sequences.formats.folder import is_calibration, read_settings, settin
 from ispom.sequences.guess import guess_of_film, pixel_aspect, subtitles_of
 from ispom.sequences.images import IMAGE_SUFFIXES
 from ispom.sequences.recording import Recording
-from ispom.sequences.sidecars import calibration_beside, not_used, subtitles_note, truth_beside
+from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sidecars import calibration_beside, not_used, subtitles_found, truth_beside, used
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
-from ispom.types import Camera, Image
+from ispom.types import Camera, Found, Image
 
 VIDEO_SUFFIXES = frozenset(
     {".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mts", ".m2ts", ".ts", ".wmv", ".3gp", ".flv", ".mpg", ".mpeg"}
@@ -56,24 +57,25 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     settings = calibration or settings_in(path.parent, f"{path.stem}.yaml") or settings_in(path.parent)
     guess, notes = None, ()
     places = (path.parent,) if _is_alone(path) else ()
-    refused: tuple[str, ...] = ()
+    found, clock = tuple[Found, ...](), Clock()
     if settings is None:
-        settings, refused = calibration_beside(places, is_calibration)
+        settings, found = calibration_beside(places, is_calibration)
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size, film.aspect)
-        camera, stream = guess.camera(film.size), _stream(film, path, Clock())
+        camera, stream = guess.camera(film.size), _stream(film, path, clock)
     else:
         film = _Film(path)
         camera, clock, notes = read_settings(settings, lambda: film.size)
         film.require(size_of(camera))
         stream, notes = _stream(film, path, clock), (*notes, *_aspect_note(path, film, camera))
-    truth, from_where = truth_beside(places, stream.times_ns, ())
-    refused += subtitles_note(subtitles_of(path))
-    read, notes = stream.read, (*notes, *stream.notes, *refused, *from_where, *not_used(places))
+    truth, from_where, of_truth = truth_beside(places, stream.times_ns, ())
+    read, notes = stream.read, (*notes, *stream.notes, *from_where)
+    found = (*used(("lens", settings), ("times", clock.times)), *found, *of_truth, *subtitles_found(subtitles_of(path)))
     return Recording(
-        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), truth, notes, guess=guess
-    )
+        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), truth, notes,
+        guess=guess, found=(*found, *not_used(places)), sensors=sensors_beside(places),
+    )  # fmt: skip
 
 
 def _is_alone(path: Path) -> bool:

@@ -23,7 +23,7 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.pair import pair_fault
 from ispom.io.calibrations.placed import Placed, camera_from, placed, pose_of
 from ispom.io.camera import coefficients, lens_of
-from ispom.io.files import exists
+from ispom.io.files import exists, names
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rows import read_text
 from ispom.io.trajectories import read_euroc
@@ -32,9 +32,10 @@ from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
+from ispom.sequences.sidecars import used
 from ispom.sequences.stereo_stream import stereo_stream
 from ispom.sequences.stream import Stream, size_of
-from ispom.types import Guess, Rig, Trajectory
+from ispom.types import Found, Guess, Rig, Trajectory
 
 LISTING, CALIBRATION, TRUTH = "rgb.csv", "calibration.yaml", "groundtruth.csv"
 PATHS = re.compile(r"path_(rgb_?[0-9]+)")
@@ -74,13 +75,29 @@ def open_vslam_lab(folder: Path) -> Recording:
         note = (f"{folder / CALIBRATION}: {fault}: only {left.placed.name} is read",) if fault else ()
         stream, notes = left.stream(), left.notes + note + about
         camera = left.placed.camera
-        return Recording(name, camera, None, left.times_ns, lambda _, i: stream.read(i), truth, notes, guess=left.guess)
+        found = _found(folder, truth is not None)
+        return Recording(
+            name, camera, None, left.times_ns, lambda _, i: stream.read(i), truth, notes, guess=left.guess, found=found
+        )
     bodies = {"rig_from_left": left.placed.pose, "rig_from_right": right.placed.pose}
     rig = Rig.of(left=left.placed.camera, right=right.placed.camera, **bodies)
     stereo = stereo_stream(folder / CALIBRATION, rig, left.stream(), right.stream())
     truth, about = _truth(folder, stereo.rig.rig_from_left, stereo.times_ns)
     camera, baseline_m = stereo.rig.camera("left"), stereo.rig.baseline_m
-    return Recording(name, camera, baseline_m, stereo.times_ns, stereo.read, truth, stereo.notes + about)
+    notes, found = stereo.notes + about, _found(folder, truth is not None)
+    return Recording(name, camera, baseline_m, stereo.times_ns, stereo.read, truth, notes, found=found)
+
+
+def _found(folder: Path, has_truth: bool) -> tuple[Found, ...]:
+    """What lies in the folder; an IMU of it is named."""
+    calibration = folder / CALIBRATION
+    truth = folder / TRUTH if has_truth else None
+    why = "is not used: of VSLAM-LAB the cameras and the ground truth are read"
+    others = [name for name in names(folder) if name.lower().startswith("imu")]
+    return (
+        *used(("lens", calibration if exists(calibration) else None), ("times", folder / LISTING), ("truth", truth)),
+        *(Found("imu", str(folder / name), False, why) for name in others),
+    )
 
 
 def _listed(path: Path) -> dict[str, tuple[NDArray[np.int64], list[str]]]:

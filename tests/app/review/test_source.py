@@ -14,6 +14,7 @@ from ispom_app.session.review.stored import compared, stored_source
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
+from ispom.sequences.own_sensors import AUTO, NONE
 from tests import doubles
 from tests.sequences.bag_folders import make_bag
 from tests.sequences.kitti_folder import make_drive
@@ -120,6 +121,14 @@ def test_other_files_that_a_foreign_run_names_are_not_opened_either(run: Path, d
     folder = foreign(run, **{name: "/etc/hostname"})
     with pytest.raises(InputError, match=name):
         stored_source(folder, read_run_file(folder), str(drive))
+
+
+@pytest.mark.parametrize(("written", "sensors"), [("null", NONE), ("auto", AUTO), ("none", NONE)])
+def test_a_run_opens_the_sensors_that_it_saw(run: Path, drive: Path, written: str, sensors: Path) -> None:
+    """Runs of before sources had sensors by themselves say null."""
+    assert "sensors: auto" in (run / "run.yaml").read_text()
+    folder = foreign(run, sensors=written)
+    assert stored_source(folder, read_run_file(folder), str(drive)).options.sensors == sensors
 
 
 def test_a_simulation_of_a_foreign_run_reads_no_file_outside(run: Path) -> None:
