@@ -17,6 +17,7 @@ from ispom.types import Sequence
 
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
+from ...engine.run_events.stretch import events_in, stretch_of
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
@@ -25,7 +26,6 @@ from ..headless.console import compile_first
 from .job import Progress, examine
 from .options import Doctor
 from .origin import Origin
-from .stretch import events_in, stretch_of
 from .text import lines, plain
 
 

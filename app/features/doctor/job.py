@@ -12,9 +12,9 @@ from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.types import Sequence
 
+from ...engine.run_events.stretch import Stretch
 from .origin import Origin
 from .rerun import rerun, set_back
-from .stretch import Stretch
 
 SETTINGS = 0.6
 """Share of the time after which no setting is set back to its default any more."""

@@ -8,7 +8,7 @@ from ispom.errors import counted
 from ispom.evaluation.doctor.finding import Diagnosis, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns
 
-from .stretch import Stretch
+from ...engine.run_events.stretch import Stretch
 
 SHOWN = 5
 """Suspects that a person sees."""

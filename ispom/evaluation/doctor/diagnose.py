@@ -16,6 +16,10 @@ from .suspects.calibration import SURE
 
 MOST = 0.5
 """Share of the cost of held-out tracks from which on a calibration explains most of their error."""
+CERTAIN = 8.0
+"""Standard errors by which held-out tracks are better with a calibration, from which on it is beyond doubt."""
+INDIRECT = frozenset({"too-fast"})
+"""Keys of suspects of the images that say what may hinder, not that it did."""
 
 
 def diagnose(
@@ -64,11 +68,13 @@ def _place(each: Ranked) -> tuple[bool, int, float]:
 
     A setting of the run comes first: that without it the run goes better was seen, and not concluded. Then a
     calibration with which tracks fit that did not before: the images cannot be the trouble. Then what images and times
-    show, and what moves, before what a calibration explains in part: that is tested fairly only on good images of a
-    rigid scene.
+    show, a calibration with which tracks fit better beyond doubt, a motion that may be too fast, and what moves, before
+    what a calibration explains in part: that is tested fairly only on good images of a rigid scene.
     """
-    finding, how = each.finding, each.suspect.how
-    order = {"setting": 0, "images": 2, "times": 2, "tracks": 3}.get(how, 4)
-    if finding.values.get("gain", 0.0) > MOST and finding.values["after_px"] < LOSS_PX:
-        order = 1
+    finding, suspect = each.finding, each.suspect
+    order = {"setting": 0, "images": 2, "times": 2, "tracks": 5}.get(suspect.how, 6)
+    order = 4 if suspect.key in INDIRECT else order
+    gain, z = (finding.values.get(name, 0.0) for name in ("gain", "z"))
+    if max(gain / MOST, z / CERTAIN) > 1 and finding.values["after_px"] < LOSS_PX:
+        order = 1 if gain > MOST else 3
     return not finding.found, order if finding.found else 0, -finding.strength

@@ -16,10 +16,10 @@ from ispom.sequences import open_sequence
 from ....engine.differences.compare import MethodRow, step_row
 from ....engine.events import Stepped
 from ....engine.playback import Playback
+from ....engine.run_events.stretch import Stretch
 from ..job import examine
 from ..origin import Origin
 from ..rerun import rerun, set_back, with_noise
-from ..stretch import Stretch
 
 FIRST, LAST = 30, 55
 STRETCH = Stretch(FIRST, LAST, 50)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.features.doctor.state import Examined
-from ispom_app.features.doctor.stretch import Stretch
 from ispom_app.features.doctor.text import lines, plain
 from ispom_app.features.doctor.view import view_of
 
