@@ -8,7 +8,7 @@ judged.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from ispom.errors import InputError
 from ispom.evaluation.doctor.diagnose import diagnose
@@ -19,9 +19,8 @@ from ispom.evaluation.mirrored import mirrored
 from ispom.features.pair_look import MIXED_UP
 from ispom.plausibility.doubt import keys_of
 from ispom.stop import check_stop
-from ispom.types import Sequence
+from ispom.types import Rig, Sequence, Trajectory
 
-from ...engine.playback import Playback
 from ...engine.run_events.event import RunEvent
 from ...engine.run_events.stretch import stretch_of
 from .job import Job
@@ -45,7 +44,8 @@ def suspicions(job: Job) -> Iterator[str]:
     if job.options.source.startswith("sim:") or sequence.grow is not None or len(seen.film) < LEAST_FRAMES:
         return
     yield from of_film(seen, sequence)
-    yield from of_path(seen, job.playback)
+    paths = {} if seen.finished is None else seen.finished.trajectories
+    yield from of_paths(paths, job.playback.truth, sequence.rig)
     if not any(note in MIXED_UP for note in sequence.notes):
         events = [event for event in job.events.log.events if event.severity.alarming]
         found = asked(sequence.truncated(job.playback.position), events)
@@ -60,18 +60,15 @@ def of_film(seen: Seen, sequence: Sequence) -> list[str]:
     return [doubt for doubt in seen.film.doubts(f"{sequence.name}: {seen.kind}")[0] if doubt.key not in known]
 
 
-def of_path(seen: Seen, playback: Playback) -> list[str]:
-    """Returns a sentence where the path of a method is that of mirrored images."""
-    truth, finished = playback.truth, seen.finished
-    if truth is None or finished is None:
-        return []
-    found = {method: mirrored(path, truth, playback.sequence.rig) for method, path in finished.trajectories.items()}
-    by_words = {words: method for method, words in reversed(found.items()) if words}
-    return [
-        f"The path of {method} is mirrored against the ground truth, as of images that are mirrored {words}: give them "
-        "as the camera took them, or correct the ground truth."
-        for words, method in by_words.items()
-    ][:1]
+def of_paths(paths: Mapping[str, Trajectory], truth: Trajectory | None, rig: Rig) -> list[str]:
+    """Returns a sentence where the path of a method is that of mirrored images; `truth` is world_from_rig."""
+    for method, path in paths.items():
+        if truth is not None and (words := mirrored(path, truth, rig)):
+            return [
+                f"Suspected: the images are mirrored {words}, for the path of {method} is, against the ground truth. "
+                "Give the images as the camera took them, or correct the ground truth."
+            ]
+    return []
 
 
 def asked(sequence: Sequence, alarming: list[RunEvent]) -> Diagnosis:

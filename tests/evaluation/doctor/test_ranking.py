@@ -36,7 +36,7 @@ UNFIT = suspect("clock", "counterfactual", 12.0, gain=0.6, after_px=3.0)
         (DECISIVE, FAST),
         (DECISIVE, MOVING),
         (CERTAIN, FAST),
-        (CERTAIN, MOVING),
+        (MOVING, CERTAIN),
         (LEVEL, CERTAIN),
         (FAST, PARTLY),
         (FAST, UNFIT),
