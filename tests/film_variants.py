@@ -11,7 +11,8 @@ import numpy as np
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Frame, Image, Rig, Sequence, is_video
 
-SOURCE, FRAMES = "sim:tiny", 50
+SOURCE, FRAMES, JUMP = "sim:tiny", 50, 28
+"""The simulation, how many of its images the film has, and at which one the zoom jumps."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def _title(images: Callable[[int], Image], k: int, camera: Camera) -> Image:
 
 
 def _zoomed(images: Callable[[int], Image], k: int, camera: Camera) -> Image:
-    times = 1 + 0.15 * k / FRAMES
+    """By 15 % at once."""
+    times = 1.15 if k >= JUMP else 1.0
     matrix = np.array([[times, 0, (1 - times) * camera.cx], [0, times, (1 - times) * camera.cy]])
     return np.asarray(cv2.warpAffine(images(k), matrix, (camera.width, camera.height)), np.uint8)
 

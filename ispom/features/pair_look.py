@@ -12,6 +12,7 @@ from ispom.errors import InputError
 from ispom.features.images import TrackedSize
 from ispom.features.pair_rows import LEAST, Look, Matches, RowModel, features_of, matched, moments
 from ispom.features.row_search import PointSearch
+from ispom.plausibility.doubt import Doubt
 from ispom.plausibility.film import Film
 from ispom.plausibility.images import image_doubts
 from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
@@ -109,7 +110,7 @@ def with_look(sequence: Sequence) -> Sequence:
 
 
 def _given(note: str) -> tuple[str, ...]:
-    return (note,) if note else ()
+    return (Doubt("pair_unlike", note),) if note else ()
 
 
 def _of_images(sequence: Sequence) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
 
         origin = Origin.of_folder(options.run, run, sequence, builder)
         found = examine(sequence, stretch, options.seconds, report, origin=origin)
-    sys.stdout.write("\n".join(lines(found, stretch)) + "\n")
+    sys.stdout.write("\n".join(lines(found, stretch, sequence.notes)) + "\n")
     if options.out is not None:
         claim_folder(options.out, "doctor")
         write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")

@@ -16,8 +16,7 @@ from ispom.evaluation.doctor.examination import examination
 from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.evaluation.mirrored import mirrored
-from ispom.features.pair_look import MIXED_UP
-from ispom.plausibility.doubt import keys_of
+from ispom.plausibility.doubt import DOUBTS, keys_of
 from ispom.stop import check_stop
 from ispom.types import Rig, Sequence, Trajectory
 
@@ -30,9 +29,12 @@ FRAMES = 45
 """Frames of the main camera in the doctor's stretch, as `ispom doctor` takes by itself."""
 LEAST_FRAMES = 12
 """Fewer are a trial, and say little."""
+EXPLAINED = frozenset(key for key in DOUBTS if key.startswith(("pair_", "images_"))) - {"images_title"}
+"""Keys of notes about what makes the doctor's tracks wrong, too; a title is left out."""
 CALIBRATION = "counterfactual"
-"""Where the evidence of those suspects is from that are a mistake though nothing went wrong: a changed calibration or
-clock, and exchanged images."""
+"""Where the evidence of suspects is from that are about the calibration: a changed one, or a changed clock."""
+MISTAKES = frozenset({suspect.key for suspect in SUSPECTS if suspect.how == CALIBRATION} | {"zoom"})
+"""Keys of suspects that are a mistake though nothing went wrong."""
 
 
 def suspicions(job: Job) -> Iterator[str]:
@@ -46,7 +48,7 @@ def suspicions(job: Job) -> Iterator[str]:
     yield from of_film(seen, sequence)
     paths = {} if seen.finished is None else seen.finished.trajectories
     yield from of_paths(paths, job.playback.truth, sequence.rig)
-    if not any(note in MIXED_UP for note in sequence.notes):
+    if not keys_of(sequence.notes) & EXPLAINED:
         events = [event for event in job.events.log.events if event.severity.alarming]
         found = asked(sequence.truncated(job.playback.position), events)
         if found.causes:
@@ -79,7 +81,7 @@ def asked(sequence: Sequence, alarming: list[RunEvent]) -> Diagnosis:
         seen = examination(sequence, stretch.first, stretch.last, check_stop)
     except InputError:  # too short, or unreadable: the run said so
         return Diagnosis(0, 0, ())
-    suspects = [each for each in SUSPECTS if alarming or each.how == CALIBRATION]
+    suspects = [each for each in SUSPECTS if alarming or each.key in MISTAKES]
     suspects = [each for each in suspects if sequence.guess is None or each.how != CALIBRATION]
 
     def advance(name: str) -> bool:

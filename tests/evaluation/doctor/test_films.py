@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ispom.evaluation.doctor.diagnose import diagnose
 from ispom.evaluation.doctor.examination import examination
-from tests.film_variants import film
+from ispom.evaluation.doctor.suspects.zoom import growth_of, zoom_jumps
+from tests.film_variants import JUMP, film
 
 RIGHT = {
     "squeezed in height": ("aspect", "aspect_percent", -25.0),
@@ -39,3 +41,20 @@ def test_images_that_were_undistorted_twice_have_another_distortion_than_stated(
 @pytest.mark.parametrize("name", ["as it was", pytest.param("mirrored", marks=pytest.mark.slow)])
 def test_a_right_film_has_no_cause_and_a_mirrored_one_looks_right(name: str) -> None:
     assert not diagnose(examination(film(name), 0, 44)).causes
+
+
+def test_a_zoom_that_jumps_is_found_at_its_frame() -> None:
+    found = zoom_jumps(examination(film("zoom"), 0, 44))
+    assert found is not None and found.found and found.frames == (JUMP,)
+    assert found.values["growth_percent"] == pytest.approx(15, abs=0.5)
+
+
+def test_going_ahead_is_no_zoom() -> None:
+    """Before a wall that a camera approaches, everything grows by the same share."""
+    wall = np.random.default_rng(3).uniform(-100, 100, (60, 2))
+    before, after = wall + 160, 1.02 * wall + 160
+    growth = growth_of(before, after, 30)
+    assert growth == pytest.approx((np.log(1.02), 0), abs=1e-9)
+    assert growth_of(before[:20], after[:20], 30) is None
+    found = zoom_jumps(examination(film("as it was"), 0, 44))
+    assert found is not None and not found.found
