@@ -12,8 +12,8 @@ from ispom.errors import InputError
 from ispom.features.images import TrackedSize
 from ispom.features.pair_rows import LEAST, Look, Matches, RowModel, features_of, matched, moments
 from ispom.features.row_search import PointSearch
-from ispom.geometry import Array
-from ispom.plausibility.film import film_doubts, thumbnail
+from ispom.plausibility.doubt import Doubt
+from ispom.plausibility.film import Film
 from ispom.plausibility.images import image_doubts
 from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
 
@@ -112,7 +112,7 @@ def with_look(sequence: Sequence) -> Sequence:
 
 
 def _given(note: str) -> tuple[str, ...]:
-    return (note,) if note else ()
+    return (Doubt("pair_unlike", note),) if note else ()
 
 
 def _of_images(sequence: Sequence) -> tuple[str, ...]:
@@ -140,19 +140,18 @@ def _of_images(sequence: Sequence) -> tuple[str, ...]:
 def _of_film(sequence: Sequence) -> Sequence:
     """With doubts about the first images of a film in their order, and without a title at its begin."""
     kind = "video" if "video" in sequence.kinds else "stereo"
-    found, thumbnails, pixels = [i for i, each in enumerate(sequence.kinds) if each == kind], list[Array](), 0
+    found, film, pixels = [i for i, each in enumerate(sequence.kinds) if each == kind], Film(), 0
     try:
         for i in found[:FILM_IMAGES]:
             image = next(iter(images_of(sequence.load(i)).values()))
             pixels += image.shape[0] * image.shape[1]
             if pixels > FILM_PIXELS:
                 break
-            thumbnails.append(thumbnail(image))
+            film.add(image, int(sequence.times_ns[i]))
     except InputError:  # the run skips it
         return sequence
-    found = found[: len(thumbnails)]
     alone = set(sequence.kinds) == {"video"}
-    doubts, begin = film_doubts(f"{sequence.name}: {kind}", thumbnails, sequence.times_ns[found], alone)
+    doubts, begin = film.doubts(f"{sequence.name}: {kind}", alone)
     sequence = sequence.with_notes(doubts)
     return sequence.part(begin, len(sequence) - 1) if begin else sequence
 

@@ -46,6 +46,7 @@ DOUBTS = {
     "images_frozen": "images that are all the same",
     "images_interlaced": "images of two fields",
     "images_transparent": "images that are transparent",
+    "pair_unlike": "two images in one, or a pair that is exchanged, turned, mirrored, out of level or of two moments",
     "images_title": "a title or another still image within a film",
     "images_cut": "a cut within a film, or images that are missing while its times go on",
     "images_repeated": "images that are repeated, as of a webcam that is read too often",

@@ -6,8 +6,7 @@ image to image by amounts that are alike, so that one change that is far larger 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+from array import array
 
 import cv2
 import numpy as np
@@ -43,14 +42,35 @@ def thumbnail(image: Image) -> Array:
     return (small - small.mean()) / deviation if deviation > 1 else np.zeros_like(small)
 
 
-def film_doubts(
-    where: str, thumbnails: Sequence[Array], times_ns: NDArray[np.int64], removable: bool = False
-) -> tuple[tuple[Doubt, ...], int]:
-    """Returns doubts about the first images of a film (N) with their times (N,), one of each kind, and the number of
-    images of a title at its begin, which are left out where they are `removable`."""
-    if len(thumbnails) < BEFORE_AND_AFTER:
+class Film:
+    """The changes between neighbouring images of a film, of which it keeps the last one only."""
+
+    def __init__(self) -> None:
+        self._last: Array | None = None
+        self._changes = array("d")
+        self._times_ns = array("q")
+
+    def __len__(self) -> int:
+        return len(self._times_ns)
+
+    def add(self, image: Image, time_ns: int) -> None:
+        """The next image, (H, W) or (H, W, 3), taken at this time."""
+        small = thumbnail(image)
+        if self._last is not None:
+            alike = self._last.shape == small.shape
+            self._changes.append(float(np.abs(small - self._last).mean()) if alike else 0.0)
+        self._last = small
+        self._times_ns.append(time_ns)
+
+    def doubts(self, where: str, removable: bool = False) -> tuple[tuple[Doubt, ...], int]:
+        """Returns doubts about the images so far, one of each kind, and the number of images of a title at their begin,
+        which are left out where they are `removable`."""
+        return _doubts(where, np.array(self._changes), np.array(self._times_ns, np.int64), removable)
+
+
+def _doubts(where: str, changes: Array, times_ns: NDArray[np.int64], removable: bool) -> tuple[tuple[Doubt, ...], int]:
+    if len(times_ns) < BEFORE_AND_AFTER:
         return (), 0
-    changes = np.array([np.abs(b - a).mean() for a, b in pairwise(thumbnails)])
     steps_ns = np.diff(times_ns)
     even = steps_ns <= EVEN * np.median(steps_ns)
     cuts = [k for k in range(len(changes)) if _is_cut(changes, k)]
@@ -71,12 +91,13 @@ def film_doubts(
         times = changes[k] / max(usual, STILL)
         text = f"{where}: image {k + 1} differs from the one before {times:.2g} times as much as its neighbours"
         what = "this looks like a cut, or like images that are missing while the times go on"
+        what = f"so do {len(cuts) - 1} others; {what}" if len(cuts) > 1 else what
         out.append(Doubt("images_cut", f"{text}: {what}; split the film there, or give the times of its images."))
     usual = float(np.median(changes))
     in_stills = {k for first, last in _stills(changes) for k in range(first, last)}
     same = [k for k in np.flatnonzero(changes < REPEATED * usual).tolist() if k not in in_stills]
     if usual > MOVING and len(same) >= LEAST_REPEATED:
-        text = f"{where}: {len(same)} of {len(thumbnails)} images repeat the one before, first image {same[0] + 1}"
+        text = f"{where}: {len(same)} of {len(times_ns)} images repeat the one before, first image {same[0] + 1}"
         out.append(Doubt("images_repeated", f"{text}: this looks like a camera that is read too often; remove them."))
     return tuple(out), begin
 

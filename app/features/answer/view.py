@@ -12,6 +12,7 @@ from ispom.evaluation.doctor.reruns import Tried
 
 from ...engine.history.record import with_parts
 from ...engine.run_events.event import RunEvent, event_kinds
+from ...engine.run_events.stretch import Stretch, event_at, worst_event
 from ...engine.verdict import Severity, verdict
 from ...presentation import colours
 from ...session.current_run import CurrentRun
@@ -19,7 +20,6 @@ from ...session.state import State
 from ...views.web.view_values import View
 from ..doctor.service import CANCELLED
 from ..doctor.state import Examined
-from ..doctor.stretch import Stretch, event_at, worst_event
 from ..doctor.view import unexplained, untried
 
 TOO_LOW = {"max_tracks": "only {} tracks are allowed"}

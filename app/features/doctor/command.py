@@ -17,6 +17,7 @@ from ispom.types import Sequence
 
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
+from ...engine.run_events.stretch import events_in, stretch_of
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import RIG
 from ...engine.signals import terminable
@@ -25,7 +26,6 @@ from ..headless.console import compile_first
 from .job import Progress, examine
 from .options import Doctor
 from .origin import Origin
-from .stretch import events_in, stretch_of
 from .text import lines, plain
 
 
@@ -45,7 +45,7 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
 
         origin = Origin.of_folder(options.run, run, sequence, builder)
         found = examine(sequence, stretch, options.seconds, report, origin=origin)
-    sys.stdout.write("\n".join(lines(found, stretch)) + "\n")
+    sys.stdout.write("\n".join(lines(found, stretch, sequence.notes)) + "\n")
     if options.out is not None:
         claim_folder(options.out, "doctor")
         write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ispom.evaluation.doctor.diagnose import diagnose, with_reruns
+from ispom.evaluation.doctor.diagnose import diagnose, ordered, with_reruns
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.evaluation.doctor.finding import Diagnosis, Ranked
 from ispom.evaluation.doctor.reruns import Reruns
 from ispom.evaluation.doctor.suspects import SUSPECTS
+from ispom.evaluation.doctor.suspects.calibration import WEAK
 from ispom.types import Sequence
 
+from ...engine.run_events.stretch import Stretch
 from .origin import Origin
 from .rerun import rerun, set_back
-from .stretch import Stretch
 
 SETTINGS = 0.6
 """Share of the time after which no setting is set back to its default any more."""
+
+
+HINDERS = frozenset({"too-fast", "on-lens"})
+"""Keys of suspects that are a trouble where they cost a method its pose, and else none."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,21 @@ def examine(
     settings = None if origin is None else set_back(origin, stretch, next_frame, so_far)
     seen = examination(sequence, stretch.first, stretch.last, read)
     found = diagnose(seen, SUSPECTS, next_suspect)
+    if origin is not None and stretch.event is None:
+        found = without_harmless(found)
     if settings is not None:
         found = with_reruns(found, settings)
     known = found
     return found if origin is None else with_reruns(found, rerun(origin, stretch, next_frame, settings, so_far))
+
+
+def without_harmless(found: Diagnosis) -> Diagnosis:
+    """Returns the diagnosis of a stretch in which the run had no warning and no loss: what may hinder did not."""
+
+    def judged(each: Ranked) -> Ranked:
+        if each.suspect.key not in HINDERS or not each.finding.found:
+            return each
+        text = f"{each.finding.evidence} The run had no trouble here, so this is no cause."
+        return replace(each, finding=replace(each.finding, strength=WEAK, evidence=text))
+
+    return ordered(replace(found, ranked=tuple(map(judged, found.ranked))))

@@ -13,10 +13,10 @@ from ispom.types import Sequence
 
 from ...engine.differences.compare import FROM_POINTS, MethodRow, in_order, record_rows, stored_pose
 from ...engine.playback import Builder, Playback
+from ...engine.run_events.stretch import Stretch
 from ...engine.run_folder.run_file import RunFile
 from ...engine.run_folder.step_reader import stored_steps
 from ...session.current_run import CurrentRun
-from .stretch import Stretch
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from ispom.types import Frame, Image, Measurement, Sequence, Step
 
 from ...engine.differences.compare import FOLLOWED, MethodRow, divergences, step_row
 from ...engine.playback import Playback, Snapshot
+from ...engine.run_events.stretch import Stretch
 from ...engine.run_events.table import EventRecorder
 from .origin import Origin, without_points
-from .stretch import Stretch
 
 SEEDS = (None, 1, 2)
 """Of the repetitions of a rerun: with the images as they are, then with noise on them."""

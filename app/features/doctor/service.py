@@ -11,6 +11,7 @@ from ispom.evaluation.doctor.finding import Diagnosis
 
 from ...engine import warmup
 from ...engine.playback import Playback
+from ...engine.run_events.stretch import Stretch, stretch_of
 from ...session import moves
 from ...session.branches.service import BranchService
 from ...session.branches.state import Branches
@@ -22,7 +23,6 @@ from .options import FRAMES, SECONDS
 from .origin import Origin
 from .rerun import config_of
 from .state import Examined
-from .stretch import Stretch, stretch_of
 
 CANCELLED = "cancelled"
 THOROUGH_S = 180.0

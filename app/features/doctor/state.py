@@ -7,10 +7,10 @@ from typing import Any
 
 from ispom.evaluation.doctor.finding import Diagnosis
 
+from ...engine.run_events.stretch import Stretch
 from ...session.branches.state import Branches
 from ...session.state import FeatureState, State
 from .job import Progress
-from .stretch import Stretch
 
 
 @dataclass(frozen=True, eq=False)

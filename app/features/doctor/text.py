@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ispom.errors import counted
 from ispom.evaluation.doctor.finding import Diagnosis, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns
+from ispom.plausibility.doubt import Doubt
 
-from .stretch import Stretch
+from ...engine.run_events.stretch import Stretch
 
 SHOWN = 5
 """Suspects that a person sees."""
 
 
-def lines(found: Diagnosis, stretch: Stretch) -> list[str]:
-    """Returns the answer, its remedy, the next suspects, and what was not tested."""
+def lines(found: Diagnosis, stretch: Stretch, notes: Sequence[str] = ()) -> list[str]:
+    """Returns what was said of the recording when it was opened (doubts among `notes`), the answer, its remedy, the
+    next suspects, and what was not tested."""
     event = stretch.event
     why = f"frame {stretch.at}" if event is None else f"the worst event there, at frame {event.frame}: {event.sentence}"
-    text = [f"Frames {stretch.first} to {stretch.last}, for {why}", found.answer]
+    known = [f"Known of the recording: {note}" for note in notes if isinstance(note, Doubt)]
+    text = [*known, f"Frames {stretch.first} to {stretch.last}, for {why}", found.answer]
     if found.causes:
         text.append(f"What to do: {found.causes[0].suspect.remedy}")
         text += [_frames(found.causes[0])] if found.causes[0].finding.frames else []

@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 from ispom.errors import InputError
 
+from ...engine.run_events.stretch import stretch_of
 from ..agents.agent_session import AgentSession
 from ..agents.tool import Tool, brief
 from .job import examine
 from .options import FRAMES, SECONDS
 from .origin import Origin
-from .stretch import stretch_of
 from .text import plain
 
 MOST_SECONDS = 600.0

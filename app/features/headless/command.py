@@ -28,6 +28,7 @@ from .job import Job, Origin
 from .options import Run
 from .output import describe, write_inputs
 from .play import Played, play
+from .suspicions import suspicions
 
 NO_MOTION = "no method found any motion"
 """In the sentence of a run without two poses: by this an experiment knows it from other failures."""
@@ -38,7 +39,11 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
 
     The exit code is 0, or InputError is raised after what was computed has been written.
     """
-    _print(completed(options, builder, origin))
+    job = completed(options, builder, origin)
+    _print(job)
+    with terminable():
+        for line in suspicions(job):
+            sys.stdout.write(f"{printable(line)}\n")
     return 0
 
 
@@ -142,3 +147,4 @@ def _print(job: Job) -> None:
     sensors = [f"other sensors: {', '.join(f'{n} {kind}' for kind, n in sorted(others.items()))}"] if others else []
     lines = [*notes, *sensors, summary(json.loads((path / METRICS).read_text())), *happened, printable(f"in {path}")]
     sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()  # what is suspected follows seconds later

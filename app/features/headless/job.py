@@ -14,6 +14,7 @@ from ...engine.run_folder.run_file import RunFile, fork_entry
 from ...engine.run_folder.run_folder import RunFolder
 from .console import Progress, progress
 from .options import Run
+from .seen import Seen
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,4 @@ class Job:
     """Called at each frame."""
     placements: PlacementLog = field(default_factory=PlacementLog)
     events: EventRecorder = field(default_factory=EventRecorder)
+    seen: Seen = field(default_factory=Seen)

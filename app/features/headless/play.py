@@ -80,7 +80,8 @@ class Steps:
         recording = Recording(job, signals) if job.options.recording else NoRecording()
         self.record, log = until_end.enter_context(recording), until_end.enter_context(StepLog(job.folder))
         self.journal = PoseJournal(job.folder, job.playback.unit_m)
-        self._consumers = (self.statistics, self.events, log, self.journal, self.record, job.placements, job.watch)
+        self._consumers = (self.statistics, self.events, log, self.journal, self.record)
+        self._consumers += (job.placements, job.watch, job.seen)
 
     def step(self) -> None:
         event = self._playback.step()
@@ -115,7 +116,7 @@ def play(job: Job, signals: Signals) -> Played:
                 signals.check()
         finally:
             signals.hold()
-            finished = playback.finish()
+            finished = job.seen.finished = playback.finish()
             steps.record.add(finished)
             steps.statistics.peak_mb = peak_mb()
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)

@@ -16,6 +16,11 @@ from .suspects.calibration import SURE
 
 MOST = 0.5
 """Share of the cost of held-out tracks from which on a calibration explains most of their error."""
+CERTAIN = 8.0
+"""Standard errors by which held-out tracks are better with a calibration, from which on it is beyond doubt."""
+SEEN, MAY = frozenset({"images", "times", "tracks"}), frozenset({"too-fast"})
+"""Where evidence is from that needs no calibration, and keys of such suspects that say what may hinder, not that it
+did."""
 
 
 def diagnose(
@@ -39,9 +44,14 @@ def diagnose(
             silent.append(suspect.key)
         else:
             ranked.append(Ranked(suspect, finding))
-    ranked.sort(key=_place)  # stable: at the same strength in the table's order
+    ranked = _in_order(ranked)
     first, last = (seen.shots[0].index, seen.shots[-1].index) if seen.shots else (0, 0)
     return Diagnosis(first, last, tuple(ranked), tuple(silent), tuple(left), rivals=_rivals(seen, ranked))
+
+
+def ordered(found: Diagnosis) -> Diagnosis:
+    """Returns the diagnosis with its suspects in the order of their evidence, where findings were changed."""
+    return replace(found, ranked=tuple(_in_order(found.ranked)))
 
 
 def _rivals(seen: Examination, ranked: list[Ranked]) -> tuple[str, ...]:
@@ -55,20 +65,27 @@ def _rivals(seen: Examination, ranked: list[Ranked]) -> tuple[str, ...]:
 
 def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
     """Returns the diagnosis with what reruns showed among its suspects."""
-    ranked = tuple(sorted((*found.ranked, *reruns.ranked), key=_place))
-    return replace(found, ranked=ranked, **{"set_back" if reruns.set_back else "reruns": reruns})
+    found = replace(found, **{"set_back" if reruns.set_back else "reruns": reruns})
+    return ordered(replace(found, ranked=(*found.ranked, *reruns.ranked)))
 
 
-def _place(each: Ranked) -> tuple[bool, int, float]:
-    """Causes before the others, those with the more direct evidence first.
+def _in_order(ranked: Iterable[Ranked]) -> list[Ranked]:
+    """Returns causes before the others, those with the more direct evidence first; at the same strength as they were.
 
     A setting of the run comes first: that without it the run goes better was seen, and not concluded. Then a
     calibration with which tracks fit that did not before: the images cannot be the trouble. Then what images and times
     show, and what moves, before what a calibration explains in part: that is tested fairly only on good images of a
-    rigid scene.
+    rigid scene. Where there is nothing of these but a motion that may be too fast, a calibration with which the tracks
+    fit better beyond doubt comes before it.
     """
-    finding, how = each.finding, each.suspect.how
-    order = {"setting": 0, "images": 2, "times": 2, "tracks": 3}.get(how, 4)
-    if finding.values.get("gain", 0.0) > MOST and finding.values["after_px"] < LOSS_PX:
-        order = 1
-    return not finding.found, order if finding.found else 0, -finding.strength
+    given = list(ranked)
+    good = not any(each.finding.found and each.suspect.how in SEEN and each.suspect.key not in MAY for each in given)
+
+    def place(each: Ranked) -> tuple[bool, float, float]:
+        finding, values = each.finding, each.finding.values
+        order = {"setting": 0.0, "images": 3.0, "times": 3.0, "tracks": 4.0}.get(each.suspect.how, 5.0)
+        if values.get("after_px", LOSS_PX) < LOSS_PX:
+            order = 1.0 if values["gain"] > MOST else 2.0 if good and values.get("z", 0.0) > CERTAIN else order
+        return not finding.found, order if finding.found else 0.0, -finding.strength
+
+    return sorted(given, key=place)

@@ -22,6 +22,8 @@ class Change:
     """The next coefficient of the same lens."""
     line_delay_us: float = 0.0
     """Of all cameras, as if their images were 480 rows high: later by this from row to row [us]."""
+    aspect_percent: float = 0.0
+    """Of the main camera's lens (of the pair, both): fy over fx, more than stated."""
     right_x_deg: float = 0.0
     """Rotation of the right camera about its own axes."""
     right_y_deg: float = 0.0
@@ -36,9 +38,11 @@ class Change:
         changed = self.perturbation.of_rig(rig)
         main = "video" if rig.video is not None else "left"
         cameras = dict(changed.cameras)
-        if self.k1 or self.k2:
-            for name in ("video",) if main == "video" else ("left", "right"):
+        for name in ("video",) if main == "video" else ("left", "right"):
+            if self.k1 or self.k2:
                 cameras[name] = _bent(cameras[name], self.k1, self.k2)
+            if self.aspect_percent:
+                cameras[name] = replace(cameras[name], fy=cameras[name].fy * (1 + self.aspect_percent / 100))
         if self.line_delay_us:
             for name, camera in cameras.items():
                 delay_s = camera.line_delay_s + self.line_delay_us * 1e-6 * 480 / camera.height
@@ -73,12 +77,13 @@ STEPS = {
     "k1": 0.001,
     "k2": 0.001,
     "line_delay_us": 0.5,
+    "aspect_percent": 0.1,
     "right_x_deg": 0.01,
     "right_y_deg": 0.01,
     "right_z_deg": 0.01,
 }
 """Each number that may be changed, and the step by which its effect is measured."""
-_OWN = ("k1", "k2", "line_delay_us", "right_x_deg", "right_y_deg", "right_z_deg")
+_OWN = ("k1", "k2", "line_delay_us", "aspect_percent", "right_x_deg", "right_y_deg", "right_z_deg")
 
 
 def change_of(names: tuple[str, ...], values: Array) -> Change:

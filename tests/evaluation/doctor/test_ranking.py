@@ -25,6 +25,8 @@ FAST = suspect("too-fast", "images", 2.1)
 MOVING = suspect("moving-objects", "tracks", 2.0)
 DECISIVE = suspect("pair-turned", "counterfactual", 15.0, gain=0.8, after_px=0.2)
 PARTLY = suspect("mount-shifted", "counterfactual", 5.0, gain=0.25, after_px=0.3)
+CERTAIN = suspect("pair-turned", "counterfactual", 4.4, gain=0.22, z=16.0, after_px=0.3)
+LEVEL = suspect("unlevel-pair", "images", 6.3)
 UNFIT = suspect("clock", "counterfactual", 12.0, gain=0.6, after_px=3.0)
 
 
@@ -33,6 +35,9 @@ UNFIT = suspect("clock", "counterfactual", 12.0, gain=0.6, after_px=3.0)
     [
         (DECISIVE, FAST),
         (DECISIVE, MOVING),
+        (CERTAIN, FAST),
+        (MOVING, CERTAIN),
+        (LEVEL, CERTAIN),
         (FAST, PARTLY),
         (FAST, UNFIT),
         (FAST, MOVING),

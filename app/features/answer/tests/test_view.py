@@ -8,13 +8,13 @@ from typing import Any
 
 from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.run_events.event import RunEvent
+from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.engine.verdict import Severity
 from ispom_app.features.answer.view import NOTHING, AnswerView, answer
 from ispom_app.features.doctor.job import Progress
 from ispom_app.features.doctor.rerun import NOT_TRIED
 from ispom_app.features.doctor.service import CANCELLED
 from ispom_app.features.doctor.state import Examined
-from ispom_app.features.doctor.stretch import Stretch
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.state import FeatureState, State
 

@@ -18,11 +18,11 @@ from ispom.settings import alternatives
 from ....engine.differences.compare import MethodRow, step_row
 from ....engine.events import Stepped
 from ....engine.playback import Playback
+from ....engine.run_events.stretch import Stretch
 from .. import rerun as of_rerun
 from ..job import Progress, examine
 from ..origin import Origin
 from ..rerun import KNOWN, rerun, set_back, with_noise
-from ..stretch import Stretch
 
 FIRST, LAST = 30, 55
 STRETCH = Stretch(FIRST, LAST, 50)

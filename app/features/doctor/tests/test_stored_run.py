@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from ispom_app.cli.main import main
+from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.engine.run_folder.run_file import read_run_file
 from ispom_app.features.doctor.origin import Origin
 from ispom_app.features.doctor.rerun import rerun
-from ispom_app.features.doctor.stretch import Stretch
 
 from ispom.ensemble import build
 from ispom.sequences import open_sequence

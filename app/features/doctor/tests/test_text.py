@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.features.doctor.state import Examined
-from ispom_app.features.doctor.stretch import Stretch
 from ispom_app.features.doctor.text import lines, plain
 from ispom_app.features.doctor.view import view_of
 
@@ -11,6 +11,7 @@ from ispom.evaluation.doctor.diagnose import with_reruns
 from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.evaluation.doctor.suspects import SUSPECTS
+from ispom.plausibility.doubt import Doubt
 
 
 def test_what_was_not_found_is_folded() -> None:
@@ -35,3 +36,9 @@ def test_reruns_are_a_table_and_rows_of_text() -> None:
     assert "--stereo.min-share 0.8" in printed and table.left == ("--stereo.min-share 0.8",)
     plainly = plain(found, Stretch(0, 9, 5))["reruns"]
     assert [row["helps"] for row in plainly["tried"]] == [False, True] and plainly["unchanged"][0]["located"] == 10
+
+
+def test_what_was_known_when_the_recording_was_opened_comes_first() -> None:
+    notes = ("30 images per second assumed", Doubt("images_cut", "This looks like a cut."))
+    first, *rest = lines(Diagnosis(0, 9, ()), Stretch(0, 9, 5), notes)
+    assert notes[1] in first and not any(notes[0] in line for line in rest)

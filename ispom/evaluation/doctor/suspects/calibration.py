@@ -64,6 +64,8 @@ NUMBERS: Mapping[str, Number] = {
     # Wide lenses have -0.3 to -0.4, and the distortion may be missing.
     "k1": Number("distortion k1", "", 0.5),
     "k2": Number("distortion k2", "", 0.5),
+    # 4:3 images squeezed into 16:9, and pixels of anamorphic films, twice as wide as high.
+    "aspect_percent": Number("fy over fx", "%", 100),
     # 100 us over 480 rows are 48 ms, longer than a frame lasts.
     "line_delay_us": Number("line delay, for 480 rows,", "us", 100),
     # Measured between other edges of the cameras; a unit that is mixed up is another cause.
@@ -96,6 +98,7 @@ OTHERS: Mapping[str, tuple[str, ...]] = {
     "video_focal_percent": (*MAIN, *TURN),
     "video_centre_x_px": (*MAIN, *TURN),
     "k1": (*MAIN, *TURN, "pair_focal_percent", *PAIR_CENTRE, *RIGHT),
+    "aspect_percent": ("video_focal_percent", "pair_focal_percent", *CENTRE, *PAIR_CENTRE, *LENS),
     "line_delay_us": ("clock_ms", *TURN),
     "clock_ms": ("line_delay_us", *TURN),
     "pair_focal_percent": (*PAIR_CENTRE, *RIGHT, *LENS),
@@ -114,7 +117,7 @@ def group_of(names: tuple[str, ...], rig: Rig) -> tuple[str, ...]:
     """Returns these numbers and those that may be wrong instead, as far as the rig has them."""
 
     def had(name: str) -> bool:
-        if name in LENS or name.startswith("line"):  # of the main camera
+        if name in LENS or name.startswith(("line", "aspect")):  # of the main camera
             return not (_video(rig) and names[0].startswith(("pair", "right")))
         if name.startswith("video"):
             return _video(rig)
@@ -280,6 +283,13 @@ CALIBRATION = (
         _video,
         video_centre_x_px=0.8,
         video_centre_y_px=0.8,
+    ),
+    _suspect(
+        "aspect",
+        "fx and fy do not fit each other, as of squeezed images",
+        "Give the images in the shape that the camera took, or correct fy by the stated share, or calibrate again.",
+        _any,
+        aspect_percent=1.0,
     ),
     _suspect("distortion", "the distortion of the lens is wrong", RECALIBRATE, _any, k1=0.01),
     _suspect(

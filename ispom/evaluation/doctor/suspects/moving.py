@@ -41,8 +41,8 @@ in a simulated street with traffic it explains none (seeds 0 to 2)."""
 MOST_SHARE = 0.6
 """More is no object before a scene."""
 LENSES = {
-    "video": (("k1",), ("video_focal_percent",), ("video_centre_x_px", "video_centre_y_px")),
-    "left": (("k1",), ("pair_focal_percent",), ("pair_centre_x_px", "pair_centre_y_px")),
+    "video": (("k1",), ("video_focal_percent",), ("video_centre_x_px", "video_centre_y_px"), ("aspect_percent",)),
+    "left": (("k1",), ("pair_focal_percent",), ("pair_centre_x_px", "pair_centre_y_px"), ("aspect_percent",)),
 }
 """Numbers of the lens that are freed, by the main camera."""
 NEAR = 0.06

@@ -13,6 +13,7 @@ from .images import low_texture
 from .lens import ON_LENS
 from .level import UNLEVEL
 from .moving import MOVING_OBJECTS
+from .zoom import ZOOM
 
 NEGATIVE_SHARE = 0.5
 """Share of the matches with a negative disparity from which on left and right are exchanged."""
@@ -113,4 +114,5 @@ TRACKS = (
         no_parallax,
     ),
     MOVING_OBJECTS,
+    ZOOM,
 )

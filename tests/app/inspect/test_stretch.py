@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from ispom_app.engine.run_events.event import RunEvent
+from ispom_app.engine.run_events.stretch import stretch_of, worst_event
+from ispom_app.engine.verdict import Severity
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-
-from ....engine.run_events.event import RunEvent
-from ....engine.verdict import Severity
-from ..stretch import stretch_of, worst_event
 
 
 def event(frame: int, severity: Severity, until: int | None) -> RunEvent:

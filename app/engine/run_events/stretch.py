@@ -10,10 +10,10 @@ from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.types import Sequence
 
-from ...engine.run_events.event import RunEvent
-from ...engine.run_events.table import read_events
-from ...engine.run_folder.run_folder import EVENTS
-from ...engine.verdict import Severity
+from ..run_folder.run_folder import EVENTS
+from ..verdict import Severity
+from .event import RunEvent
+from .table import read_events
 
 BEFORE = 2 / 3
 """Share of the stretch before the frame that is asked about: a cause comes before what it does."""
