@@ -10,6 +10,7 @@ from ispom_app.cli.main import main
 
 from ispom.errors import InputError
 from ispom.io.calibrations.recognised import one_camera, one_rig
+from ispom.io.poses.recognised import read_trajectory
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Sequence
 
@@ -76,6 +77,13 @@ def test_the_pair_of_a_bag(name: str) -> None:
     assert opened.rig.baseline_m == pytest.approx(0.4) and opened.rig.camera("left").fx == 115
     assert (opened.rig.camera("left").width, opened.kinds.count("stereo")) == (160, 6)
     assert any(BAGS[name] in str(note) for note in opened.notes)
+
+
+def test_the_poses_of_a_bag_are_read() -> None:
+    pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
+    path = REPORTS / "b03_truth_in_bag" / "truth.bag"
+    found = read_trajectory(Path(f"{path}:/vrpn_client_node/rig/pose")).trajectory
+    np.testing.assert_allclose(found.translations[:, 0], np.arange(6) / 10, atol=1e-12)
 
 
 def rate_hz(sequence: Sequence) -> float:

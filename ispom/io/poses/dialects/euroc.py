@@ -16,6 +16,8 @@ from ispom.io.poses.dialect import PoseDialect, TrajectoryFile
 from ispom.io.trajectories import OWN
 
 COUNT, LOOKED_AT = 8, 16
+DATES_NS = 1e12
+"""Larger times with a decimal point are dates in nanoseconds, as programs write whole numbers that were floats."""
 
 
 def _recognises(content: PoseContent) -> bool:
@@ -23,9 +25,9 @@ def _recognises(content: PoseContent) -> bool:
         return content.columns.order == OWN.order and content.columns.unit in (None, "ns")
     if content.header_fault is not None or content.spaced or content.width < COUNT or content.roles is not None:
         return False
-    if any("." in words[0] and "e" not in words[0].lower() for _, words in content.data[:LOOKED_AT]):
-        return False  # seconds
     whole = content.column(0)
+    if any("." in words[0] for _, words in content.data[:LOOKED_AT]) and whole.max() < DATES_NS:
+        return False  # seconds
     return bool((whole == np.round(whole)).all()) and not (content.unit_length(5) and not content.unit_length(4))
 
 
