@@ -48,7 +48,7 @@ def time_ns(where: str, word: str, unit_ns: int = 10**9) -> int:
         value = Decimal(word)
     except InvalidOperation:
         value = Decimal("NaN")
-    if not value.is_finite() or abs(value) * unit_ns > MAX_TIME_S * 10**9:
+    if not value.is_finite() or value.copy_abs() > MAX_TIME_S * 10**9 // unit_ns:
         unit = " in seconds" if unit_ns == 10**9 else ""
         raise InputError(f"{where}: '{word[:40]}' is not a time{unit}: correct that line")
     return int((value * unit_ns).to_integral_value())

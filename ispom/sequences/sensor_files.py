@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,10 @@ def geodetic_values(where: str, geodetic: Array, sigma: Array, origin: Array | N
 
 
 def local_of(geodetic: Array, origin: Array) -> Array:
-    """Returns east, north and up (N, 3) [m] of latitude, longitude [deg] and ellipsoidal height [m] (N, 3)."""
+    """Returns east, north and up (N, 3) [m] of latitude, longitude [deg] and ellipsoidal height [m] (N, 3). Raises
+    InputError where pymap3d is not installed."""
+    if find_spec("pymap3d") is None:
+        raise InputError("latitude and longitude need pymap3d, of the extra `fusion`: run pip install 'ispom[fusion]'")
     import pymap3d
 
     return np.stack(pymap3d.geodetic2enu(*np.asarray(geodetic, float).T, *origin), axis=1)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pymap3d
 import pytest
 
 from ispom.geometry import Array, Pose
@@ -154,6 +153,7 @@ def _put_odometry(put: Any, made: Any, header: Any, topic: str, time_ns: int, po
 
 def geodetic(xyz_in_local: Array) -> list[float]:
     """Latitude, longitude [deg] and height [m]."""
+    pymap3d = pytest.importorskip("pymap3d", reason="the extra `fusion` is not installed")
     east, north, up = xyz_in_local
     return [float(v) for v in pymap3d.enu2geodetic(east, north, up, *ORIGIN)]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pymap3d
+import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -65,6 +65,7 @@ def _write_unit(oxts: Path, sequence: Sequence) -> None:
     positions = CubicSpline(placed.times_ns * 1e-9, placed.translations)(at) @ LOCAL_FROM_WORLD.T
     turned = RotationSpline(placed.times_ns * 1e-9, Rotation.from_matrix(placed.rotations))(at)
     yaw, pitch, roll = (Rotation.from_matrix(LOCAL_FROM_WORLD) * turned).as_euler("ZYX").T
+    pymap3d = pytest.importorskip("pymap3d", reason="the extra `fusion` is not installed")
     east, north, up = positions.T
     latitude, longitude, height = pymap3d.enu2geodetic(east, north, up, *ORIGIN)
     rows = np.zeros((len(at), 30))

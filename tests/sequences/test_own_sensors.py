@@ -178,6 +178,7 @@ def test_fixes_beside_images_are_named(tmp_path: Path) -> None:
     row = row_of(sequence, "gnss")
     assert not row.used and "rig_from_gnss" in row.why
     (tmp_path / "sensors.yaml").write_text(f"gnss: {{rig_from_gnss: {MOUNT}, sigma_m: 2}}")
+    pytest.importorskip("pymap3d", reason="the extra `fusion` is not installed")
     completed = open_sequence(str(source), sensors=tmp_path / "sensors.yaml")
     assert completed.kinds.count("gnss") == 2
     assert readings_of(completed)["gnss"].values["sigma"].tolist() == [[2.0] * 3] * 2
@@ -237,6 +238,7 @@ def kitti_drive(root: Path, frames: int = 6) -> Path:
 
 
 def test_the_unit_of_kitti_is_an_imu_and_a_receiver(tmp_path: Path) -> None:
+    pytest.importorskip("pymap3d", reason="the extra `fusion` is not installed")
     sequence = open_sequence(str(kitti_drive(tmp_path)))
     # The unit is 0.5 m ahead of the laser's axes' origin reversed, 0.8 m below it: velo_from_imu T = -0.5 0 -0.8.
     velo_from_imu = Pose(translation=np.array([-0.5, 0, -0.8]))
@@ -252,6 +254,13 @@ def test_the_unit_of_kitti_is_an_imu_and_a_receiver(tmp_path: Path) -> None:
     np.testing.assert_allclose(readings["gnss"].values["xyz"][:, 0], np.arange(6), atol=1e-3)
     np.testing.assert_allclose(readings["gnss"].values["sigma"], 0.5)
     assert any("its error says little" in note for note in sequence.notes)
+
+
+def test_without_what_takes_latitudes_fixes_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ispom.sequences.sensor_files.find_spec", lambda name: None)
+    sequence = open_sequence(str(kitti_drive(tmp_path)))
+    assert row_of(sequence, "imu").used and not row_of(sequence, "gnss").used
+    assert "ispom[fusion]" in row_of(sequence, "gnss").why
 
 
 def test_without_the_calibration_of_the_unit_it_is_named(tmp_path: Path) -> None:
@@ -385,6 +394,7 @@ def test_a_bag_of_a_camera_alone_still_opens(tmp_path: Path) -> None:
 
 def ran(source: Path, sensors: str, out: Path) -> dict[str, str]:
     """What `ispom run` writes: the trajectories."""
+    pytest.importorskip("gtsam", reason="the extra `fusion` is not installed")
     methods = ["--methods", "stereo", "fused.stereo", "--fused.stereo.scheme", "6"]
     assert main(["run", str(source), *methods, "--sensors", sensors, "--no-recording", "--out", str(out)]) == 0
     return {name: (out / f"{name}.tum").read_text() for name in ("stereo", "fused.stereo")}

@@ -90,6 +90,14 @@ def test_what_is_wrong_is_one_sentence(tmp_path: Path, plain: Sequence, text: st
         with_sensors(plain, path)
 
 
+@pytest.mark.parametrize("word", ["1e9999999", "-1e999999999999", "nan", "1e18"])
+@pytest.mark.parametrize("clock", ["time_s", "time_ns"])
+def test_a_time_beyond_all_numbers_is_one_sentence(tmp_path: Path, clock: str, word: str) -> None:
+    (tmp_path / "x.csv").write_text(f"{clock},x\n0,1\n{word}{'0' * 9 if clock == 'time_ns' else ''},1\n")
+    with pytest.raises(InputError, match="line 3"):
+        read_table(tmp_path / "x.csv")
+
+
 @given(st.text(max_size=200))
 def test_any_table_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.mktemp("table") / "x.csv"

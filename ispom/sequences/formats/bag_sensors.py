@@ -58,17 +58,17 @@ class BagCamera:
 
 def sensors_of_bag(bag: BagFile, camera: BagCamera) -> tuple[tuple[OwnSensor, ...], tuple[Found, ...]]:
     """Returns the IMU, receivers and wheels of a bag, and what else is in it and not used."""
-    topics = [topic for topic, kind in bag.types.items() if kind in (IMU, FIX, ODOMETRY) and bag.holds(topic)]
-    tree = _Frames.of(bag) if topics else _Frames()
-    found, others = list[OwnSensor](), list[Found]()
-    for topic in topics:
-        kind = bag.types[topic]
-        if kind == IMU:
-            found.append(_imu(bag, topic, camera, tree))
-        elif kind == FIX:
-            found.append(_receiver(bag, topic, camera, tree))
-        else:
-            found.append(_wheels(bag, topic, camera, tree))
+    makers = {IMU: _imu, FIX: _receiver, ODOMETRY: _wheels}
+    found, others, tree = list[OwnSensor](), list[Found](), None
+    for topic, kind in bag.types.items():
+        if kind not in makers or not bag.holds(topic):
+            continue
+        try:
+            tree = tree or _Frames.of(bag)
+            found.append(makers[kind](bag, topic, camera, tree))
+        except InputError as fault:
+            what = {IMU: "imu", FIX: "gnss", ODOMETRY: "wheel"}[kind]
+            others.append(Found(what, _where(bag, topic), False, f"is not used: {fault.args[0]}"))
     found.sort(key=lambda each: bool(each.missing))  # the usable one has the name of its kind
     poses = [topic for topic in pose_topics(bag) if "/tf" not in topic and bag.types[topic] != ODOMETRY]
     for topic in poses:
