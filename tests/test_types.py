@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Decision, Rig, TrackStatus, Trajectory, as_grey, colours_at
+from ispom.types import Camera, Decision, GnssAntenna, GnssFix, Rig, TrackStatus, Trajectory, as_grey, colours_at
 from tests import doubles
 
 PLAIN = Camera(640, 480, 500.0, 510.0, 320.3, 239.1)
@@ -115,3 +117,17 @@ def test_colours_of_pixels() -> None:
 def test_a_sequence_can_be_cut() -> None:
     sequence = doubles.sequence().truncated(4)
     assert len(sequence) == len(sequence.kinds) == 4 and sequence[3].time_ns == sequence.times_ns[3]
+
+
+def test_what_lies_beside_is_left_out_where_nobody_uses_it_and_comes_back() -> None:
+    plain = doubles.sequence()
+    fixes = [GnssFix(int(t) + 1, np.zeros(3), np.eye(3)) for t in plain.times_ns[::3]]
+    rig = plain.rig.changed(gnss=GnssAntenna())
+    asked = replace(plain, rig=rig).with_measurements(fixes)
+    beside = replace(asked, beside=frozenset({"gnss"}))
+    assert asked.used_by({"video"}) is asked, "what somebody asked for stays"
+    found = beside.used_by({"video", "stereo"})
+    assert found.kinds == plain.kinds and found.times_ns.tolist() == plain.times_ns.tolist()
+    assert [found[i].time_ns for i in range(len(found))] == plain.times_ns.tolist()
+    assert found.used_by({"video"}) is found and found.used_by({"gnss", "video"}) is beside
+    assert len(found[2:5].used_by({"gnss"})) == 3, "a part has no more than itself"

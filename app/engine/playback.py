@@ -6,7 +6,7 @@ A run may have been forked from others: then it begins with what those did up to
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
-from ispom.methods import STEREO, Config
+from ispom.methods import STEREO, Config, with_dependencies
 from ispom.methods import method as registered
 from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.solvers.influence.problem import Problem
 from ispom.stopwatch import cpu_clock
-from ispom.types import Rig, Sequence, Step, Trajectory
+from ispom.types import Kind, Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
 from .external_trajectories.placed import ExternalTrajectory
@@ -72,6 +72,7 @@ class Playback:
     def __post_init__(self) -> None:
         begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first frame shares none
         self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
+        self.sequence = self._used()
         # The last one first: a mistake in the options is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.ensemble: Ensemble = self._build(self._stages[0])
@@ -94,6 +95,16 @@ class Playback:
             m.name: Placing(self.sequence.rig, None if m.unit == "own" else 1.0, spacing_ns) for m in free
         }
         """Of the methods with a unit or a world of their own that are not placed yet."""
+
+    def _used(self) -> Sequence:
+        """The sequence without sensors beside it that the first stage does not use: a fork has the frames of its
+        parent. InputError where a later stage uses one of those."""
+        found = self.sequence.used_by(kinds_of(self._stages[0].methods))
+        left_out = self.sequence.beside.difference(found.kinds)
+        for name in (name for stage in self._stages for name in stage.methods):
+            if missing := sorted(left_out & kinds_of((name,))):
+                raise InputError(f"{name} uses the {missing[0]}, which the run before it left out: begin with {name}")
+        return found
 
     @property
     def snapshot(self) -> Snapshot:
@@ -262,3 +273,8 @@ def truth_from_start(sequence: Sequence) -> Trajectory | None:
     )
     start = sequence.truth.at(first) if first is not None else None
     return sequence.truth.moved(left=(start or sequence.truth.pose(0)).inverse())
+
+
+def kinds_of(methods: Iterable[str]) -> frozenset[Kind]:
+    """Returns the kinds of measurements that these methods, and those that they depend on, use."""
+    return frozenset[Kind]().union(*(registered(name).sensors for name in with_dependencies(methods)))

@@ -101,7 +101,9 @@ def with_own_sensors(sequence: Sequence, own: Iterable[OwnSensor]) -> Sequence:
         return sequence.with_found(found)
     notes = (*doubts, *mount_doubts(sequence.name, Rig(sensors)))
     measured = (m for i in chosen for m in measured_within(listed[i].name, read[i], frames_ns))
-    return replace(sequence, rig=rig).with_found(found).with_notes(notes).with_measurements(measured)
+    beside = frozenset(listed[i].sensor.kind for i in chosen)
+    sequence = replace(sequence, rig=rig, beside=beside).with_found(found).with_notes(notes)
+    return sequence.with_measurements(measured)
 
 
 def _first_of_each_kind(

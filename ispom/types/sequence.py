@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from collections.abc import Sequence as Listed
 from dataclasses import dataclass, replace
 from typing import overload
 
@@ -91,6 +92,12 @@ class Sequence:
     found: tuple[Found, ...] = ()
     """What lies in or beside the source, used or not; of what is not used, the note is one of the notes."""
 
+    beside: frozenset[Kind] = frozenset()
+    """Kinds of measurements that were taken in unasked, as they lie beside: a run leaves out those that none of its
+    methods uses."""
+    whole: Sequence | None = None
+    """Where some were left out, the sequence with them."""
+
     def __post_init__(self) -> None:
         """Raises ValueError where kinds are missing, or times decrease."""
         if len(self.kinds) != len(self.times_ns) or (np.diff(self.times_ns) < 0).any():
@@ -108,14 +115,24 @@ class Sequence:
     def __getitem__(self, i: int | slice) -> Measurement | Sequence:
         """Measurement i, or the sequence of some of them; a step of a slice must be positive (ValueError)."""
         if isinstance(i, slice):
-            return self._part(range(len(self))[i])
+            chosen = range(len(self))[i]
+            if chosen.step < 0:
+                raise ValueError("a sequence does not go backwards: give a slice with a positive step")
+            return self._part(chosen)
         if not -len(self) <= i < len(self):
             raise IndexError(f"measurement {i} of {len(self)}")
         return self.load(range(len(self))[i])
 
-    def _part(self, chosen: range) -> Sequence:
-        if chosen.step < 0:
-            raise ValueError("a sequence does not go backwards: give a slice with a positive step")
+    def used_by(self, kinds: Collection[Kind]) -> Sequence:
+        """Returns the sequence without those measurements that lie beside and are of none of these kinds."""
+        whole = self.whole or self
+        unused = whole.beside.difference(kinds)
+        chosen = [i for i, kind in enumerate(whole.kinds) if kind not in unused]
+        if len(chosen) == len(self):
+            return self
+        return whole if len(chosen) == len(whole) else replace(whole._part(chosen), whole=whole)
+
+    def _part(self, chosen: Listed[int]) -> Sequence:
         at, prepare = np.asarray(chosen, np.int64), self.prepare
         return replace(
             self,
@@ -124,6 +141,7 @@ class Sequence:
             load=lambda i: self.load(chosen[i]),
             prepare=None if prepare is None else lambda i: prepare(chosen[i]),
             grow=None,
+            whole=None,
         )
 
     def __repr__(self) -> str:
@@ -163,7 +181,9 @@ class Sequence:
                 self.prepare(int(own_before[i]))
 
         ahead = None if self.prepare is None else prepare
-        return replace(self, times_ns=times_ns[order], kinds=tuple(kinds[i] for i in order), load=load, prepare=ahead)
+        return replace(
+            self, times_ns=times_ns[order], kinds=tuple(kinds[i] for i in order), load=load, prepare=ahead, whole=None
+        )
 
     def with_video_later(self, by_s: float, drift: float = 0.0) -> Sequence:
         """Returns the sequence with the stamps of the video increased by `by_s` seconds, and by `drift` of the time
@@ -186,11 +206,11 @@ class Sequence:
             stamps = zip(times_ns, self.times_ns, strict=True)
             truth = Trajectory.of([(int(t), pose) for t, was in stamps if (pose := truth.at(int(was))) is not None])
         kinds = tuple(self.kinds[i] for i in order)
-        return replace(self, times_ns=times_ns[order], kinds=kinds, load=load, truth=truth, prepare=None)
+        return replace(self, times_ns=times_ns[order], kinds=kinds, load=load, truth=truth, prepare=None, whole=None)
 
     def truncated(self, count: int) -> Sequence:
         """Returns the first `count` measurements."""
-        return replace(self, times_ns=self.times_ns[:count], kinds=self.kinds[:count])
+        return replace(self, times_ns=self.times_ns[:count], kinds=self.kinds[:count], whole=None)
 
     def part(self, first: int, last: int) -> Sequence:
         """Returns measurements `first` to `last`, both included, as 0 and on."""

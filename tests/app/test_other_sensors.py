@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,6 +27,7 @@ from ispom_app.views.web.messages import message_of
 from ispom_app.views.web.time_axis import AxisNews
 
 from ispom import methods
+from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.plausibility import Doubt
 from ispom.types import Camera, Frame, GnssAntenna, GnssFix, Imu, ImuSamples, Measurement, Rig, Sequence, Status, Step
@@ -182,3 +183,19 @@ def test_the_state_of_a_run_without_frames_is_one_that_can_be_shown() -> None:
     run = CurrentRun(Playback(source, RUN, builder=build), 10**8)
     run.step()
     assert AxisNews().since(State("double:20"), run) is not None
+
+
+def test_a_run_leaves_out_what_lies_beside_and_none_of_its_methods_uses() -> None:
+    plain = doubles.sequence()
+    fixes = [GnssFix(int(t) + 1, np.zeros(3), np.eye(3)) for t in plain.times_ns[::3]]
+    rig = plain.rig.changed(gnss=GnssAntenna())
+    beside = replace(replace(plain, rig=rig).with_measurements(fixes), beside=frozenset({"gnss"}))
+    run = Playback(beside, ("stereo",), builder=build)
+    assert run.sequence.kinds == plain.kinds
+    assert Playback(run.sequence, ("stereo", FUSED), builder=build).sequence is beside, (
+        "begun again with another method"
+    )
+    fork = run.forked(3, ("monocular",), methods.Config())
+    assert fork.sequence is run.sequence and len(fork.sequence) == len(plain), "a fork has the frames of its parent"
+    with pytest.raises(InputError, match=FUSED):
+        run.forked(3, ("stereo", FUSED), methods.Config())

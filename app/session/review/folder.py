@@ -15,10 +15,10 @@ from ispom.io.files import confined, exists
 from ispom.io.rig import read_rig
 from ispom.io.trajectories import read_tum
 from ispom.methods import Config, method, with_dependencies
-from ispom.types import FrameName, Rig, Sequence, Trajectory
+from ispom.types import FrameName, Kind, Rig, Sequence, Trajectory
 
 from ...engine.options import SourceOptions
-from ...engine.playback import Builder, Playback
+from ...engine.playback import Builder, Playback, kinds_of
 from ...engine.run_folder.placements import Placed, placed
 from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file
@@ -49,7 +49,8 @@ def read_stored(
     if not len(found.kinds):
         raise InputError(f"{folder} holds no exposure: run again")
     recording, identity = _recording(folder)
-    sequence, unavailable = _sequence(folder, run, rig, found, opener, named, compare)
+    first = run.earlier[0].methods if run.earlier else methods
+    sequence, unavailable = _sequence(folder, run, rig, found, opener, named, compare, kinds_of(first))
     playback = _playback(sequence, methods, config, run, builder, unavailable)
     if not unavailable:
         found = replace(found, times_ns=sequence.times_ns, kinds=sequence.kinds[: len(found.kinds)])
@@ -77,16 +78,23 @@ def _recording(folder: Path) -> tuple[Path | None, str]:
 
 
 def _sequence(
-    folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener, named: Collection[str], compare: bool
+    folder: Path,
+    run: RunFile,
+    rig: Rig,
+    found: Exposures,
+    opener: Opener,
+    named: Collection[str],
+    compare: bool,
+    kinds: frozenset[Kind],
 ) -> tuple[Sequence, str]:
-    """That of the source, or else one without images, and why."""
+    """That of the source with measurements of these kinds, or else one without images, and why."""
     try:
         allowed = stored_source(folder, run, None, named, NAME_IT)
         with confined(allowed.places):
             sequence = opener(allowed.source, allowed.options)
         if compare and run.images_sha256 is not None and not run.source.startswith("sim:"):
             sequence = compared(sequence, run.images_sha256, run.source)
-        sequence = self_calibrated(sequence)
+        sequence = self_calibrated(sequence).used_by(kinds)
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its frames have other times"
