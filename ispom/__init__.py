@@ -4,13 +4,13 @@ What a plug-in or a notebook needs is importable from here, and stays so: a name
 which using it warns. Everything below (`ispom.solvers`, ...) may change with each release.
 
     import ispom
-    sequence = ispom.open_sequence("sim:tiny")
-    methods = ispom.default_methods(sequence.rig)
-    ensemble = ispom.build(ispom.Config(), methods, sequence.rig)
-    state = ensemble.start()
-    for i in range(len(sequence)):
-        state, steps = ensemble.step(state, sequence[i])
-    trajectories = ensemble.finish(state)  # by method
+    run = ispom.run("sim:tiny", "stereo")         # a path, a sequence, or images with a rig
+    run.trajectory, run.steps[3].inliers, run.covariances
+    run.evaluate().ate                            # with the numbers of `ispom evaluate`
+    for step in ispom.stepper("sim:tiny", "stereo"):
+        ...                                       # stop, go back, fork
+
+Several methods over one sequence are an `Ensemble`: `ispom.build(ispom.Config(), methods, sequence.rig)`.
 """
 
 from __future__ import annotations
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity, skew
     from ispom.methods import Config, default_methods, method, possible_methods
+    from ispom.notebook.register import register
+    from ispom.notebook.run import Evaluation, Run, run
+    from ispom.notebook.stepper import Stepper, stepper
     from ispom.persistent_list import PersistentList
     from ispom.sequences import open_sequence
     from ispom.sequences.format import Format
@@ -100,6 +103,9 @@ _HOMES = {
     "ispom.features.shi_tomasi": "detect_corners detect_spread",
     "ispom.geometry": "Pose Similarity skew",
     "ispom.methods": "Config default_methods method possible_methods",
+    "ispom.notebook.register": "register",
+    "ispom.notebook.run": "Evaluation Run run",
+    "ispom.notebook.stepper": "Stepper stepper",
     "ispom.persistent_list": "PersistentList",
     "ispom.sequences": "open_sequence",
     "ispom.sequences.format": "Format",

@@ -54,8 +54,16 @@ class Registry(Generic[Item]):
             raise InputError(f"{name[:60]!r} is no {self.word}: choose from {', '.join(self.names())}{also}")
         return self.items()[name]
 
-    def add(self, item: Item) -> None:
-        """Adds a value for this process only. Raises InputError where its name is taken."""
+    def takes(self, item: object) -> bool:
+        """Whether it is of the kind that this registry holds."""
+        return isinstance(item, self._kind)
+
+    def add(self, item: Item, replace: bool = False) -> None:
+        """Adds a value for this process only, or replaces one that was added. Raises InputError where its name is
+        taken."""
+        if replace:
+            self._added = [other for other in self._added if other.name != item.name]
+            self.refresh()
         if item.name in self.items():
             raise InputError(f"{item.name} is the name of another {self.word}: choose another name")
         self._added.append(item)

@@ -53,14 +53,20 @@ class Setting:
     type: Any
     """bool, int, float, str or a Literal[...]."""
     range: Range | None
-    help: str
+    config: type
+    """The dataclass that has it."""
     worth_trying: WorthTrying = WorthTrying()
+
+    @property
+    def help(self) -> str:
+        """The docstring below the field; empty without one."""
+        return _field_docs(self.config).get(self.name, "")
 
 
 @cache
 def settings(config: type) -> tuple[Setting, ...]:
-    """The fields of a config dataclass, in order, with their ranges and the docstrings below them."""
-    docs, hints, result = _field_docs(config), get_type_hints(config, include_extras=True), []
+    """The fields of a config dataclass, in order, with their ranges."""
+    hints, result = get_type_hints(config, include_extras=True), []
     for f in fields(config):
         kind, limits, worth = hints[f.name], None, WorthTrying()
         if get_origin(kind) is Annotated:
@@ -68,7 +74,7 @@ def settings(config: type) -> tuple[Setting, ...]:
             limits = next((e for e in extras if isinstance(e, Range)), None)
             worth = next((e for e in extras if isinstance(e, WorthTrying)), worth)
             kind = next((Literal[e.names()] for e in extras if isinstance(e, Choices)), kind)
-        result.append(Setting(f.name, kind, limits, docs.get(f.name, ""), worth))
+        result.append(Setting(f.name, kind, limits, config, worth))
     return tuple(result)
 
 
@@ -170,8 +176,9 @@ def _float(value: Any) -> float:
         return math.inf if value > 0 else -math.inf
 
 
+@cache
 def _field_docs(config: type) -> dict[str, str]:
-    """By field, those of the dataclasses that this one extends included."""
+    """By field; parsed from the source, when somebody asks. Those of the dataclasses that this one extends included."""
     docs = {}
     for base in reversed(config.__mro__):
         if "__annotations__" in vars(base):
@@ -180,7 +187,11 @@ def _field_docs(config: type) -> dict[str, str]:
 
 
 def _own_docs(config: type) -> dict[str, str]:
-    body, docs = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body, {}  # type: ignore[attr-defined]
+    try:
+        source = inspect.getsource(config)
+    except (OSError, TypeError):  # typed at a prompt
+        return {}
+    body, docs = ast.parse(textwrap.dedent(source)).body[0].body, {}  # type: ignore[attr-defined]
     for statement, following in pairwise(body):
         if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
             docs[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]

@@ -23,7 +23,7 @@ LAYERS = (
     {"estimators"},
     {"methods"},
     {"ensemble"},
-    {"warm_up"},
+    {"notebook", "warm_up"},
     {"calibration"},
     {"testing"},
 )

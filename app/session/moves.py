@@ -42,7 +42,7 @@ def step(state: State, run: CurrentRun | None, count: int) -> tuple[Event, ...]:
 def step_to(
     state: State, run: CurrentRun | None, kind: Literal["stereo", "key_frame"], *, forwards: bool
 ) -> tuple[Event, ...]:
-    """Pause, and show the nearest frame of a kind; InputError where there is none in this direction."""
+    """Pause, and show the nearest frame of a kind, or say that there is none in this direction."""
     if run is None:
         return ()
     if kind == "stereo":
@@ -54,7 +54,7 @@ def step_to(
         return seek(run, index)
     last = run.last
     if not forwards or state.computed > last:
-        raise InputError(f"there is no keyframe {'after' if forwards else 'before'} frame {max(state.index, 0)}")
+        return _none("keyframe", forwards, state.index)
     return (changed(playing=False, target=last, until=Holds(expression)),)
 
 
@@ -80,8 +80,13 @@ def _to_stereo(state: State, run: CurrentRun, forwards: bool) -> tuple[Event, ..
     among = range(at + 1, len(kinds)) if forwards else range(at - 1, -1, -1)
     index = next((i for i in among if kinds[i] == "stereo"), None)
     if index is None:
-        raise InputError(f"there is no stereo frame {'after' if forwards else 'before'} frame {max(at, 0)}")
+        return _none("stereo frame", forwards, at)
     return seek(run, index)
+
+
+def _none(what: str, forwards: bool, index: int) -> tuple[Event, ...]:
+    text = f"There is no {what} {'after' if forwards else 'before'} frame {max(index, 0)}."
+    return changed(playing=False, target=None), NoticeAdded(text, "info")
 
 
 def to_end(run: CurrentRun | None) -> tuple[Event, ...]:

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.adjust.problem import BoardProblem, Estimate, Observations, Unknowns
+from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns, board_problem
 from ispom.calibration.adjust.solve import Solution, board_poses
-from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.before_board import placed, views_of
 from ispom.calibration.motion.course import LONGEST_S, Course, Start, start_of
 from ispom.calibration.result import Clock, Redo, Views
 from ispom.calibration.targets.target import Target
 from ispom.geometry import Pose
+from ispom.solvers.least_squares import normal_equations
 from ispom.types import Camera
 
 VIDEO = 2
@@ -85,7 +85,7 @@ def with_video_placed(
     estimate, unknowns = _moved(found.estimate, best.video_from_left, image_of), Unknowns.all_of(found.estimate)
     unknowns = Unknowns(found.unknowns.interior, unknowns.pose)
     covariance = np.block([[found.covariance, best.with_shared[:6].T], [best.with_shared[:6], best.covariance[:6, :6]]])
-    equations = normal_equations(BoardProblem(found.seen, unknowns, estimate.views), estimate)
+    equations = normal_equations(board_problem(found.seen, unknowns, estimate.views), estimate)
     error = float(np.sqrt(best.covariance[6, 6]))
     known = 0 < error <= OFFSET_S
     clock = Clock(best.offset_s, error, known)

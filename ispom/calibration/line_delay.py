@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.calibration.adjust.problem import BoardProblem, Observations, Unknowns, by_twist
+from ispom.calibration.adjust.problem import Observations, Unknowns, board_problem, by_twist
 from ispom.calibration.adjust.solve import Solution, adjust_views, solution, with_views
-from ispom.calibration.least_squares import normal_equations
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
 from ispom.calibration.targets.target import Target
 from ispom.cameras.opencv import project_with_derivatives
 from ispom.geometry import Array
+from ispom.solvers.least_squares import normal_equations
 from ispom.types import Camera
 
 ROUNDS = 3
@@ -131,7 +131,7 @@ def _step(found: Solution, shift: Array, by_noise: float) -> tuple[float, float]
     weights = 1 / seen.sigma_px**2
     predicted = seen.uv + found.residuals_px
     # Residuals that are the shift itself: their gradient is what interior and poses can make of it.
-    problem = BoardProblem(seen.with_uv(predicted - shift), found.unknowns, estimate.views)
+    problem = board_problem(seen.with_uv(predicted - shift), found.unknowns, estimate.views)
     equations = normal_equations(problem, estimate)
     shared, views = equations.step(0.0)
     alone = float((weights[:, None] * shift**2).sum())

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, skew, so3_exp
-from ispom.numerics.levenberg_marquardt import minimise
-from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.numerics.robust import cauchy_weights
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, cauchy, normal_equations
+from ispom.solvers.least_squares import adjust as adjusted
 from ispom.types import Rig
 
 LEAST_DEPTH = 1e-9
@@ -245,105 +246,88 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     of the last frame but one (of two frames, the last one) from the first keeps its length."""
     seen, frames = Seen.of(window), len(window.rotations)
     far = max(1, frames - 2)
-    length = float(np.linalg.norm(window.translations[far] - window.translations[0]))
-    hold = 1 / (held * length) if length > 1e-6 else 0.0
-
-    def pull(now: Window) -> tuple[float, Array]:
-        """Returns by how much the held length is off, in its standard deviations, and the derivative (3,)."""
-        way = now.translations[far] - now.translations[0]
-        now_long = float(np.linalg.norm(way))
-        return hold * (now_long - length), hold * way / max(now_long, 1e-12)
-
-    def cost(now: Window) -> float:
-        return cauchy_cost(distances_px(now, cameras, seen) ** 2, noise_px) + 0.5 * pull(now)[0] ** 2
-
-    def stepped(now: Window, damping: float) -> Window:
-        system = System.of(now, cameras, seen, noise_px)
-        off, slope = pull(now)
-        reduced, side = system.reduced(damping)
-        at = slice(6 * far - 6, 6 * far - 3)
-        reduced[at, at] += np.outer(slope, slope)
-        side[at] += off * slope
-        reduced[np.diag_indices(len(side))] += damping * np.diag(reduced) + 1e-9
-        step = -np.linalg.solve(reduced, side)
-        rho = now.rho + system.points(step, damping)
-        moved = _moved(now, np.arange(1, frames), step.reshape(-1, 6))
-        return replace(moved, rho=np.maximum(rho, LEAST_INVERSE_DEPTH))
-
+    way = window.translations - window.translations[0]
+    length, last = float(np.linalg.norm(way[far])), float(np.linalg.norm(way[-1]))
+    free = _problem(seen, cameras, noise_px, window)
+    length_of_far = Length(far, length, np.array([max(held * length, 1e-12)]))
     if len(seen.point):
-        window = minimise(window, cost, stepped, ITERATIONS, TOLERANCE).values
-    errors_px = distances_px(window, cameras, seen)
-    system, way = System.of(window, cameras, seen, noise_px), window.translations - window.translations[0]
-    reduced, side = system.reduced(0.0)
-    free = _inverse(reduced)
-    at, long = slice(6 * far - 6, 6 * far - 3), float(np.linalg.norm(way[far]))
-    if long > 1e-6:
-        reduced[at, at] += np.outer(way[far], way[far]) / (KNOWN_LENGTH * long**2) ** 2
-    rho_sigma = system.depth_sigmas(_inverse(reduced))
-    last = float(np.linalg.norm(way[-1]))
-    relative = float(np.sqrt(max(way[-1] @ free[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2 if last > 1e-9 else np.inf
-    scale_step = -float(way[-1] @ (free @ side)[-6:-3]) / last**2 if last > 1e-9 else 0.0
-    depths = np.sort(system.depth_sigmas(free) / window.rho)
+        problem = replace(free, families=(*free.families, length_of_far)) if length > 1e-6 else free
+        window = adjusted(problem, window, ITERATIONS, TOLERANCE, narrow=True).values
+        way = window.translations - window.translations[0]
+        length, last = float(np.linalg.norm(way[far])), float(np.linalg.norm(way[-1]))
+    equations = normal_equations(free, window)
+    reduced = equations.eliminated(0.0)
+    covariance, long = _inverse(reduced.matrix), reduced.matrix
+    if length > 1e-6:
+        known = Length(far, length, np.array([KNOWN_LENGTH * length]))
+        long = long + normal_equations(replace(free, families=(known,)), window).shared
+
+    def sigmas(shared: Array) -> Array:
+        variances = reduced.block_covariances(shared)[:, 0, 0]
+        return np.where(equations.blocks[:, 0, 0] > 0, np.sqrt(np.maximum(variances, 0)), np.inf)
+
+    relative, scale_step = np.inf, 0.0
+    if last > 1e-9:
+        relative = float(np.sqrt(max(way[-1] @ covariance[-6:-3, -6:-3] @ way[-1], 0.0))) / last**2
+        side = reduced.gradient(equations.shared_gradient, equations.block_gradients)
+        scale_step = -float(way[-1] @ (covariance @ side)[-6:-3]) / last**2
+    depths = np.sort(sigmas(covariance) / window.rho)
     depth = float(depths[AGREEING - 1]) if len(depths) >= AGREEING else np.inf
-    return Adjusted(window, seen, errors_px, rho_sigma, min(relative, depth), scale_step)
+    errors_px = distances_px(window, cameras, seen)
+    return Adjusted(window, seen, errors_px, sigmas(_inverse(long)), min(relative, depth), scale_step)
+
+
+def _problem(seen: Seen, cameras: Cameras, noise_px: float, window: Window) -> Problem[Window]:
+    """All frames but the first, and all points, by their observations alone."""
+    frames = len(window.rotations)
+
+    def moved(now: Window, shared: Array, blocks: Array) -> Window:
+        rho = np.maximum(now.rho + blocks[:, 0], LEAST_INVERSE_DEPTH)
+        return replace(_moved(now, np.arange(1, frames), shared.reshape(-1, 6)), rho=rho)
+
+    points = ImagePoints(seen, cameras, np.full(len(seen.point), noise_px))
+    return Problem((points,), moved, 6 * frames - 6, len(window.rho), 1)
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """Normal equations of all frames but the first (6 (K - 1)) and of all points, as a sum over observations."""
+class ImagePoints(Family[Window]):
+    """Errors of points in the images [px]."""
 
-    frames: Array
-    """(6K - 6, 6K - 6)."""
-    frames_side: Array
-    mixed: Array
-    """(M, 6K - 6)."""
-    depths: Array
-    """(M,)."""
-    depths_side: Array
+    seen: Seen
+    cameras: Cameras
+    widths: Array
+    loss: Loss = cauchy
 
-    @staticmethod
-    def of(window: Window, cameras: Cameras, seen: Seen, noise_px: float) -> System:
-        errors, size = errors_of(window, cameras, seen), 6 * len(window.rotations)
-        squares = (errors.px**2).sum(axis=1)
-        root = np.sqrt(cauchy_weights(squares, noise_px) * errors.ahead) / noise_px
-        n = np.arange(len(root))
-        jacobian = np.zeros((len(root), 2, size))
-        column = 6 * np.stack([window.anchor[seen.point], seen.frame])[..., None] + np.arange(6)  # (2, N, 6)
-        for place, block in zip(column, (errors.by_anchor, errors.by_frame), strict=True):
-            jacobian[n[:, None], :, place] += np.swapaxes(block * root[:, None, None], 1, 2)
-        jacobian = jacobian[:, :, 6:]
-        by_rho, px = errors.by_rho * root[:, None], errors.px * root[:, None]
-        count = len(window.rho)
-        mixed = np.zeros((count, size - 6))
-        np.add.at(mixed, seen.point, np.einsum("na,nab->nb", by_rho, jacobian))
-        flat = jacobian.reshape(-1, size - 6)
-        return System(
-            flat.T @ flat,
-            flat.T @ px.reshape(-1),
-            mixed,
-            np.bincount(seen.point, (by_rho**2).sum(axis=1), count).astype(float),
-            np.bincount(seen.point, (by_rho * px).sum(axis=1), count).astype(float),
-        )
+    def residuals(self, values: Window) -> Array:
+        at = Projected.of(values, self.cameras, self.seen)
+        return np.where(at.ahead[:, None], at.errors_px(self.cameras, self.seen), np.nan)
 
-    def reduced(self, damping: float) -> tuple[Array, Array]:
-        """Returns the normal equations of the frames alone (Schur complement)."""
-        inverse = self._inverse_depths(damping)
-        weighted = self.mixed * inverse[:, None]
-        return self.frames - weighted.T @ self.mixed, self.frames_side - weighted.T @ self.depths_side
+    def derivatives(self, values: Window) -> Derivatives:
+        errors, frames = errors_of(values, self.cameras, self.seen), (values.anchor[self.seen.point], self.seen.frame)
+        columns = np.concatenate([6 * (frame[:, None] - 1) + np.arange(6) for frame in frames], axis=1)
+        by_shared = np.concatenate([errors.by_anchor, errors.by_frame], axis=2)
+        return Derivatives(by_shared, np.maximum(columns, -1), errors.by_rho[..., None], self.seen.point)
 
-    def points(self, step: Array, damping: float) -> Array:
-        """Returns the step (M,) of the inverse depths that belongs to one of the frames."""
-        return -self._inverse_depths(damping) * (self.depths_side + self.mixed @ step)
 
-    def depth_sigmas(self, covariance: Array) -> Array:
-        """Returns the standard deviations (M,) of inverse depths from the covariance of the frames."""
-        inverse = self._inverse_depths(0.0)
-        by_frames = self.mixed * inverse[:, None]
-        variance = inverse + np.einsum("ma,ab,mb->m", by_frames, covariance, by_frames)
-        return np.where(self.depths > 0, np.sqrt(np.maximum(variance, 0)), np.inf)
+@dataclass(frozen=True, eq=False)
+class Length(Family[Window]):
+    """The distance of a frame from the first one is known."""
 
-    def _inverse_depths(self, damping: float) -> Array:
-        return np.where(self.depths > 0, 1 / np.maximum((1 + damping) * self.depths, 1e-12), 0.0)
+    frame: int
+    length: float
+    widths: Array
+    """(1,)."""
+
+    def residuals(self, values: Window) -> Array:
+        return np.array([[float(np.linalg.norm(self._way(values))) - self.length]])
+
+    def derivatives(self, values: Window) -> Derivatives:
+        way = self._way(values)
+        along = way / max(float(np.linalg.norm(way)), 1e-12)
+        return Derivatives.of_shared(along[None, None], 6 * self.frame - 6 + np.arange(3)[None])
+
+    def _way(self, values: Window) -> Array:
+        return values.translations[self.frame] - values.translations[0]
 
 
 def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, NDArray[np.bool_]]:

@@ -37,7 +37,7 @@ class Measurement:
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame(Measurement):
     """What one or several cameras recorded at one time."""
 
@@ -64,16 +64,25 @@ class Frame(Measurement):
 
     @property
     def image(self) -> Image:
-        """The image of the video camera."""
-        return self.images["video"]
+        """The image of the video camera. Raises InputError where there is none, as `left` and `right`."""
+        return self._of("video")
 
     @property
     def left(self) -> Image:
-        return self.images["left"]
+        return self._of("left")
 
     @property
     def right(self) -> Image:
-        return self.images["right"]
+        return self._of("right")
+
+    def _of(self, name: str) -> Image:
+        if name not in self.images:
+            raise InputError(f"this {self.kind} frame has no {name} image: it has {', '.join(self.images) or 'none'}")
+        return self.images[name]
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{name} {image.shape[1]}x{image.shape[0]}" for name, image in self.images.items())
+        return f"Frame({self.kind} at {self.time_ns * 1e-9:.3f} s: {sizes})"
 
     @staticmethod
     def video(time_ns: int, image: Image) -> Frame:

@@ -128,7 +128,7 @@ class Status(StrEnum):
     LOST = "lost"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Step:
     """All results of one estimator at one measurement."""
 
@@ -182,3 +182,14 @@ class Step:
     """By camera name, what is drawn on its image besides the tracks."""
     world_lines: WorldLines = field(default_factory=WorldLines.empty)
     """All lines of the scene that are known now; they replace those of earlier steps."""
+
+    @property
+    def inliers(self) -> int:
+        """Observations that the pose is from."""
+        return len(self.residuals_px)
+
+    def __repr__(self) -> str:
+        keyframe = ", keyframe" if self.key_frame else ""
+        pose = "no pose" if self.world_from_frame is None else f"pose of the {self.frame}"
+        name = f"{self.method} " if self.method else ""
+        return f"Step({name}at {self.time_ns * 1e-9:.3f} s: {self.status}, {pose}, {self.inliers} inliers{keyframe})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class Guess:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sequence:
     """A time-ordered stream of measurements with their rig; images are read when they are requested."""
 
@@ -77,8 +78,38 @@ class Sequence:
     def __len__(self) -> int:
         return len(self.times_ns)
 
-    def __getitem__(self, i: int) -> Measurement:
-        return self.load(i)
+    @overload
+    def __getitem__(self, i: int) -> Measurement: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> Sequence: ...
+
+    def __getitem__(self, i: int | slice) -> Measurement | Sequence:
+        """Measurement i, or the sequence of some of them; a step of a slice must be positive (ValueError)."""
+        if isinstance(i, slice):
+            return self._part(range(len(self))[i])
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"measurement {i} of {len(self)}")
+        return self.load(range(len(self))[i])
+
+    def _part(self, chosen: range) -> Sequence:
+        if chosen.step < 0:
+            raise ValueError("a sequence does not go backwards: give a slice with a positive step")
+        at, prepare = np.asarray(chosen, np.int64), self.prepare
+        return replace(
+            self,
+            times_ns=self.times_ns[at],
+            kinds=tuple(self.kinds[i] for i in chosen),
+            load=lambda i: self.load(chosen[i]),
+            prepare=None if prepare is None else lambda i: prepare(chosen[i]),
+            grow=None,
+        )
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{self.kinds.count(kind)} {kind}" for kind in dict.fromkeys(self.kinds))
+        seconds = (self.times_ns[-1] - self.times_ns[0]) * 1e-9 if len(self) else 0.0
+        truth = ", with ground truth" if self.truth is not None else ""
+        return f"Sequence({self.name}: {kinds or 'empty'} over {seconds:.2f} s{truth})"
 
     def with_notes(self, notes: Iterable[str]) -> Sequence:
         """Returns the sequence with more notes, each once."""
@@ -137,12 +168,4 @@ class Sequence:
 
     def part(self, first: int, last: int) -> Sequence:
         """Returns measurements `first` to `last`, both included, as 0 and on."""
-        prepare, end = self.prepare, last + 1
-        return replace(
-            self,
-            times_ns=self.times_ns[first:end],
-            kinds=self.kinds[first:end],
-            load=lambda i: self.load(first + i),
-            prepare=None if prepare is None else lambda i: prepare(first + i),
-            grow=None,
-        )
+        return self[first : last + 1]

@@ -12,7 +12,7 @@ from ispom.geometry import Array, Pose
 from ispom.types.rig import FrameName
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Poses world_from_FRAME over time."""
 
@@ -49,6 +49,10 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.times_ns)
+
+    def __repr__(self) -> str:
+        seconds = f" over {(self.times_ns[-1] - self.times_ns[0]) * 1e-9:.3f} s" if len(self) else ""
+        return f"Trajectory({len(self)} poses of the {self.frame}{seconds}, length {self.length:.4g})"
 
     def pose(self, i: int) -> Pose:
         return Pose(self.rotations[i], self.translations[i])

@@ -105,7 +105,7 @@ def _of_setting(best: Tried) -> str:
     trial, reruns = best.trial, len(best.outcomes)
     is_too_low = trial.name in TOO_LOW and trial.value > trial.before
     why = TOO_LOW[trial.name].format(trial.before) if is_too_low else f"{trial.key} is {_value(trial.before)}"
-    sure = f", in the worst of {reruns} reruns" if reruns > 1 else ""
+    sure = f", in the worst of {reruns} reruns" if reruns > 1 else ", in one rerun"
     return f"{why}. With {_value(trial.value)}: {best.gain}{sure}."
 
 
@@ -157,13 +157,15 @@ def _without_event(state: State, run: CurrentRun, frame: int, examined: Examined
 
 
 def _progress(examined: Examined) -> str:
-    """What is tested now, how long it has taken, and how long it has left."""
+    """What would be answered so far, or else what is tested now; how long that has taken, and how long it has left."""
     progress, stretch = examined.progress, examined.stretch
     if progress is None or stretch is None:
         return ""
     text = (
         f"Diagnosing frames {stretch.first} to {stretch.last}: {progress.doing} ({progress.done} of {progress.total})."
     )
+    if progress.known is not None and progress.known.causes:
+        text = f"So far: {cause(progress.known)[0]} Still testing."
     if not examined.taken_s:  # the compiler may still work, and its time does not count
         return text
     left = examined.limit_s - examined.taken_s

@@ -13,8 +13,9 @@ from ispom.methods import method as registered
 from ispom.solvers.influence.blame import Blame, Influence, blame, problem_of
 from ispom.solvers.influence.problem import PartKind, Problem, Shift
 from ispom.solvers.influence.resection import ResectionProblem
-from ispom.types import Sequence, Status, Step, Tracks
+from ispom.types import Rig, Sequence, Status, Step, Tracks
 
+from ...engine.history.record import with_parts
 from ...engine.inspection.sightings import camera_pose
 from ...engine.playback import Playback
 from ...engine.run_folder.placements import placed
@@ -39,6 +40,8 @@ class PoseBlame:
     sequence: Sequence
     unit_m: float | None
     """Of the method's world [m]; None where it is not known."""
+    solver: str = ""
+    """The method that this one takes the pose from; empty where it solved for it itself."""
 
     @property
     def camera(self) -> str:
@@ -47,7 +50,16 @@ class PoseBlame:
 
     @property
     def tracks(self) -> Tracks | None:
-        return self.step.tracks.get(self.camera)
+        return self._tracking.tracks.get(self.camera)
+
+    @property
+    def tracked_by(self) -> str:
+        """The method whose tracks these are: this one, or one that it builds on."""
+        return self._tracking.method
+
+    @property
+    def _tracking(self) -> Step:
+        return next((step for step in with_parts((self.step,)) if self.camera in step.tracks), self.step)
 
     @property
     def by_known_points(self) -> bool:
@@ -130,15 +142,28 @@ def pose_blame(playback: Playback, reported: Reported, method: str, units_m: Map
     step, problems = reported[method]
     if step.world_from_frame is None:
         return f"{method} has no pose at frame {index}, which is of the kind {kind}"
+    solver = _taken_from(reported, method, playback.sequence.rig)
+    problems = reported[solver][1] if solver else problems
     problem = problem_of(problems, step.world_from_frame, step.frame, playback.sequence.rig)
     if problem is None and step.status != Status.TRACKING:
         return f"{method} is {step.status} at frame {index} and has not solved for its pose"
     if problem is None:
         others = " and ".join(registered(method).asks.values())
         builds = f", but builds on {others}" if others else ""
-        return f"{method} does not report what it solves{builds}"
+        return f"{method} does not report what it solves for frame {index}{builds}"
     unit_m = units_m.get(method, playback.unit_m(method))
-    return PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m)
+    return PoseBlame(method, index, step, blame(problem), playback.sequence, unit_m, solver)
+
+
+def _taken_from(reported: Reported, method: str, rig: Rig) -> str:
+    """The method that this one builds on and whose pose it has, such as that of `stereo` at a pair; empty for none."""
+    own = camera_pose(reported[method][0], rig, "left")
+    for other in registered(method).asks.values():
+        step, problems = reported.get(other, (None, ()))
+        given = None if step is None else camera_pose(step, rig, "left")
+        if own is not None and given is not None and problems and np.allclose(own.matrix, given.matrix, 1e-9, 1e-9):
+            return other
+    return ""
 
 
 def units_m(placements: Iterable[Mapping[str, Any]]) -> dict[str, float]:

@@ -63,7 +63,7 @@ def method_blame(of: PoseBlame) -> MethodBlame:
         BlameRow(
             of.called(each),
             size(of, each.shift.size, unit),
-            str(Selection.of_tracks(of.method, each.part.tracks)) if each.part.tracks else "",
+            str(Selection.of_tracks(of.tracked_by, each.part.tracks)) if each.part.tracks else "",
             of.index_of(each.part.time_ns) if each.part.time_ns is not None else None,
         )
         for each in of.listed()

@@ -8,6 +8,7 @@ import numpy as np
 
 from ispom.solvers.influence.blame import Influence
 
+from ...presentation import colours
 from ...presentation.texts import Unit, digits, length, length_unit
 from .found import PoseBlame
 
@@ -30,6 +31,8 @@ def answer(of: PoseBlame) -> list[str]:
         said.append(f"{subject} moved this pose by {moved(of, each, unit)}, {beyond}.")
     if not said:
         return ["Nothing that can be left out moved this pose."]
+    if of.solver:
+        said.append(f"This pose is that of {colours.label(of.solver)}, and was found there.")
     if of.by_known_points:
         said.append("Frame by frame the pose follows from points of the map, which are taken as known here.")
     largest = max((each.shift.size for each in known), default=0.0)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from ispom.evaluation.doctor.diagnose import diagnose, ordered, with_reruns
 from ispom.evaluation.doctor.examination import examination
 from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.reruns import Reruns
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.evaluation.doctor.suspects.calibration import WEAK
 from ispom.types import Sequence
@@ -33,6 +34,8 @@ class Progress:
     total: int
     doing: str
     """What is done now, in words."""
+    known: Diagnosis | None = None
+    """What would be answered so far; a setting may have had one rerun only."""
 
 
 def examine(
@@ -44,40 +47,44 @@ def examine(
     origin: Origin | None = None,
 ) -> Diagnosis:
     """Returns the diagnosis of a stretch. Where there is a run, settings that differ from their defaults are set back
-    in reruns first, which may take SETTINGS of the time; at last the run is forked and rerun with other ones.
+    in reruns first, which may take SETTINGS of the time. If none of them is the cause, the run is at last forked and
+    rerun with other ones.
 
     `report` is called between two pieces of work; what it raises ends the examination. After `seconds` no new suspect
     is examined, and no frame rerun; what was left out is in the diagnosis, and only this depends on the time.
     """
     start, count = clock(), stretch.last - stretch.first + 1
     total, done = count + len(SUSPECTS) + (origin is not None), 0
+    found = known = Diagnosis(stretch.first, stretch.last, ())
 
     def read() -> None:
         nonlocal done
         done += 1
-        report(Progress(done, total, "reading images"))
+        report(Progress(done, total, "reading images", known))
 
     def next_suspect(name: str) -> bool:
         nonlocal done
-        report(Progress(done, total, f"testing whether {name}"))
+        report(Progress(done, total, f"testing whether {name}", known))
         done += 1
         return clock() - start < seconds
 
     def next_frame(doing: str) -> bool:
-        report(Progress(done, total, doing))
+        report(Progress(done, total, doing, known))
         return clock() - start < (SETTINGS if not done else 1) * seconds
 
-    settings = None if origin is None else set_back(origin, stretch, next_frame)
+    def so_far(reruns: Reruns) -> None:
+        nonlocal known
+        known = with_reruns(found, reruns)
+
+    settings = None if origin is None else set_back(origin, stretch, next_frame, so_far)
     seen = examination(sequence, stretch.first, stretch.last, read)
     found = diagnose(seen, SUSPECTS, next_suspect)
-    if origin is not None and stretch.event is None:
+    if stretch.quiet and origin is not None:
         found = without_harmless(found)
     if settings is not None:
         found = with_reruns(found, settings)
-    if origin is None:
-        return found
-    tried = () if settings is None else [each.trial for each in settings.tried]
-    return with_reruns(found, rerun(origin, stretch, next_frame, tried))
+    known = found
+    return found if origin is None else with_reruns(found, rerun(origin, stretch, next_frame, settings, so_far))
 
 
 def without_harmless(found: Diagnosis) -> Diagnosis:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,8 +31,13 @@ WHOLE = 400
 one only the stretch is."""
 NOT_SET_BACK = "Not all settings were set back to their defaults: no time was left."
 NOT_TRIED = "Settings not tried: no time was left."
+REPAIRED = "Nothing is left to improve then, so no other setting of {} was tried."
+KNOWN = "Other settings were not tried: one that was set back to its default explains it."
+TOO_LITTLE = "The run lost too little there for a setting to help, so none was tried."
 Advance = Callable[[str], bool]
 """Called before each frame with what is done; False where no time is left. It may raise to end the work."""
+Known = Callable[[Reruns], None]
+"""Called with what reruns have shown so far, each time that one of a setting has ended."""
 Steps = Mapping[str, list[tuple[int, Step]]]
 """By method: its steps by the index of their frame."""
 
@@ -41,12 +46,12 @@ class _Late(Exception):
     """No time is left."""
 
 
-def set_back(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns | None:
+def set_back(origin: Origin, stretch: Stretch, advance: Advance, known: Known = lambda reruns: None) -> Reruns | None:
     """Returns what happens where a setting that differs from its default is set back to it, one at a time; None where
     all are as by default. The same run gives the same answer, but for what `advance` left out.
 
     A short run is rerun as a whole, for a setting acts from the start. Ground truth, where there is one, judges the
-    outcomes and nothing else.
+    outcomes and nothing else. `known` is called with what was seen so far.
     """
     try:
         playback = origin.afresh()
@@ -70,7 +75,7 @@ def set_back(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns | Non
         kind = stretch.event.kind if stretch.event is not None else ""
         bench = _Bench(playback, playback.snapshot, first, last, advance, kind=kind, judged=True)
         for trial in trials:
-            tried.append(bench.tried(trial))
+            tried.append(bench.tried(trial, lambda now: known(Reruns(first, last, (*tried, now), set_back=True))))
             left.remove(trial.option)
     except _Late:
         note = NOT_SET_BACK
@@ -79,12 +84,19 @@ def set_back(origin: Origin, stretch: Stretch, advance: Advance) -> Reruns | Non
     return Reruns(first, last, tuple(tried), tuple(left), note, set_back=True)
 
 
-def rerun(origin: Origin, stretch: Stretch, advance: Advance, known: Collection[Trial] = ()) -> Reruns:
+def rerun(
+    origin: Origin,
+    stretch: Stretch,
+    advance: Advance,
+    before: Reruns | None = None,
+    known: Known = lambda reruns: None,
+) -> Reruns:
     """Returns what other settings do to the stretch. The same run gives the same answer, but for what `advance` left
-    out.
+    out. `known` is called with what was seen so far.
 
-    A setting is tried for each method that lost frames or failed checks there, that of the event first; those that are
-    known already are not.
+    A setting is tried for each method that lost frames or failed checks there, that of the event first, until one
+    leaves nothing to improve. Not tried are the methods of which `before`, the settings that were set back, has the
+    cause, and what it tried.
     """
     first, last = stretch.first, stretch.last
     try:
@@ -103,24 +115,33 @@ def rerun(origin: Origin, stretch: Stretch, advance: Advance, known: Collection[
     except InputError as fault:
         return Reruns(first, last, note=f"The stretch cannot be rerun: {fault}.")
     note = _difference(rows, bench.rows)
+    known_before = () if before is None else before.tried
+    explained = {each.trial.method for each in known_before if each.helps}
     about = stretch.event.method if stretch.event is not None else ""
-    bad = [m for m in sorted(unchanged, key=lambda m: m != about) if Outcome.of(unchanged[m]).improvable]
+    order = sorted(unchanged, key=lambda m: m != about)
+    bad = [m for m in order if m not in explained and Outcome.of(unchanged[m]).improvable]
     trials = [
         Trial(m, name, getattr(playback.config.of(m), name), value)
         for m in bad
         for name, value in alternatives(playback.config.of(m))
     ]
-    trials = [trial for trial in trials if trial not in known]
+    trials = [trial for trial in trials if trial not in [each.trial for each in known_before]]
     if not trials:
-        note = f"{note} The run lost too little there for a setting to help, so none was tried.".lstrip()
-    tried, left = list[Tried](), list[str]()
+        note = f"{note} {KNOWN if explained else TOO_LITTLE}".lstrip()
+    tried, left, repaired = list[Tried](), list[str](), set[str]()
     for trial in trials:
+        if trial.method in repaired:
+            continue
         try:
-            tried.append(bench.tried(trial))
+            tried.append(bench.tried(trial, lambda now: known(Reruns(first, last, (*tried, now)))))
         except _Late:
             left.append(trial.option)
         except InputError as refused:
             left.append(f"{trial.option} ({refused})")
+        else:
+            if tried[-1].helps and not any(outcome.improvable for outcome in tried[-1].outcomes):
+                repaired.add(trial.method)
+                note = f"{REPAIRED.format(trial.method)} {note}".rstrip()
     return Reruns(first, last, tuple(tried), tuple(left), note)
 
 
@@ -156,20 +177,25 @@ class _Bench:
         self.known = {method: [Outcome.of(steps)] for method, steps in found.items()}
         return found
 
-    def tried(self, trial: Trial) -> Tried:
-        """A trial; where it helps, with its repetitions, and those of the unchanged settings. Raises _Late."""
+    def tried(self, trial: Trial, seen: Callable[[Tried], None]) -> Tried:
+        """A trial; where it helps, with its repetitions, and those of the unchanged settings. `seen` is called with it
+        after each of these. Raises _Late."""
         known = self.known.setdefault(trial.method, [])
         if not known:
             known.append(self._outcome(replace(trial, value=trial.before), None))
         found = Tried(trial, (self._outcome(trial, None),), tuple(known), event=self.kind)
+        seen(found)
         for seed in SEEDS[len(known) :] if found.helps else ():
             known.append(self._outcome(replace(trial, value=trial.before), seed))
         found = replace(found, unchanged=tuple(known))
         for seed in SEEDS[1:]:
             if found.helps:
                 found = replace(found, outcomes=(*found.outcomes, self._outcome(trial, seed)))
-        ended = self.last == len(self.playback.sequence) - 1
-        return replace(found, later=self._later(trial)) if found.helps and not ended else found
+                seen(found)
+        if found.helps and self.last < len(self.playback.sequence) - 1:
+            found = replace(found, later=self._later(trial))
+            seen(found)
+        return found
 
     def _later(self, trial: Trial) -> tuple[Outcome, Outcome]:
         """In as many frames after the stretch: of a trial, and of the unchanged settings."""

@@ -6,6 +6,7 @@ import copy
 import math
 import shlex
 import sys
+from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -73,11 +74,12 @@ def _data(review: Review, folders: list[Path], most_bytes: float) -> tuple[dict[
     message["panels"] = plain.message(fixed_panels(state, run))
     message["runs"] = list(review.names)
     found = {name: packed(content) for name, content in _panels(state, run, plain)}
-    found |= _comparisons(review, plain)
+    found |= _comparisons(review, plain, has_pictures=True)
     found["data/numbers.bin"] = packed(plain.message(numbers_message(run)))
     writer = StageWriter(folders[0] / RECORDING, _others(session, state), partial(layout_of, run.opened))
     rest = sum(map(len, found.values()))
     stage = writer.fitting(most_bytes - rest, lambda stage: len(packed(_said_of(stage, message))))
+    found |= _comparisons(review, plain, has_pictures=bool(stage.images.every))
     return found | {"data/run.bin": packed(_said_of(stage, message)), "data/stage.bin": stage.content}, stage
 
 
@@ -102,10 +104,21 @@ def _panels(state: State, run: CurrentRun, plain: Plain) -> Iterator[tuple[str, 
         yield f"data/panels-{number}.bin", chunk
 
 
-def _comparisons(review: Review, plain: Plain) -> dict[str, bytes]:
+def _comparisons(review: Review, plain: Plain, *, has_pictures: bool) -> dict[str, bytes]:
+    """With the images at the frame where paths part, where the stage has images."""
     if not review.comparisons:
         return {}
-    return {"data/comparisons.bin": packed(plain.message(list(review.comparisons)))}
+    messages = zip(review.comparisons, review.pictures, strict=True)
+    shown = [
+        plain.message(message) | {"pictures": None if pair is None or not has_pictures else [*map(_address, pair)]}
+        for message, pair in messages
+    ]
+    return {"data/comparisons.bin": packed(shown)}
+
+
+def _address(jpeg: bytes) -> str:
+    """As the source of an image."""
+    return f"data:image/jpeg;base64,{b64encode(jpeg).decode()}"
 
 
 def _others(session: Session, state: State) -> Iterator[Entry]:

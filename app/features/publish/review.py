@@ -24,6 +24,7 @@ from ...session.branches.state import Branches
 from ...session.session import Session
 from ...session.setup import SessionSetup
 from ..runs.compare import comparison_message
+from ..runs.frame_picture import WIDTH_PX, frame_picture
 from ..runs.live import live_rows
 from .commands import AddRun
 
@@ -42,6 +43,9 @@ class Review:
     """Of the runs, by the number of their branch."""
     comparisons: tuple[dict[str, Any], ...]
     """Of the first run with each of the others."""
+    pictures: tuple[tuple[bytes, bytes] | None, ...]
+    """By comparison: of both runs the image at the frame where their paths part, with its tracks, as JPEG. None where
+    they do not part, or a recording has no image there."""
 
 
 @contextmanager
@@ -60,7 +64,8 @@ def reviewed(folders: list[Path], names: list[str]) -> Iterator[Review]:
             others = zip(folders[1:], names[1:], strict=True)
             comparisons = [_compared(session, folder, name) for folder, name in others]
             _wait(lambda: _measured(session))
-            yield Review(session, tuple(names), tuple(_message(session, each, Path(empty)) for each in comparisons))
+            messages = tuple(_message(session, each, Path(empty)) for each in comparisons)
+            yield Review(session, tuple(names), messages, tuple(_pictures(session, each) for each in messages))
         finally:
             session.close(CLOSE_S)
 
@@ -114,6 +119,15 @@ def _measured(session: Session) -> bool:
 def _message(session: Session, comparison: Comparison, recordings: Path) -> dict[str, Any]:
     state, run_of = session.state, session.service(BranchService).run_of
     return comparison_message(state, comparison, live_rows(state, run_of, recordings), run_of)
+
+
+def _pictures(session: Session, message: dict[str, Any]) -> tuple[bytes, bytes] | None:
+    place = (message["view"] or {}).get("parting")
+    if place is None:
+        return None
+    runs = [session.service(BranchService).run_of(number) for number in message["numbers"]]
+    a, b = (None if run is None else frame_picture(run, place["frame"], place["method"], WIDTH_PX) for run in runs)
+    return None if a is None or b is None else (a, b)
 
 
 def _wait(condition: Callable[[], object]) -> None:

@@ -14,7 +14,7 @@ from ...engine.model.poses import PoseHistory, Times
 from ...engine.model.true_path import TruePath
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...views.rerun.blueprint import CURVES, EYE, least_size, page_layout
+from ...views.rerun.blueprint import EYE, least_size, page_layout
 from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_from_side, eye_of, eye_on, is_framed
 from ...views.web.news import Look, News
 from ..integration.commands import IntegrationSteps
@@ -54,7 +54,7 @@ class StageNews(News):
         news: dict[str, Any] = {}
         if run is not self._run:
             self._run, self._framed, self._true_path = run, None, TruePath(run.opened)
-            news |= {"eye": EYE, "curves": CURVES, "layout": page_layout(run.opened)}
+            news |= {"eye": EYE, "layout": page_layout(run.opened)}
         if not run.opened.methods:  # of a recording alone no pose is known, and its layout has an eye of its own
             return news or None
         estimates, least = self._estimates(state, run, state.displayed.placements), least_size(run.opened)

@@ -17,16 +17,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ispom.estimator import STEREO, VIDEO
-from ispom.geometry import Array
 from ispom.methods import method
-from ispom.types import Camera
+from ispom.types import Camera, Kind
 
 from ...engine.events import Opened
 from ...engine.inspection.colouring import SCALES, Colouring
 from ...engine.model.drawn_size import drawn_truth
 from . import entities
 from .coloured import path_of
-from .eye import extent, eye_on
+from .eye import eye_on
+from .ground import grid_below, grid_spacing
 from .layers import IMAGE_LAYERS, MEASURES
 from .parts import CAMERAS, image_root
 from .plots import NO_ERROR, why_no_error
@@ -46,15 +46,15 @@ IMAGES = {"video": "Video", "left": "Left", "right": "Right"}
 """Tabs of the image, by camera."""
 WORLD_SHARE = 0.4
 """Of the 3-D view, in the width of the stage, until the page divides it; the page's buttons stand over it."""
-GRID_LINES = 12
-"""About how many lines of the ground grid the true path crosses."""
-GRID_COLOUR = (128, 128, 128, 50)
+LEGEND_WORDS = ("words", "dark", "light")
+"""Below a legend; the last two in recordings of before, which had the words for each theme of the viewer."""
 
 
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
     """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
-    page, so that curves and verdicts stand below, then the time. Such a viewer begins at the first frame: there is no
-    documented way to give it another one, therefore the image is one that the first frame has."""
+    page, so that curves and verdicts stand below, then the time. Such a viewer begins at the first frame, with an image
+    that this one has. Where it has none, as one of an IMU, the viewer plays from the first that has, again and again:
+    no documented way begins it there and does not play."""
     rig = opened.sequence.rig
     hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras, has_legend=is_alone)
     cameras = _cameras(opened)
@@ -68,9 +68,23 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
         rrb.Vertical(stage, _curves(opened, hidden_in), row_shares=[3, 1]) if is_alone else stage,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="exposure", play_state="paused"),
+        _time(opened.sequence.kinds if is_alone else ()),
         auto_layout=False,
         auto_views=False,
+    )
+
+
+def _time(kinds: tuple[Kind, ...]) -> rrb.TimePanel:
+    """`kinds` of all frames, where a viewer is to find the first one with an image."""
+    first = next((i for i, kind in enumerate(kinds) if CAMERAS.get(kind)), 0)
+    if not first:
+        return rrb.TimePanel(state="collapsed", timeline="exposure", play_state="paused")
+    return rrb.TimePanel(
+        state="collapsed",
+        timeline="exposure",
+        play_state="playing",
+        loop_mode="selection",
+        time_selection=rrb.components.AbsoluteTimeRange(first, len(kinds) - 1),
     )
 
 
@@ -94,7 +108,7 @@ def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> s
     the first; in a viewer that `is_alone`, of those in the first frame, where it has any."""
     used = frozenset().union(*(method(name).sensors for name in opened.methods))
     wanted = ["left"] if used >= STEREO and not VIDEO & used else []
-    kinds = opened.sequence.kinds[:1] if is_alone else ()
+    kinds = [kind for kind in opened.sequence.kinds if CAMERAS.get(kind)][:1] if is_alone else []
     now = [name for kind in kinds for name in cameras if image_root(name).partition("/")[0] in CAMERAS.get(kind, ())]
     usable = now or cameras
     return next((name for name in wanted if name in usable), next(iter(usable), ""))
@@ -103,11 +117,9 @@ def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> s
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
     plots = [_plot(opened, kind, title, hidden_in[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
     texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
-    row = rrb.Horizontal(
+    return rrb.Horizontal(
         rrb.Tabs(*map(_with_stable_id, plots)), rrb.Tabs(*map(_with_stable_id, texts)), column_shares=[1.2, 1]
     )
-    row.id = uuid5(NAMESPACE_URL, "ispom:curves")
-    return row
 
 
 def hidden_paths(
@@ -199,7 +211,7 @@ def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring,
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
     for by in ("state", *SCALES):
         if not has_legend or by != colour_by:
-            yield from (_legend(camera, by), *(f"{_legend(camera, by)}/{theme}" for theme in entities.INKS))
+            yield from (_legend(camera, by), *(f"{_legend(camera, by)}/{words}" for words in LEGEND_WORDS))
 
 
 def _legend(camera: str, by: str) -> str:
@@ -220,25 +232,10 @@ def _world(opened: Opened, hidden: list[str], is_alone: bool) -> rrb.View:
         unit += f"; true path aligned by {'SE(3)' if unit == 'm' else 'Sim(3)'}"
     in_metres = opened.truth if unit.startswith("m") else None
     spacing = grid_spacing(path if in_metres is None else in_metres.translations)
-    grid = rrb.LineGrid3D(
-        visible=True, spacing=spacing, plane=_ground(path, least_size(opened)), stroke_width=0.5, color=GRID_COLOUR
-    )
+    grid = grid_below(path, least_size(opened), spacing)
     name = f"3-D [{unit}], grid {spacing:g}{' m' if unit == 'm' else ''}"
     view = rrb.Spatial3DView(origin="/world", name=name, overrides=_hide(hidden), eye_controls=controls, line_grid=grid)
     return _with_stable_id(view)
-
-
-def grid_spacing(path: Array) -> float:
-    """A round distance (1, 2 or 5 times a power of ten) that divides the path's extent into about GRID_LINES."""
-    size = extent(path) or 10.0
-    power = 10.0 ** np.floor(np.log10(size / GRID_LINES))
-    return float(next(power * m for m in (1, 2, 5, 10) if power * m * GRID_LINES >= size))
-
-
-def _ground(path: Array, size: float) -> rr.components.Plane3D:
-    """Horizontal, somewhat below the path: how high a camera is carried is not known."""
-    lowest = float(path[:, 1].max()) if len(path) else 0.0
-    return rr.components.Plane3D(normal=(0, 1, 0), distance=lowest + 0.3 * size)
 
 
 def least_size(opened: Opened) -> float:
@@ -251,7 +248,6 @@ def _image(name: str, camera: Camera, hidden: list[str], is_alone: bool) -> rrb.
     width, height = entities.shown_size(camera) if is_alone else entities.image_size(camera)
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     root = image_root(name)
-    hidden = [*hidden, f"{root}/legend/light"] if is_alone else hidden  # Rerun is dark until somebody changes that
     title = IMAGES.get(name, name)
     view = rrb.Spatial2DView(origin=f"/{root}", name=title, overrides=_hide(hidden), visual_bounds=bounds)
     return _with_stable_id(view)
@@ -293,8 +289,6 @@ def _view_id(origin: str) -> Any:
     return uuid5(NAMESPACE_URL, f"ispom:{origin}")
 
 
-CURVES = f"/container/{uuid5(NAMESPACE_URL, 'ispom:curves')}"
-"""Where a layout for a viewer without the page has the row of curves."""
 STAGE = f"/container/{uuid5(NAMESPACE_URL, 'ispom:stage')}"
 """Where the layout has the 3-D view and the images."""
 EYE = f"/view/{_view_id('/world')}/EyeControls3D"

@@ -33,8 +33,8 @@ MOST_MARKERS = 600
 """Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
 CELLS = (16, 12)
 """Over the image, by which they are spread."""
-INKS: dict[str, colours.Rgb] = {"dark": (225, 225, 225), "light": (40, 40, 40)}
-"""Of the words in a legend, by the theme of the viewer."""
+INK: colours.Rgb = (128, 128, 128)
+"""Of the words in a legend: they can be read on a dark viewer and on a light one."""
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
 """Of a legend below its image."""
 LEGEND_WIDTH = 0.32
@@ -245,13 +245,12 @@ def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> I
 def legend_entries(
     path: str, class_ids: list[int], labels: list[str], places: Array, *, static: bool = False
 ) -> Iterator[Entry]:
-    """Dots in the colours of the classes, and for each theme the words in an ink that can be read on it: the viewer
-    writes in the colour of the dots. The layout shows the words of one theme."""
+    """Dots in the colours of the classes, and the words in an ink that can be read: the viewer writes in the colour of
+    the dots."""
     dots = rr.Points2D(places, class_ids=class_ids, labels=labels, radii=-4.0, show_labels=False)
     yield Entry(path, dots, static)
-    for theme, ink in INKS.items():
-        words = rr.Points2D(places, colors=[ink] * len(labels), labels=labels, radii=0.0, show_labels=True)
-        yield Entry(f"{path}/{theme}", words, static)
+    words = rr.Points2D(places, colors=[INK] * len(labels), labels=labels, radii=0.0, show_labels=True)
+    yield Entry(f"{path}/words", words, static)
 
 
 def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array:

@@ -27,7 +27,6 @@ from .files import (
     SECURITY,
     STATIC,
     VISER_SECURITY,
-    number_of,
     pictures,
     recordings,
     send_file,
@@ -81,7 +80,6 @@ class Gateway:
             [
                 web.get(base, self._page),
                 web.get(f"{base}ws", self._talk),
-                web.get(f"{base}live", self._live),
                 web.get(f"{base}web/{{name}}", self._page_file),
                 web.get(f"{base}panels/{{name}}", self._panel_file),
                 web.get(f"{base}rerun/{{name}}", self._viewer_file),
@@ -212,14 +210,9 @@ class Gateway:
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         socket = await opened(request, COMMAND_BYTES)
-        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request))
+        frames = TapeReader(lambda: self._to.live.tape, self._grown)
+        talk = Talk(self._to.session, self._states, frames, self._see, self._people, self._person(request))
         return await self._until_closed(socket, talk.serve(socket))
-
-    async def _live(self, request: web.Request) -> web.StreamResponse:
-        run, serial = request.query.get("run", ""), number_of(request, "serial", 0)
-        socket = await opened(request, COMMAND_BYTES)
-        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, serial)
-        return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Upgrade", "").lower() != "websocket":

@@ -53,6 +53,10 @@ class PageLink(Protocol):
         """The page shows what the session shows, and nothing of its own."""
         ...
 
+    def ready(self, message: Ready) -> None:
+        """The viewer of the page can take a frame."""
+        ...
+
     def ring(self) -> None:
         """All pages look at what there is to show now."""
         ...
@@ -76,6 +80,18 @@ class Pane(PageMessage, frozen=True):
 
     def heard(self, page: PageLink) -> None:
         page.see(self)
+
+
+class Ready(PageMessage, frozen=True):
+    """The viewer of a page has taken in what it was given of the run, and can take a frame."""
+
+    run: Annotated[str, msgspec.Meta(max_length=100)] = ""
+    """Whose frames it has; empty for none."""
+    serial: Frame = 0
+    """The number of the last message that it has taken in."""
+
+    def heard(self, page: PageLink) -> None:
+        page.ready(self)
 
 
 class LookAt(PageMessage, frozen=True):

@@ -1,4 +1,4 @@
-"""What the page's WebSockets say: states out and commands in, the run's stream, and viser's messages."""
+"""What the page's WebSockets say: states and frames out, commands in; and viser's messages."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from ...session.commands import Command
 from ...session.people import People, Person
 from ...session.session import Session
 from ..viser.portless import PortlessViser, understood
-from .messages import LookAt, PageMessage, Pane, command_of, keys, message_of, own_view
+from .messages import LookAt, PageMessage, Pane, Ready, command_of, keys, message_of, own_view
 from .news import Look, features_news
 from .own_place import OwnPlace
+from .tape_reader import TapeReader
 from .time_axis import AxisNews
 from .view_values import ViewNews
 from .wakeup import Wakeup
@@ -42,14 +43,20 @@ async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ..
 
 
 class Talk:
-    """States out, commands in: one page's."""
+    """States and frames out, commands in: one page's."""
 
     def __init__(
-        self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None], people: People, person: Person
+        self,
+        session: Session,
+        news: Wakeup,
+        frames: TapeReader,
+        see: Callable[[Talk, Pane], None],
+        people: People,
+        person: Person,
     ) -> None:
         """`see` gets what of viser this page of `person` shows."""
         self.session, self.people, self.person = session, people, person
-        self._news, self._see = news, see
+        self._news, self._frames, self._see = news, frames, see
         self._own = OwnPlace()
         self._refused: tuple[int, str] = (0, "")
         """How many commands of this page were refused, and why the last one was."""
@@ -57,7 +64,7 @@ class Talk:
     async def serve(self, socket: web.WebSocketResponse) -> None:
         """Until the page goes away."""
         self.people.join(self.person)
-        sending = asyncio.create_task(self._send(socket))
+        sending = [asyncio.create_task(each) for each in (self._send(socket), self._frames.serve(socket))]
         second, count = 0, 0
         try:
             async for message in socket:
@@ -67,7 +74,8 @@ class Talk:
                 elif message.type is WSMsgType.TEXT:
                     self._obey(command_of(message.data))
         finally:
-            sending.cancel()
+            for each in sending:
+                each.cancel()
             self.see(Pane())
             self.people.leave(self.person)
 
@@ -87,12 +95,17 @@ class Talk:
         """The page is at a place of its own, if it does not control the session."""
         if not self.people.seen_by(self.person)["driving"]:
             self._own.look_at(place, self.session.run)
+            self._frames.look_at(self._own.shown(self.session.state).index)
             self.ring()
 
     def follow(self) -> None:
         """The page shows what the session shows, and nothing of its own."""
         self._own.follow()
         self.ring()
+
+    def ready(self, message: Ready) -> None:
+        """The viewer of the page can take a frame."""
+        self._frames.ready(message.run, message.serial)
 
     def ring(self) -> None:
         """All pages look at what there is to show now."""
@@ -127,6 +140,7 @@ class Talk:
                     message |= grown
                     listed = None
                     await socket.send_str(json.dumps(message))
+                    self._frames.look_at(local.index)
                     await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)
                 else:
                     await news.wait()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
 import struct
 import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
 from ..rerun.parts import Scene, SceneWriter
 from ..rerun.rrd import HEADER
@@ -26,20 +25,21 @@ FIRST_S = 2.0
 class TapeReader:
     """One page's place on the tape.
 
-    A page that comes back names the `run` that it has, and its last `serial` number. It sends "show 12 34" when it can
-    take frame 12 and has received message 34; this holds until it is answered, so that a frame that comes later, or
-    changes, is sent by itself. A request that a frame crosses on its way is void: the page asks again when it can take
-    another one. An answer is either text, the run that begins now and the id of its recording; or bytes: HEAD, then an
-    `.rrd` stream.
+    The page is sent the frame that it shows, and nothing more until it has taken that in: then the newest one. A frame
+    that comes later, or changes, is sent by itself. A run begins with a text, its name and the id of its recording;
+    frames are bytes: HEAD, then an `.rrd` stream.
     """
 
-    def __init__(self, tape: Callable[[], AnyTape | None], grown: Wakeup, run: str = "", serial: int = 0) -> None:
+    def __init__(self, tape: Callable[[], AnyTape | None], grown: Wakeup) -> None:
         self._tape, self._grown = tape, grown
-        self._run, self._serial = run, serial
+        self._run, self._serial = "", 0
+        """What the page had when it came, and the last message that it was sent since."""
+        self._is_ready = False
+        """Whether the page has a viewer."""
+        self._takes_frame = False
         self._writer: SceneWriter | None = None
         self._index = -1
-        """The frame that the page requested last; -1 for none yet."""
-        self._takes_frame = False
+        """The frame that the page shows; -1 for none yet."""
         self._sent = 0
         """The serial number of the last message to this connection."""
         self._shown: tuple[int, bool] | None = None
@@ -49,31 +49,35 @@ class TapeReader:
         self._patience_s: float | None = None
         """Until then a run's first frame may become complete."""
 
+    def look_at(self, index: int) -> None:
+        """The page shows this frame now."""
+        if index != self._index:
+            self._index = index
+            self._grown.ring()
+
+    def ready(self, run: str, serial: int) -> None:
+        """The viewer of the page has this run, has taken in all up to this message, and can take a frame. Void where
+        another message is on its way: the page says it again for that one."""
+        if not self._is_ready:
+            self._is_ready, self._run, self._serial = True, run, serial
+        if serial >= self._sent:
+            self._takes_frame = True
+            self._grown.ring()
+
     async def serve(self, socket: web.WebSocketResponse) -> None:
-        """Until the page goes away."""
-        sending = asyncio.create_task(self._send(socket))
+        """As long as the page is there."""
         try:
-            async for message in socket:
-                if message.type is WSMsgType.TEXT:
-                    self._hear(message.data)
-        finally:
-            sending.cancel()
-            if self._writer is not None:
-                self._writer.close()
-
-    def _hear(self, text: str) -> None:
-        if (found := re.fullmatch(r"show (\d{1,9}) (\d{1,9})", text)) and int(found[2]) >= self._sent:
-            self._index, self._takes_frame = int(found[1]), True
-        self._grown.ring()
-
-    async def _send(self, socket: web.WebSocketResponse) -> None:
-        with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._grown.next()
-                if not await self._answer(socket):
+                if not (self._is_ready and await self._answer(socket)):
                     left_s = None if self._patience_s is None else max(0.0, self._patience_s - time.monotonic())
                     with suppress(TimeoutError):
                         await asyncio.wait_for(news.wait(), left_s or None)
+        except ConnectionError:
+            pass  # the browser went away
+        finally:
+            if self._writer is not None:
+                self._writer.close()
 
     async def _answer(self, socket: web.WebSocketResponse) -> bool:
         """Sends what is there; False where there is nothing new."""
@@ -89,7 +93,7 @@ class TapeReader:
             else:
                 writer = self._follow(tape)
                 self._run, self._takes_frame = tape.run, False
-                await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
+                await socket.send_str(json.dumps({"begins": {"run": tape.run, "recording": tape.recording_id}}))
                 await self._deliver(socket, writer, await asyncio.to_thread(tape.opening), first)
                 return True
         if self._takes_frame and (scene := await self._changed(tape, writer)) is not None:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import vector_of, with_vector
 from ispom.calibration.detection.detection import Detection
-from ispom.calibration.least_squares import Derivatives, Problem
 from ispom.calibration.targets.target import Target
 from ispom.cameras.opencv import project_with_derivatives
 from ispom.geometry import Array, Pose, skew
 from ispom.numerics.twist import moved
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, quadratic
 from ispom.types import Camera
 
 
@@ -144,18 +144,30 @@ class Unknowns:
     def count(self) -> int:
         return self.slices[-1][1].stop
 
+    def moved(self, values: Estimate, shared: Array, blocks: Array) -> Estimate:
+        """Adds to the interiors, and moves poses by left twists; `blocks` (V, 6) are those of the views."""
+        cameras, poses = [], []
+        for c, (interior, pose) in enumerate(self.slices):
+            vector = vector_of(values.cameras[c])
+            vector[self.interior[c]] += shared[interior]
+            cameras.append(with_vector(values.cameras[c], vector))
+            twist = Pose.exp(shared[pose]) if self.pose[c] else Pose()
+            poses.append(twist @ values.camera_from_rig[c])
+        return Estimate(tuple(cameras), tuple(poses), *moved(values.rotations, values.positions, blocks))
+
+
+def board_problem(seen: Observations, unknowns: Unknowns, views: int, loss: Loss = quadratic) -> Problem[Estimate]:
+    """The views of a board; their poses are the blocks."""
+    return Problem((Corners(seen, unknowns, loss),), unknowns.moved, unknowns.count, views, 6)
+
 
 @dataclass(frozen=True, eq=False)
-class BoardProblem(Problem[Estimate]):
-    """The views of a board; their poses are the blocks."""
+class Corners(Family[Estimate]):
+    """Errors of a board's points in the images [px]."""
 
     seen: Observations
     unknowns: Unknowns
-    blocks: int
-
-    @property
-    def shared(self) -> int:
-        return self.unknowns.count
+    loss: Loss
 
     @property
     def widths(self) -> Array:
@@ -182,17 +194,6 @@ class BoardProblem(Problem[Estimate]):
             columns[mine] = own
             by_view[mine] = by_twist(by_point @ values.camera_from_rig[c].rotation, in_rig)
         return Derivatives(by_shared, columns, by_view, seen.view)
-
-    def moved(self, values: Estimate, shared: Array, blocks: Array) -> Estimate:
-        """Adds to the interiors, and moves poses by left twists."""
-        cameras, poses = [], []
-        for c, (interior, pose) in enumerate(self.unknowns.slices):
-            vector = vector_of(values.cameras[c])
-            vector[self.unknowns.interior[c]] += shared[interior]
-            cameras.append(with_vector(values.cameras[c], vector))
-            twist = Pose.exp(shared[pose]) if self.unknowns.pose[c] else Pose()
-            poses.append(twist @ values.camera_from_rig[c])
-        return Estimate(tuple(cameras), tuple(poses), *moved(values.rotations, values.positions, blocks))
 
 
 def by_twist(by_point: Array, xyz: Array) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import Model, as_model
-from ispom.calibration.adjust.problem import BoardProblem, Estimate, Observations, Unknowns
-from ispom.calibration.least_squares import NormalEquations, adjust, normal_equations, quadratic
-from ispom.calibration.least_squares import huber as huber_loss
+from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns, board_problem
 from ispom.geometry import Array, Pose
+from ispom.solvers.least_squares import NormalEquations, adjust, normal_equations, quadratic
+from ispom.solvers.least_squares import huber as huber_loss
 from ispom.types import Camera
 
 FOCALS = np.geomspace(0.25, 6.0, 20)
@@ -152,8 +152,7 @@ def adjust_views(
     """Returns the estimate of least cost; with `huber` (in sigmas of the observations) large residuals have linear
     cost."""
     loss = quadratic if huber is None else huber_loss(huber)
-    problem = BoardProblem(seen, unknowns, start.views)
-    return adjust(problem, start, loss, iterations, tolerance).values
+    return adjust(board_problem(seen, unknowns, start.views, loss), start, iterations, tolerance).values
 
 
 def solve(start: Estimate, seen: Observations, unknowns: Unknowns) -> tuple[Solution, NDArray[np.bool_]]:
@@ -179,7 +178,7 @@ def solution(estimate: Estimate, seen: Observations, unknowns: Unknowns) -> Solu
     freedom = 2 * len(seen) - unknowns.count - 6 * views
     chi2 = float(((residuals / seen.sigma_px[:, None]) ** 2).sum())
     unit = float(np.sqrt(chi2 / max(freedom, 1)))
-    equations = normal_equations(BoardProblem(seen, unknowns, estimate.views), estimate)
+    equations = normal_equations(board_problem(seen, unknowns, estimate.views), estimate)
     return Solution(
         estimate=estimate,
         seen=seen,

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.least_squares import adjust, cauchy
-from ispom.calibration.tracked.scene import Observations, Prior, Scene, SceneProblem, adjust_scene
+from ispom.calibration.tracked.scene import LensPrior, Observations, Scene, adjust_scene, localisation
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array, Pose
+from ispom.solvers.least_squares import adjust
 from ispom.solvers.multiview.two_view import hypotheses
 
 FIRST_SHARE = 0.1
@@ -37,7 +37,7 @@ def count_first_views(tracks: Tracks) -> int:
     return min(MOST_FIRST, len(tracks.views))
 
 
-def initialise(tracks: Tracks, lens: Array, prior: Prior, unit_px: float, count: int) -> tuple[Scene, float] | None:
+def initialise(tracks: Tracks, lens: Array, prior: LensPrior, unit_px: float, count: int) -> tuple[Scene, float] | None:
     """Returns the first `count` keyframes, by the best of the motions that their first and last one allow; and its
     cost.
 
@@ -66,7 +66,7 @@ def initialise(tracks: Tracks, lens: Array, prior: Prior, unit_px: float, count:
     return best
 
 
-def add_keyframes(scene: Scene, tracks: Tracks, prior: Prior, unit_px: float, count: int) -> Scene:
+def add_keyframes(scene: Scene, tracks: Tracks, prior: LensPrior, unit_px: float, count: int) -> Scene:
     """Adds all keyframes, from the first `count` on."""
     views = len(tracks.views)
     for v in range(count, views):
@@ -84,10 +84,9 @@ def _localise(scene: Scene, v: int, seen: Observations, unit_px: float) -> Scene
     """Adds view v by the points that it observes, starting from the pose of the view before."""
     alone = Scene(scene.lens, scene.rotations[v - 1 : v], scene.translations[v - 1 : v], scene.points[seen.point])
     own = Observations(np.zeros_like(seen.view), np.arange(len(seen.uv)), seen.uv)
-    fixed_lens = Prior(scene.lens, np.zeros(len(scene.lens)))
     for width in (4 * ROUGH_PX, ROUGH_PX, FINE_PX):
-        problem = SceneProblem(alone, own, fixed_lens, width * unit_px, localise=True)
-        alone = adjust(problem, alone, cauchy, STEPS_ONE, TOLERANCE).values
+        problem = localisation(alone, own, width * unit_px)
+        alone = adjust(problem, alone, STEPS_ONE, TOLERANCE).values
     rotations, translations = scene.rotations.copy(), scene.translations.copy()
     rotations[v], translations[v] = alone.rotations[0], alone.translations[0]
     return replace(scene, rotations=rotations, translations=translations)

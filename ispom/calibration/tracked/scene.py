@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.least_squares import Derivatives, Problem, adjust, cauchy
 from ispom.cameras.opencv import project_with_derivatives
 from ispom.geometry import Array, skew
 from ispom.numerics.twist import moved
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Prior, Problem, adjust, cauchy
 from ispom.types import Camera
 
 LENS, POSE = 5, 6
@@ -23,7 +23,7 @@ LEAST_DEPTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Prior:
+class LensPrior:
     """Prior of the lens."""
 
     mean: Array
@@ -82,22 +82,69 @@ class Scene:
         return np.nan_to_num(np.linalg.norm(self.residuals_px(seen), axis=1), nan=1e9)
 
 
-class SceneProblem(Problem[Scene]):
-    """Bundle adjustment with the first pose fixed, or localisation: of all poses, with points fixed."""
+def scene_problem(scene: Scene, seen: Observations, prior: LensPrior, width_px: float | Array) -> Problem[Scene]:
+    """Bundle adjustment of lens, points, and all poses but the first. `width_px`: of the loss, for all observations or
+    (K,) for each."""
+    free = Free(prior.sigma > 0, np.arange(len(scene.rotations)) > 0)
+    lens = Prior[Scene](
+        lambda values: (values.lens - prior.mean)[free.lens], prior.sigma[free.lens], np.arange(free.lens.sum())
+    )
+    points = ImagePoints(seen, free.columns(seen.view), np.broadcast_to(width_px, len(seen.uv)))
+    return Problem((points, lens), free.moved, free.count, len(scene.points), 3)
 
-    def __init__(
-        self, scene: Scene, seen: Observations, prior: Prior, width_px: float | Array, localise: bool = False
-    ) -> None:
-        """`width_px` is the width of the loss: of all observations, or (K,) of each."""
-        self.seen, self._prior, self._localise = seen, prior, localise
-        self.widths = np.broadcast_to(width_px, len(seen.uv))
-        views = np.full(len(scene.rotations), True)
-        views[0] = localise
-        self._free = np.concatenate([prior.sigma > 0, np.repeat(views, POSE)])
-        self.shared, self.blocks = int(self._free.sum()), len(scene.points)
-        number = np.where(self._free, np.cumsum(self._free) - 1, -1)
-        lens = np.broadcast_to(number[:LENS], (len(seen.uv), LENS))
-        self._columns = np.concatenate([lens, number[LENS:].reshape(-1, POSE)[seen.view]], axis=1)
+
+def localisation(scene: Scene, seen: Observations, width_px: float) -> Problem[Scene]:
+    """Adjustment of all poses; lens and points are known."""
+    free = Free(np.zeros(LENS, bool), np.ones(len(scene.rotations), bool))
+    points = ImagePoints(seen, free.columns(seen.view), np.full(len(seen.uv), width_px), points_known=True)
+    return Problem((points,), free.moved, free.count)
+
+
+@dataclass(frozen=True, eq=False)
+class Free:
+    """Which of the shared unknowns are free."""
+
+    lens: NDArray[np.bool_]
+    """(5,)."""
+    views: NDArray[np.bool_]
+    """(V,)."""
+
+    @property
+    def _all(self) -> NDArray[np.bool_]:
+        return np.concatenate([self.lens, np.repeat(self.views, POSE)])
+
+    @property
+    def count(self) -> int:
+        return int(self._all.sum())
+
+    def columns(self, view: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(K, 11) of the lens and the pose of each observation's view."""
+        number = np.where(self._all, np.cumsum(self._all) - 1, -1)
+        lens = np.broadcast_to(number[:LENS], (len(view), LENS))
+        return np.concatenate([lens, number[LENS:].reshape(-1, POSE)[view]], axis=1)
+
+    def moved(self, values: Scene, shared: Array, blocks: Array) -> Scene:
+        """Adds to the lens, moves poses by left twists, and points (M, 3), if any, along their unit sphere."""
+        step = np.zeros(len(self._all))
+        step[self._all] = shared
+        points = values.points
+        if len(blocks):
+            points = points + (_tangents(points) @ blocks[..., None])[..., 0]
+            points /= np.linalg.norm(points, axis=1, keepdims=True)
+        rotations, translations = moved(values.rotations, values.translations, step[LENS:].reshape(-1, POSE))
+        return Scene(values.lens + step[:LENS], rotations, translations, points)
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePoints(Family[Scene]):
+    """Errors of points in the images [px]."""
+
+    seen: Observations
+    columns: NDArray[np.int64]
+    """(K, 11) which of the shared unknowns the lens and the view's pose are."""
+    widths: Array
+    points_known: bool = False
+    loss: Loss = cauchy
 
     def residuals(self, values: Scene) -> Array:
         return values.residuals_px(self.seen)
@@ -111,31 +158,16 @@ class SceneProblem(Problem[Scene]):
         x, view = values.points[seen.point], seen.view
         # q = R x_3 + t w: a left twist moves it by w rho + phi x q
         by_shared = np.concatenate([by_lens, by_q * x[:, 3, None, None], -by_q @ skew(q)], axis=2)
+        if self.points_known:
+            return Derivatives.of_shared(by_shared, self.columns)
         moves = np.concatenate([values.rotations[view], values.translations[view][..., None]], axis=2)
-        by_point = by_q @ (moves @ _tangents(values.points)[seen.point])
-        return Derivatives(by_shared, self._columns, by_point * (not self._localise), seen.point)
-
-    def moved(self, values: Scene, shared: Array, blocks: Array) -> Scene:
-        step = np.zeros(len(self._free))
-        step[self._free] = shared
-        points = values.points + (_tangents(values.points) @ blocks[..., None])[..., 0]
-        points /= np.linalg.norm(points, axis=1, keepdims=True)
-        rotations, translations = moved(values.rotations, values.translations, step[LENS:].reshape(-1, POSE))
-        return Scene(values.lens + step[:LENS], rotations, translations, points)
-
-    def prior(self, values: Scene) -> tuple[Array, Array]:
-        away, information = np.zeros(self.shared), np.zeros(self.shared)
-        free = self._free[:LENS]
-        count = int(free.sum())
-        away[:count] = (values.lens - self._prior.mean)[free]
-        information[:count] = self._prior.sigma[free] ** -2.0
-        return away, information
+        return Derivatives(by_shared, self.columns, by_q @ (moves @ _tangents(values.points)[seen.point]), seen.point)
 
 
 def adjust_scene(
     scene: Scene,
     seen: Observations,
-    prior: Prior,
+    prior: LensPrior,
     width_px: float | Array,
     iterations: int,
     tolerance: float = 1e-4,
@@ -151,8 +183,8 @@ def adjust_scene(
     points, owner = np.unique(seen.point, return_inverse=True)
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
-    problem = SceneProblem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
-    found = adjust(problem, part, cauchy, iterations, tolerance, curved)
+    problem = scene_problem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
+    found = adjust(problem, part, iterations, tolerance, curved=curved)
     rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
     rotations[:views], translations[:views] = found.values.rotations, found.values.translations
     places[points] = found.values.points

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.calibration.least_squares import cauchy, normal_equations
 from ispom.calibration.tracked.realign import realign
 from ispom.calibration.tracked.reconstruct import add_keyframes, count_first_views, initialise
-from ispom.calibration.tracked.scene import LENS, POSE, Observations, Prior, Scene, SceneProblem, adjust_scene
+from ispom.calibration.tracked.scene import LENS, POSE, LensPrior, Observations, Scene, adjust_scene, scene_problem
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
+from ispom.solvers.least_squares import cauchy, normal_equations
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -81,7 +81,7 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
     if len(tracks.views) < LEAST_VIEWS or not tracks.points:
         return None
     width, height = tracks.size
-    prior = Prior(
+    prior = LensPrior(
         np.array([np.log(guess.fx * tracks.factor), (width - 1) / 2, (height - 1) / 2, 0, 0]),
         np.array([focal_sigma, CENTRE_SHARE * width, CENTRE_SHARE * width, *RADIAL_SIGMA]),
     )
@@ -107,7 +107,7 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
 
 
 def _adjust_with_widths(
-    scene: Scene, seen: Observations, prior: Prior, unit_px: float, rounds: int
+    scene: Scene, seen: Observations, prior: LensPrior, unit_px: float, rounds: int
 ) -> tuple[Scene, Array]:
     """Adjusts the scene and the loss widths of tracks in turn, until the lens converges; returns the remaining change
     (5,), too."""
@@ -147,7 +147,7 @@ def widths(scene: Scene, seen: Observations, unit_px: float) -> Array:
 
 
 def _result(
-    scene: Scene, seen: Observations, prior: Prior, unit_px: float, factor: float, remaining: Array, guess: Camera
+    scene: Scene, seen: Observations, prior: LensPrior, unit_px: float, factor: float, remaining: Array, guess: Camera
 ) -> TrackedLens:
     """Returns the lens in the original images, of which the tracked ones are reduced by `factor`."""
     scene, seen, _ = _often_observed(scene, seen)
@@ -176,7 +176,7 @@ def _often_observed(scene: Scene, seen: Observations) -> tuple[Scene, Observatio
     return replace(scene, points=scene.points[points]), Observations(seen.view[often], owner, seen.uv[often]), often
 
 
-def difference_of_halves(scene: Scene, seen: Observations, prior: Prior, width_px: Array) -> float:
+def difference_of_halves(scene: Scene, seen: Observations, prior: LensPrior, width_px: Array) -> float:
     """Returns the difference of the lenses of both halves of the keyframes, in standard errors; at least 1.
 
     Errors that many tracks share (a rolling shutter, another kind of lens) show only in it.
@@ -199,14 +199,14 @@ def difference_of_halves(scene: Scene, seen: Observations, prior: Prior, width_p
     return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
-def sandwich_covariance(scene: Scene, seen: Observations, prior: Prior, width_px: Array) -> Array:
+def sandwich_covariance(scene: Scene, seen: Observations, prior: LensPrior, width_px: Array) -> Array:
     """Returns the covariance (5, 5) of the lens at the least cost, by the scatter of the points.
 
     Errors of one track are correlated from image to image, those of different tracks are not: the points are the
     clusters of a sandwich covariance (Huber 1967), and the prior is one more. The degrees of freedom correct for the
     errors that points and poses absorb.
     """
-    equations = normal_equations(SceneProblem(scene, seen, prior, width_px), scene, cauchy)
+    equations = normal_equations(scene_problem(scene, seen, prior, width_px), scene)
     reduced = equations.eliminated(LEAST_DAMPING)
     inverse = np.linalg.inv(reduced.matrix)[:LENS]
     influences = reduced.scores(equations) @ inverse.T

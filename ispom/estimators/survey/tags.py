@@ -39,8 +39,10 @@ from ispom.estimator import VIDEO, Method
 from ispom.estimators.survey.common import OneKind, Result, tracks_between
 from ispom.geometry import Array, Pose, rotation_angle_rad, skew
 from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.reprojection import reprojected
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
 from ispom.settings import Range, checked
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, adjust, cauchy
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Check,
@@ -310,8 +312,8 @@ class TagPoses(OneKind[Memory]):
 
         def stepped(pose: Pose, damping: float) -> Pose:
             q = pose.apply(xyz)
-            by = _projection(q) @ np.concatenate([np.broadcast_to(np.eye(3), (len(q), 3, 3)), -skew(q)], axis=2)
-            error = x - q[:, :2] / q[:, 2:]
+            seen, _, by = reprojected(q)
+            error = x - seen
             weight = cauchy_weights((error**2).sum(axis=1), width)
             normal = np.einsum("n,nik,nil->kl", weight, by, by)
             normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(6)
@@ -396,38 +398,10 @@ class TagPoses(OneKind[Memory]):
         free = [n for n in sorted(set(tag_of.tolist())) if n not in fixed]
         column = np.full(len(memory.tags), -1)
         column[free] = 6 * (len(views) + np.arange(len(free)))
-        size, width = 6 * (len(views) + len(free)), LOSS_PX * self.px
+        corners = Corners(view_of, tag_of, column, self.corners, x, np.full(4 * len(pairs), LOSS_PX * self.px))
 
-        def in_camera(poses: Poses) -> tuple[Array, Array]:
-            cameras, tags = poses
-            turned = np.stack([cameras[k].rotation @ tags[t].rotation for k, t, _ in pairs])
-            shifted = np.stack([cameras[k].apply(tags[t].translation) for k, t, _ in pairs])
-            return np.einsum("nij,cj->nci", turned, self.corners) + shifted[:, None], turned
-
-        def cost(poses: Poses) -> float:
-            q, _ = in_camera(poses)
-            if (q[..., 2] <= 0).any():
-                return np.inf
-            return cauchy_cost(((q[..., :2] / q[..., 2:] - x) ** 2).sum(axis=2).ravel(), width)
-
-        def stepped(poses: Poses, damping: float) -> Poses:
-            q, turned = in_camera(poses)
-            error = x - q[..., :2] / q[..., 2:]
-            weight = cauchy_weights((error**2).sum(axis=2), width)
-            eye = np.broadcast_to(np.eye(3), (*q.shape[:2], 3, 3))
-            by_camera = _projection(q) @ np.concatenate([eye, -skew(q)], axis=3)
-            own = np.concatenate([np.broadcast_to(np.eye(3), (4, 3, 3)), -skew(self.corners)], axis=2)
-            by_tag = _projection(q) @ (turned[:, None] @ own)
-            normal, side = np.zeros((size, size)), np.zeros(size)
-            for n, (k, t) in enumerate(zip(view_of, tag_of, strict=True)):
-                at = np.arange(6 * k, 6 * k + 6)
-                by = by_camera[n]
-                if column[t] >= 0:
-                    at, by = np.append(at, column[t] + np.arange(6)), np.concatenate([by, by_tag[n]], axis=2)
-                normal[np.ix_(at, at)] += np.einsum("c,cik,cil->kl", weight[n], by, by)
-                side[at] += np.einsum("c,cik,ci->k", weight[n], by, error[n])
-            normal += np.diag(damping * np.diag(normal) + 1e-12)
-            step = np.linalg.solve(normal, side).reshape(-1, 6)
+        def moved(poses: Poses, shared: Array, _: Array) -> Poses:
+            step = shared.reshape(-1, 6)
             cameras = [Pose.exp(d) @ pose for d, pose in zip(step, poses[0], strict=False)]
             tags = list(poses[1])
             for n, d in zip(free, step[len(views) :], strict=True):
@@ -435,7 +409,8 @@ class TagPoses(OneKind[Memory]):
             return cameras, tags
 
         start = [v.camera_from_world for v in views], [tag.world_from_tag for tag in memory.tags]
-        cameras, tags = minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
+        problem = Problem((corners,), moved, 6 * (len(views) + len(free)))
+        cameras, tags = adjust(problem, start, ITERATIONS, TOLERANCE).values
         return replace(
             memory,
             tags=tuple(replace(t, world_from_tag=p) for t, p in zip(memory.tags, tags, strict=True)),
@@ -471,6 +446,44 @@ class TagPoses(OneKind[Memory]):
             lines={"video": ImageLines.of(_sides(view.uv), np.repeat(np.where(known, view.ids, -1), 4))},
             world_lines=WorldLines(_sides(xyz), np.repeat(group, 4)),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Corners(Family[Poses]):
+    """Errors of the corners of tags in key images, normalised: P tags in an image."""
+
+    view: NDArray[np.int64]
+    """(P,) the key image, whose pose has the first columns,"""
+    tag: NDArray[np.int64]
+    """(P,) and the tag,"""
+    column: NDArray[np.int64]
+    """(T,) and the first column of each tag; -1 for one that is fixed."""
+    corners: Array
+    """(4, 3) in the tag."""
+    x: Array
+    """(P, 4, 2) observed, normalised."""
+    widths: Array
+    loss: Loss = cauchy
+
+    def residuals(self, values: Poses) -> Array:
+        q = self._in_camera(values)[0].reshape(-1, 3)
+        return np.where(q[:, 2:] > 0, q[:, :2] / q[:, 2:] - self.x.reshape(-1, 2), np.nan)
+
+    def derivatives(self, values: Poses) -> Derivatives:
+        q, turned = self._in_camera(values)
+        flat = q.reshape(-1, 3)
+        _, by_point, by_camera = reprojected(np.where(flat[:, 2:] > 0, flat, [0, 0, 1.0]))
+        by_corner = by_point @ np.repeat(turned, 4, axis=0)
+        by_tag = np.concatenate([by_corner, -by_corner @ skew(np.tile(self.corners, (len(q), 1)))], axis=2)
+        first = np.stack([6 * self.view, self.column[self.tag]], axis=1)[..., None]
+        columns = np.where(first >= 0, first + np.arange(6), -1).reshape(-1, 12)
+        return Derivatives.of_shared(np.concatenate([by_camera, by_tag], axis=2), np.repeat(columns, 4, axis=0))
+
+    def _in_camera(self, values: Poses) -> tuple[Array, Array]:
+        """Returns the corners (P, 4, 3) and camera_from_tag rotations (P, 3, 3)."""
+        poses = [values[0][k] @ values[1][t] for k, t in zip(self.view, self.tag, strict=True)]
+        turned, shifted = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+        return np.einsum("nij,cj->nci", turned, self.corners) + shifted[:, None], turned
 
 
 def refined_corners(grey: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -513,14 +526,6 @@ def refined_corners(grey: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]
 def _sides(corners: Array) -> Array:
     """Returns the four sides (4 N, 2, D) of squares (N, 4, D)."""
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, corners.shape[-1])
-
-
-def _projection(q: Array) -> Array:
-    """Returns the derivatives (..., 2, 3) of normalised coordinates by points (..., 3)."""
-    z = 1 / q[..., 2]
-    zero = np.zeros_like(z)
-    rows = [(z, zero, -q[..., 0] * z * z), (zero, z, -q[..., 1] * z * z)]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _thinned(views: tuple[View, ...], most: int) -> tuple[View, ...]:

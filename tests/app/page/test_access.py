@@ -24,7 +24,6 @@ from tests.app.page.served import COOKIE, Served, serving
 EVERYWHERE = (
     "/",
     "/ws",
-    "/live",
     "/viser",
     "/viser/",
     "/web/app.js",
@@ -106,7 +105,7 @@ def test_other_names_and_other_sites_pages_are_refused(tmp_path: Path, host: str
     async def check(at: Served) -> None:
         named = {"Host": host.format(port=at.port), "Origin": origin and origin.format(port=at.port)}
         named = {k: v for k, v in named.items() if v is not None}
-        for path in ("/", "/ws", "/viser", "/live", "/recordings/run.rrd"):
+        for path in ("/", "/ws", "/viser", "/recordings/run.rrd"):
             assert await at.status(path, named) in (400, 403), path  # type: ignore[arg-type]
 
     serving(tmp_path, check, **PROXY)
@@ -200,7 +199,7 @@ def test_a_long_body_is_not_read(tmp_path: Path):
     serving(tmp_path, check)
 
 
-@pytest.mark.parametrize(("path", "size"), [("ws", 100 << 10), ("live", 1 << 20), ("viser", 100 << 20)])
+@pytest.mark.parametrize(("path", "size"), [("ws", 100 << 10), ("viser", 100 << 20)])
 def test_a_message_that_is_too_long_ends_its_connection_and_no_other(tmp_path: Path, path: str, size: int):
     """The length alone is enough: not a byte of the message is waited for."""
 

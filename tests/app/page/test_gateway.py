@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,8 @@ import pytest
 import rerun as rr
 import rich
 import viser
-from aiohttp import WSMsgType
+from aiohttp import ClientWebSocketResponse, WSMsgType
+from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.state import NoticeAdded, State, reduce
 from ispom_app.views.rerun.parts import columns_of
@@ -20,7 +22,7 @@ from ispom_app.views.rerun.rrd import HEADER
 from ispom_app.views.rerun.tape import Tape
 from ispom_app.views.viser.portless import PortlessViser
 from ispom_app.views.web import files
-from ispom_app.views.web.messages import Pane, command_of, message_of
+from ispom_app.views.web.messages import Pane, Ready, command_of, message_of
 from ispom_app.views.web.rerun_assets import ViewerFiles, viewer_files
 from ispom_app.views.web.tape_reader import HEAD
 
@@ -166,46 +168,89 @@ def draw(tape: Tape, frame: int, text: str = "") -> None:
     tape.came(frame)
 
 
-async def heard(ws) -> tuple[int, int, bool]:
-    """The head of the next message: serial number, frame, and whether that is complete."""
-    message = await ws.receive_bytes()
-    assert message[HEAD.size :].startswith(HEADER)
-    return HEAD.unpack_from(message)
+class Page:
+    """A page with a viewer, at a frame of the session's."""
+
+    def __init__(self, at: Served, ws: ClientWebSocketResponse) -> None:
+        self._at, self._ws = at, ws
+
+    async def shows(self, index: int) -> None:
+        """The session does."""
+        record = ExposureRecord(index, index, "video", (), {}, {}, {})
+        self._at.session.become(replace(self._at.session.state, displayed=record))
+        while (await self._ws.receive_json()).get("index") != index:
+            pass
+
+    async def ready(self, serial: int, run: str = "") -> None:
+        await self._ws.send_json({"do": "ready", "run": run, "serial": serial})
+
+    async def begins(self) -> dict[str, str]:
+        """The run that the next frame is of."""
+        return (await self._ws.receive_json())["begins"]
+
+    async def receives(self) -> tuple[int, int, bool]:
+        """The head of the next frame: serial number, frame, and whether that is complete."""
+        return HEAD.unpack_from(await self.content())
+
+    async def content(self) -> bytes:
+        message = await self._ws.receive_bytes()
+        assert message[HEAD.size :].startswith(HEADER)
+        return message
+
+    async def receives_nothing(self) -> None:
+        with pytest.raises(asyncio.TimeoutError):
+            await asyncio.wait_for(self._ws.receive(), 0.1)
 
 
-def test_a_page_gets_the_frame_that_it_requests(tmp_path: Path):
+@asynccontextmanager
+async def page(at: Served) -> AsyncIterator[Page]:
+    async with at.client.ws_connect(f"{at.url}ws") as ws:
+        await ws.receive_json()  # the state
+        yield Page(at, ws)
+
+
+def test_a_page_gets_the_frame_that_it_shows(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
-        async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 2 0")
-            assert json.loads(await ws.receive_str()) == {"run": tape.run, "recording": "a-run"}
-            first = await ws.receive_bytes()
+        async with page(at) as one:
+            await one.shows(2)
+            await one.receives_nothing()  # it has no viewer yet
+            await one.ready(0)
+            assert await one.begins() == {"run": tape.run, "recording": "a-run"}
+            first = await one.content()
             assert HEAD.unpack_from(first) == (1, 2, True)
             assert first[HEAD.size :].startswith(HEADER + b"opening"), "the first message brings the opening as well"
-            await ws.send_str("show 0 1")
-            assert await heard(ws) == (2, 0, True)
-            await ws.send_str("show 1 2")
-            assert await heard(ws) == (3, 1, True)
-        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&serial=3") as ws:
-            await ws.send_str("show 1 3")
-            assert await heard(ws) == (4, 1, True), "nobody knows what the page has"
+            await one.shows(0)
+            await one.receives_nothing()  # the viewer has not taken in the frame before
+            await one.ready(1)
+            assert await one.receives() == (2, 0, True)
+            await one.ready(2)
+            await one.shows(1)
+            assert await one.receives() == (3, 1, True)
+        async with page(at) as again:
+            await again.ready(3, tape.run)
+            assert await again.receives() == (4, 1, True), "nobody knows what the page has"
         tape.close()
 
     serving(tmp_path, check)
 
 
-def test_a_request_that_crosses_a_frame_is_void(tmp_path: Path):
+def test_a_page_that_is_ready_for_what_was_replaced_gets_nothing(tmp_path: Path):
     """A page that seeks faster than it receives would have to take in frames that nobody wants any more."""
 
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
-        async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 0 0")
-            await ws.receive_str()
-            assert await heard(ws) == (1, 0, True)
-            await ws.send_str("show 1 0")  # sent before the frame was received
-            await ws.send_str("show 2 1")
-            assert await heard(ws) == (2, 2, True)
+        async with page(at) as one:
+            await one.shows(0)
+            await one.ready(0)
+            await one.begins()
+            assert await one.receives() == (1, 0, True)
+            await one.ready(0)  # sent before the frame was received
+            await one.shows(1)
+            await one.receives_nothing()
+            await one.shows(2)
+            await one.ready(1)
+            assert await one.receives() == (2, 2, True)
         tape.close()
 
     serving(tmp_path, check)
@@ -213,29 +258,30 @@ def test_a_request_that_crosses_a_frame_is_void(tmp_path: Path):
 
 def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
     async def check(at: Served) -> None:
-        requested_ports: list[int] = []
-        at.live.tape = tape = filled(tmp_path, request=requested_ports.append)
-        async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 4 0")
-            await ws.receive_str()
-            assert (await heard(ws))[1] == 2, "until it is there the last one"
-            await ws.send_str("show 4 1")
+        requested: list[int] = []
+        at.live.tape = tape = filled(tmp_path, request=requested.append)
+        async with page(at) as one:
+            await one.shows(4)
+            await one.ready(0)
+            await one.begins()
+            assert (await one.receives())[1] == 2, "until it is there the last one"
+            await one.ready(1)
             draw(tape, 3)
             at.live.grown.notify()
-            assert (await heard(ws))[1] == 3
-            await ws.send_str("show 4 2")
+            assert (await one.receives())[1] == 3
+            await one.ready(2)
             tape.came(4, bare=True)
             at.live.grown.notify()
-            assert (await heard(ws))[1:] == (4, False)
-            assert requested_ports == [4]
-            await ws.send_str("show 4 3")
+            assert (await one.receives())[1:] == (4, False)
+            assert requested == [4]
+            await one.ready(3)
             tape.came(4)
             at.live.grown.notify()
-            assert (await heard(ws))[1:] == (4, True)
-            await ws.send_str("show 4 4")
+            assert (await one.receives())[1:] == (4, True)
+            await one.ready(4)
             draw(tape, 4, "the final poses are in it")
             at.live.grown.notify()
-            assert (await heard(ws))[1:] == (4, True)
+            assert (await one.receives())[1:] == (4, True)
         tape.close()
 
     serving(tmp_path, check)
@@ -246,48 +292,47 @@ def test_another_run_begins_when_its_frame_can_be_shown(tmp_path: Path):
 
     async def check(at: Served) -> None:
         first = at.live.tape = filled(tmp_path)
-        async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 2 0")
-            await ws.receive_str()
-            assert (await heard(ws))[1] == 2
-            await ws.send_str("show 2 1")
+        async with page(at) as one:
+            await one.shows(2)
+            await one.ready(0)
+            await one.begins()
+            assert (await one.receives())[1] == 2
+            await one.ready(1)
             second = at.live.tape = filled(tmp_path, frames=1, expected=lambda: 3)
             at.live.grown.notify()
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(ws.receive_str(), 0.1)
+            await one.receives_nothing()
             for frame in (1, 2):
                 draw(second, frame)
                 at.live.grown.notify()
-            assert json.loads(await ws.receive_str())["run"] == second.run
-            assert await heard(ws) == (2, 2, True)
+            assert (await one.begins())["run"] == second.run
+            assert await one.receives() == (2, 2, True)
         first.close()
         second.close()
 
     serving(tmp_path, check)
 
 
-@pytest.mark.parametrize("what", ["serial=x", "serial=-1", "serial=12345678901"])
-def test_a_page_that_names_no_number_is_refused(tmp_path: Path, what: str):
-    async def check(at: Served) -> None:
-        assert await at.status(f"{at.access.base}live?run=a&{what}") == 400
-
-    serving(tmp_path, check)
+@pytest.mark.parametrize("serial", ['"x"', "-1", "1.5", "null"])
+def test_a_page_that_names_no_number_is_not_understood(serial: str):
+    assert command_of(f'{{"do": "ready", "serial": {serial}}}') is None
+    assert command_of('{"do": "ready", "run": "a", "serial": 3}') == Ready("a", 3)
 
 
 def test_a_viewer_that_stops_reading_costs_the_others_nothing(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
-        async with at.client.ws_connect(f"{at.url}live") as stuck, at.client.ws_connect(f"{at.url}live") as other:
-            for ws in (stuck, other):  # the first never reads
-                await ws.send_str("show 0 0")
-            await other.receive_str()
-            await heard(other)
+        async with page(at) as stuck, page(at) as other:
+            await other.shows(0)
+            for each in (stuck, other):  # the first never reads
+                await each.ready(0)
+            await other.begins()
+            await other.receives()
             for serial in range(1, 65):
                 draw(tape, 0, str(serial % 10) * 1_000_000)
-                for ws in (stuck, other):
-                    await ws.send_str(f"show 0 {serial}")
+                for each in (stuck, other):
+                    await each.ready(serial)
                 at.live.grown.notify()
-                assert await heard(other) == (serial + 1, 0, True)
+                assert await other.receives() == (serial + 1, 0, True)
         tape.close()
 
     serving(tmp_path, check)

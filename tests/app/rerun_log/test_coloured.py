@@ -56,7 +56,7 @@ def test_one_way_to_colour_is_shown_at_a_time(by):
     ways = {"state": "left/tracks", **{each: f"left/coloured/{each}" for each in SCALES}}
     assert {way for way, path in ways.items() if path not in hidden} == {by}
     legends = {"video/legend", *(f"video/coloured/{each}/legend" for each in SCALES)}
-    assert legends | {f"{each}/{ink}" for each in legends for ink in ("dark", "light")} <= hidden, (
+    assert legends | {f"{each}/{ink}" for each in legends for ink in ("words", "dark", "light")} <= hidden, (
         "the page has its own"
     )
 

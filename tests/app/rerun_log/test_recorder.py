@@ -323,6 +323,26 @@ def test_alone_a_viewer_begins_with_an_image_that_the_first_frame_has(start: int
     assert str(tabs.contents[int(tabs.active_tab or 0)].origin) == first
 
 
+@pytest.mark.parametrize("others", [0, 3])
+def test_alone_a_viewer_begins_at_the_first_frame_with_an_image(others: int):
+    """It is at the first frame, unless it plays in a selection that begins elsewhere."""
+    sequence = doubles.sequence()
+    kinds = ("imu",) * others + sequence.kinds
+    later = replace(
+        sequence, kinds=kinds, times_ns=np.concatenate([sequence.times_ns[:1]] * others + [sequence.times_ns])
+    )
+    opened = replace(Playback(sequence, METHODS, builder=helpers.build).opened, sequence=later)
+    layout = blueprint(opened, is_alone=True)
+    (tabs,) = [part for part in layout.root_container.contents[0].contents if isinstance(part, rrb.Tabs)]
+    assert str(tabs.contents[int(tabs.active_tab or 0)].origin) == "/video"
+    time = layout.time_panel
+    if not others:
+        assert (time.play_state, time.time_selection) == ("paused", None)
+        return
+    assert (time.play_state, time.loop_mode) == ("playing", "selection") and time.time_selection is not None
+    assert (time.time_selection.min.value, time.time_selection.max.value) == (others, len(kinds) - 1)
+
+
 def test_names_stand_at_the_ends_of_their_lines(recorded):
     """One for each line, in its colour, and no two in one place."""
     rows, _, _ = recorded

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.calibration.least_squares import cauchy, cost, normal_equations
-from ispom.calibration.tracked.scene import Prior, Scene, SceneProblem
+from ispom.calibration.tracked.scene import LensPrior, Scene, scene_problem
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks, sandwich_covariance
 from ispom.calibration.tracked.tracks import Tracks, key_tracks
+from ispom.solvers.least_squares import cost, normal_equations
 from ispom.types import Camera
 from tests.calibration.tracked.scenes import LENS, straight, tracks, turning
 
@@ -105,15 +105,15 @@ def test_derivatives_are_those_of_the_cost() -> None:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     lens = np.array([np.log(400.0), 370.0, 240.0, -0.1, 0.02])
     scene = Scene(lens, np.tile(np.eye(3), (5, 1, 1)), 0.1 * rng.normal(0, 1, (5, 3)), points)
-    prior = Prior(lens + 0.01, np.array([0.3, 10, 10, 0.2, 0.1]))
-    problem = SceneProblem(scene, seen.observations, prior, 50.0)
-    equations = normal_equations(problem, scene, cauchy)
+    prior = LensPrior(lens + 0.01, np.array([0.3, 10, 10, 0.2, 0.1]))
+    problem = scene_problem(scene, seen.observations, prior, 50.0)
+    equations = normal_equations(problem, scene)
     for i, step in enumerate((1e-6, 1e-3, 1e-3, 1e-6, 1e-6)):
         ends = []
         for sign in (1, -1):
             moved = lens.copy()
             moved[i] += sign * step
-            ends.append(cost(problem, replace(scene, lens=moved), cauchy))
+            ends.append(cost(problem, replace(scene, lens=moved)))
         assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(equations.shared_gradient[i], rel=1e-4)
 
 
@@ -128,7 +128,7 @@ def test_points_whose_distance_no_image_tells_leave_the_lens_a_covariance() -> N
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     rotations = np.array([pose.rotation for pose in poses])
     scene = Scene(TRUTH.copy(), rotations, np.zeros((len(poses), 3)), rays)
-    prior = Prior(TRUTH, np.array([SIGMA, 10.0, 10.0, 0.3, 0.1]))
+    prior = LensPrior(TRUTH, np.array([SIGMA, 10.0, 10.0, 0.3, 0.1]))
     covariance = sandwich_covariance(scene, seen.observations, prior, np.ones(len(seen.uv)))
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert covariance[0, 0] < SIGMA**2

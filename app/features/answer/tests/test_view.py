@@ -36,10 +36,10 @@ def shown(frame: int, *events: RunEvent, branch: int = 0, values: tuple[FeatureS
     return answer(state, run, frame)
 
 
-def planted() -> Diagnosis:
+def planted(reruns: int = 3) -> Diagnosis:
     """Only 50 tracks, and what more of them do to the error."""
     worse, better = (Outcome(40, dict.fromkeys(range(40), 0.3), 0, {}, 0, error_m=error) for error in (0.947, 0.144))
-    tried = Tried(Trial("monocular", "max_tracks", 50, 400), (better,) * 3, (worse,) * 3)
+    tried = Tried(Trial("monocular", "max_tracks", 50, 400), (better,) * reruns, (worse,) * reruns)
     return with_reruns(Diagnosis(0, 9, ()), Reruns(0, 9, (tried,), set_back=True))
 
 
@@ -98,6 +98,17 @@ def test_while_the_doctor_works_it_says_what_and_how_long() -> None:
     assert all(part in found.text for part in ("it is blurred", "12 of 68", "9 s", "51 s"))
     compiling = shown(3, values=(replace(working, taken_s=0),))
     assert compiling.working and "60" not in compiling.text, "its time has not begun"
+
+
+def test_while_the_doctor_works_it_says_what_is_known_already() -> None:
+    progress = Progress(0, 75, "rerunning the stretch", planted(1))
+    found = shown(60, SCALE, values=(Examined(STRETCH, progress, taken_s=9, limit_s=60),))
+    assert found.working and not found.applies, "it is not confirmed yet"
+    assert all(part in found.text for part in ("50", "400", "947 mm", "144 mm", "one rerun", "51 s"))
+    nothing = replace(progress, known=Diagnosis(0, 9, (Ranked(SUSPECTS[0], Finding(0.5, "")),)))
+    unknown = replace(progress, known=None)
+    texts = [shown(60, SCALE, values=(Examined(STRETCH, each, taken_s=9),)).text for each in (nothing, unknown)]
+    assert texts[0] == texts[1], "what is no cause is not said"
 
 
 def test_a_problem_of_the_examination_is_named_and_a_cancelled_one_is_not() -> None:

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.evaluation.doctor.reruns import Reruns
+from ispom.evaluation.doctor.reruns import Outcome, Reruns, Tried
 from ispom.evaluation.metrics import path_errors
 from ispom.methods import Config
 from ispom.sequences import open_sequence
+from ispom.settings import alternatives
 
 from ....engine.differences.compare import MethodRow, step_row
 from ....engine.events import Stepped
 from ....engine.playback import Playback
 from ....engine.run_events.stretch import Stretch
-from ..job import examine
+from .. import rerun as of_rerun
+from ..job import Progress, examine
 from ..origin import Origin
-from ..rerun import rerun, set_back, with_noise
+from ..rerun import KNOWN, rerun, set_back, with_noise
 
 FIRST, LAST = 30, 55
 STRETCH = Stretch(FIRST, LAST, 50)
@@ -102,9 +105,39 @@ def test_a_run_by_default_has_nothing_to_set_back() -> None:
 
 
 def test_what_was_set_back_is_not_tried_again() -> None:
-    known = [t.trial for t in of_few_tracks_set_back().tried]
-    found = rerun(origin(50), STRETCH, nothing, known)
+    unhelpful = replace(of_few_tracks_set_back(), tried=tuple(replace(t, outcomes=t.unchanged) for t in seen()))
+    found = rerun(origin(50), STRETCH, nothing, unhelpful)
     assert "--monocular.max-tracks 500" not in found.left and found.left
+
+
+def seen() -> tuple[Tried, ...]:
+    return of_few_tracks_set_back().tried
+
+
+def test_where_a_setting_that_was_set_back_is_the_cause_no_other_one_is_tried() -> None:
+    found = rerun(origin(50), STRETCH, nothing, of_few_tracks_set_back())
+    assert not found.tried and not found.left and found.note == KNOWN
+    other = Origin(lambda: playback(51), origin(50).rows, lambda: playback(51))
+    assert rerun(other, STRETCH, nothing, of_few_tracks_set_back()).note != KNOWN, "the rerun is still compared"
+
+
+@pytest.mark.parametrize(("located", "tried"), [(24, 1), (12, len(alternatives(ModernMonocularConfig(max_tracks=50))))])
+def test_where_a_setting_leaves_nothing_to_improve_no_other_one_is_tried(
+    located: int, tried: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcomes = [Outcome(24, dict.fromkeys(range(count), 0.3), 0, {}, 0) for count in (located, 0)]
+    monkeypatch.setattr(
+        of_rerun._Bench, "tried", lambda bench, trial, seen: Tried(trial, (outcomes[0],) * 3, (outcomes[1],) * 3)
+    )
+    found = reran(50)
+    assert len(found.tried) == tried and found.best is not None and not found.left
+
+
+def test_what_is_known_is_told_when_each_rerun_of_a_setting_has_ended() -> None:
+    told = list[Reruns]()
+    found = rerun(origin(50), STRETCH, tracks_only, known=told.append)
+    assert [len(each.tried[-1].outcomes) for each in told if len(each.tried) == 1] == [1, 2, 3, 3]
+    assert told[0].best is not None and told[-1].tried == found.tried
 
 
 def test_settings_are_set_back_before_the_suspects() -> None:
@@ -115,6 +148,17 @@ def test_settings_are_set_back_before_the_suspects() -> None:
     )
     assert "max-tracks" in doing[0] and any("reading" in each for each in doing[1:])
     assert found.set_back is not None and found.set_back.left == ("--monocular.max-tracks 500",)
+
+
+def test_an_examination_says_a_cause_when_one_rerun_shows_it_and_ends_when_others_confirm_it() -> None:
+    told = list[Progress]()
+    found = examine(open_sequence("sim:tiny"), STRETCH, 1000, told.append, origin=origin(50))
+    known = [each.known for each in told if each.known is not None and each.known.causes]
+    assert all(each.causes[0].suspect.key == "monocular.max-tracks" for each in (*known, found))
+    assert known[0].set_back is not None and len(known[0].set_back.tried[0].outcomes) == 1
+    assert found.reruns is not None and not found.reruns.tried and not found.left
+    doing = [each.doing for each in told if " with " in each.doing]
+    assert all("max-tracks" in each for each in doing)
 
 
 def test_the_unchanged_rerun_is_the_run() -> None:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.publish import command
 from ispom_app.views.web.rerun_assets import ViewerFiles
 
+from ispom.geometry import Pose
 from tests import doubles
 from tests.sequences.kitti_folder import make_drive
 
 FRAMES = 14
+STRAYS_AT = 12
 
 
 def build(config, methods, rig):
@@ -54,4 +58,31 @@ def pair(runs: tuple[Path, Path], publish: Callable[..., int], tmp_path_factory:
     """Both runs, published together."""
     found = tmp_path_factory.mktemp("sites") / "two"
     assert publish(*runs, "--out", found) == 0
+    return found
+
+
+class Strays(doubles.FullEstimator):
+    """Is two metres aside from its STRAYS_AT-th frame on, and a little off before."""
+
+    def step(self, state, exposure, asked=None):
+        after, step = super().step(state, exposure, asked)
+        pose = step.world_from_frame
+        if pose is None:
+            return after, step
+        aside = 2.0 if len(after) > STRAYS_AT else 1e-3 * (len(after) % 3)
+        moved = Pose(pose.rotation, pose.translation + np.array([aside, 0.0, 0.0]))
+        return after, replace(step, world_from_frame=moved)
+
+
+@pytest.fixture(scope="session")
+def parted(publish: Callable[..., int], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs whose paths part, published together."""
+    place = tmp_path_factory.mktemp("parted")
+    drive = str(make_drive(place / "drive", 4 * STRAYS_AT))
+    folders = place / "straight", place / "aside"
+    for folder, kind in zip(folders, (doubles.FullEstimator, Strays), strict=True):
+        arguments = ["run", drive, "--stereo-every", "1", "--methods", "stereo", "--out", str(folder)]
+        assert main(arguments, lambda config, methods, rig, kind=kind: doubles.ensemble(methods, kind)) == 0
+    found = place / "site"
+    assert publish(*folders, "--out", found) == 0
     return found

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import shutil
+from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from ispom_app.engine.run_folder.run_folder import MARKER, RECORDING
+from ispom_app.features.publish.images import CHOICES
 from ispom_app.features.publish.site import OPENED_AS_FILE, WAITING, published_page
+from ispom_app.features.publish.stage import StageWriter
+from ispom_app.features.runs.frame_picture import WIDTH_PX
 from ispom_app.views.web.files import STATIC
 
 from .read import content, data
@@ -127,3 +133,23 @@ def test_the_page_is_that_of_the_app_but_for_its_head() -> None:
     assert found.partition("<body>")[2] == own.partition("<body>")[2].replace(WAITING, OPENED_AS_FILE)
     assert own.count(WAITING) == 1
     assert 'data-published="data"' in found and "default-src 'self'" in found
+
+
+def test_where_paths_part_both_images_are_kept(parted: Path, pair: Path) -> None:
+    (found,) = data(parted, "comparisons")
+    assert found["view"]["parting"]["method"] == "stereo" and len(found["pictures"]) == 2
+    for address in found["pictures"]:
+        kind, _, jpeg = address.partition(",")
+        image = cv2.imdecode(np.frombuffer(b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR)
+        assert kind == "data:image/jpeg;base64" and image is not None and image.shape[1] == WIDTH_PX
+    (alike,) = data(pair, "comparisons")
+    assert alike["view"]["parting"] is None and alike["pictures"] is None
+
+
+def test_a_stage_without_images_has_none_where_paths_part(
+    parted: Path, publish: Publish, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(StageWriter, "fitting", lambda writer, most_bytes, beside: writer.stage(CHOICES[-1]))
+    folders = [parted.parent / name for name in ("straight", "aside")]
+    assert publish(*folders, "--out", tmp_path / "site") == 0
+    assert data(tmp_path / "site", "comparisons")[0]["pictures"] is None

@@ -203,6 +203,20 @@ def test_two_runs_are_compared(browser, pair: Path) -> None:  # noqa: F811
         page.tab.close()
 
 
+def test_both_images_are_shown_where_paths_part(browser, parted: Path) -> None:  # noqa: F811
+    with served(parted) as url:
+        page = Page(browser, url, viewer=FAKE)
+        page.tab.get_by_text("Compare", exact=True).click()
+        images = page.tab.locator("#compare .parting .images img")
+        images.first.wait_for()
+        assert images.count() == 2
+        for i in range(2):
+            page.until(f"document.querySelectorAll('#compare .parting img')[{i}].naturalWidth > 0", "the image")
+        assert not page.tab.locator("#compare .parting .missing").count() and not page.faults
+        assert all(request.startswith((url, "blob:", "data:")) for request in page.requests)
+        page.tab.close()
+
+
 @pytest.mark.slow
 def test_the_real_viewer_draws_the_frames(browser, runs: tuple[Path, Path], tmp_path: Path) -> None:  # noqa: F811
     assert main(["publish", str(runs[0]), "--out", str(tmp_path / "site")]) == 0

@@ -36,7 +36,7 @@ const at = (id) => document.getElementById(id);
 let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { tab: "" };
-const link = (published ? openPublished : openSocket)({ opened: () => send({ do: "pane", ...pane }), heard, lost: showOffline });
+const link = (published ? openPublished : openSocket)({ opened, heard, streamed: (data) => viewer.streamed(data), lost: showOffline });
 const send = (message) => link.send(message);
 const people = makePeople(
   send,
@@ -44,13 +44,18 @@ const people = makePeople(
   () => axis.data,
   (text) => showNotice({ text, kind: "info" }),
 );
-const viewer = openViewer((message) => people.command(message), showViewer);
+const viewer = openViewer(send, (message) => people.command(message), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
   send({ do: "pane", ...Object.assign(pane, change) });
 }
 makeSplitter();
+
+function opened() {
+  send({ do: "pane", ...pane });
+  viewer.connected();
+}
 
 function heard(next) {
   state = next;

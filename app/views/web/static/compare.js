@@ -74,7 +74,7 @@ export function makeCompare(command, answer, modes, openRuns) {
     );
     choose(runs, answer.numbers);
     for (const part of [verdict, numbers, curves, details]) part.hidden = !found?.view;
-    parting.show(found?.view ?? null);
+    parting.show(found?.view ?? null, found?.pictures);
     if (found?.view) {
       const { better, sentence } = found.view;
       verdict.className = `verdict side-${better}`;

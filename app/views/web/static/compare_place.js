@@ -37,7 +37,8 @@ export function makePlace(box, seek) {
   let wanted = null; // { numbers, run, index }
   let waiting = 0; // images that are on their way
 
-  function show(view) {
+  // `pictures` are the images where the paths part, of a published page: nobody draws others there.
+  function show(view, pictures) {
     box.hidden = !view;
     if (!view) return;
     place = view.parting;
@@ -54,7 +55,9 @@ export function makePlace(box, seek) {
     map.hidden = !place;
     if (place) map.replaceChildren(drawMap(place));
     choice[0].hidden = !place;
-    row.hidden = caption.hidden = published;
+    row.hidden = published && !pictures;
+    caption.hidden = published;
+    if (pictures && place) images.forEach((image, i) => draws(image, i, place.frame, pictures[i]));
     draw();
   }
 
@@ -77,9 +80,13 @@ export function makePlace(box, seek) {
     waiting = images.length;
     images.forEach((image, i) => {
       const query = { branch: wanted.numbers[i], at: index, run: wanted.run, method: place?.method ?? "" };
-      image.src = `frame?${new URLSearchParams(query)}`;
-      image.alt = `Image of frame ${index} of run ${SIDES[i]}`;
+      draws(image, i, index, `frame?${new URLSearchParams(query)}`);
     });
+  }
+
+  function draws(image, i, index, address) {
+    image.src = address;
+    image.alt = `Image of frame ${index} of run ${SIDES[i]}`;
   }
 
   function ended(image, there) {

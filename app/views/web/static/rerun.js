@@ -18,8 +18,8 @@ const STILL_MS = 2000;
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
-// `pick` is given what a hand clicked in a view, `drawn` what the views show: see status_bar.js.
-export function openViewer(pick, drawn) {
+// `send` gives a message to the server; `pick` is given what a hand clicked in a view, `drawn` what the views show: see status_bar.js.
+export function openViewer(send, pick, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn };
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
@@ -31,7 +31,7 @@ export function openViewer(pick, drawn) {
     start(canvas, heard).then(
       (handle) => {
         viewer.handle = handle;
-        viewer.stage = feed(viewer);
+        viewer.stage = feed(viewer, send);
         setInterval(() => watch(viewer), WATCH_MS);
       },
       (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls on the left work without it.`, true),
@@ -45,14 +45,16 @@ export function openViewer(pick, drawn) {
     if (viewer.handle) watch(viewer);
   };
   viewer.picture = () => pictureOf(viewer);
+  viewer.connected = () => viewer.stage?.connected?.();
+  viewer.streamed = (data) => viewer.stage?.streamed(data);
   return viewer;
 }
 
 // What the viewer shows comes from the server, or from the file of a published page.
-function feed(viewer) {
+function feed(viewer, send) {
   const news = () => watch(viewer);
   if (published) return feedPublished(viewer.handle, news, (message) => control(viewer, message), viewer.state.recorded);
-  return feedLive(viewer.handle, news, () => keepStill(viewer));
+  return feedLive(viewer.handle, send, news, () => keepStill(viewer));
 }
 
 async function start(canvas, onPick) {

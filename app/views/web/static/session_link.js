@@ -1,12 +1,20 @@
-// The page's line to the session: commands go out, states come in. A published page has its own session (published_session.js).
+// The page's line to the session: commands go out, states and frames come in. A published page has its own session
+// (published_session.js).
 
-// `opened` is called when there is a line, `heard` with each state, `lost` when the line is gone.
-export function openSocket({ opened, heard, lost }) {
+// `opened` is called when there is a line, `heard` with each state, `streamed` with what the viewer is to show (live.js), `lost`
+// when the line is gone.
+export function openSocket({ opened, heard, streamed, lost }) {
   let socket;
   const connect = () => {
     socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));
+    socket.binaryType = "arraybuffer";
     socket.onopen = opened;
-    socket.onmessage = ({ data }) => heard(JSON.parse(data));
+    socket.onmessage = ({ data }) => {
+      if (typeof data !== "string") return streamed(data);
+      const message = JSON.parse(data);
+      if (message.begins) streamed(message.begins);
+      else heard(message);
+    };
     socket.onclose = () => {
       lost();
       setTimeout(reconnect, 1000);
@@ -25,6 +33,11 @@ export function openSocket({ opened, heard, lost }) {
         (found) => (found.ok ? found.json() : null),
         () => null,
       ),
-    send: (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)),
+    // Whether there was a line to send the message on.
+    send(message) {
+      const isOpen = socket?.readyState === WebSocket.OPEN;
+      if (isOpen) socket.send(JSON.stringify(message));
+      return isOpen;
+    },
   };
 }

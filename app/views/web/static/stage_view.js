@@ -43,10 +43,7 @@ export function makeEye(canvas, control) {
       Object.assign(eye.known, news ?? {});
     },
     show: (store) => {
-      if (store !== eye.store) {
-        Object.assign(eye, { store, sent: null, arranged: null });
-        hideCurves(eye, control);
-      }
+      if (store !== eye.store) Object.assign(eye, { store, sent: null, arranged: null });
       arrange(eye, control);
       push(eye, control);
     },
@@ -85,11 +82,6 @@ async function arrange(eye, control) {
 
 // Whether a place, as shares of the stage, is in the 3-D view.
 const isWorld = ({ division }, x, y) => (division?.below ? y : x) < (division?.world ?? 0);
-
-// A recording's own layout has curves and decisions for a viewer without the page.
-function hideCurves({ store, known: { curves } }, control) {
-  if (curves) control(updateBlueprint(store, { [curves]: { ContainerBlueprint: { visible: [false] } } }));
-}
 
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +12,12 @@ from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.rows import view_at_middle
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
+from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo, stereo_from_window
 from ispom.estimators.modern.integrated.view import RigNoise, View
 from ispom.estimators.modern.rolling import LEAST, PASSES, motion_at
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
+from ispom.solvers.influence.problem import report_problem
+from ispom.solvers.influence.resection import ResectionProblem
 from ispom.solvers.localisation import Policy, PoseFit, locate
 from ispom.solvers.spline.pose_covariance import pose_information
 from ispom.types import Status
@@ -38,7 +41,7 @@ def located(
         if view.video or len(view.ids) < MIN_POINTS:
             return state, None, Status.INITIALISING
         return replace(state, window=window.with_view(view)), None, Status.TRACKING
-    view, found = _seen_together(setup.noise, window, view)
+    view, found = _seen_together(setup.noise, window, view, lambda: stereo_from_window(setup, state))
     by_stereo = pose_by_stereo(setup, state, view) if found is None else None
     if by_stereo is not None:
         view = replace(view, world_from_rig=by_stereo)
@@ -68,11 +71,13 @@ def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> boo
     return int((adjusted[known] & found.inliers).sum()) >= MIN_POINTS
 
 
-def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[View, PoseFit | None]:
+def _seen_together(
+    noise: RigNoise, window: JointWindow, view: View, onto: Callable[[], Pose]
+) -> tuple[View, PoseFit | None]:
     """Corrects the rolling shutter of a view by the predicted motion and, for the video, by the motion up to it;
-    returns the view and its resection."""
+    returns the view and its resection. `onto` leads from the window's world to that of the reported poses."""
     view = view_at_middle(window, view, window.motion(view.video))
-    found, recent = _resected(noise, window, view), window.recent(view.time_ns)
+    found, recent = _resected(noise, window, view, onto), window.recent(view.time_ns)
     if view.late_s is None or not view.video or len(recent) + 1 < LEAST:
         return view, found
     for _ in range(PASSES):
@@ -82,11 +87,11 @@ def _seen_together(noise: RigNoise, window: JointWindow, view: View) -> tuple[Vi
         poses = [*recent, (view.time_ns, pose)]
         motion, fewer = motion_at(poses, view.time_ns), motion_at(poses[1:], view.time_ns)
         view = view_at_middle(window, replace(view, unforeseen=(motion - fewer)[:6]), motion)
-        found = _resected(noise, window, view)
+        found = _resected(noise, window, view, onto)
     return view, found
 
 
-def _resected(noise: RigNoise, window: JointWindow, view: View) -> PoseFit | None:
+def _resected(noise: RigNoise, window: JointWindow, view: View, onto: Callable[[], Pose]) -> PoseFit | None:
     """Returns camera_from_world by resection from known points; None for too few inliers."""
     place, (known, _) = window.table.places(view.ids), _known(window, view)
     if known.sum() < MIN_POINTS:
@@ -96,7 +101,20 @@ def _resected(noise: RigNoise, window: JointWindow, view: View) -> PoseFit | Non
     predicted = replace(view, world_from_rig=window.predicted(view.time_ns))
     policy = Policy(noise.of(view.video).width, limit, limit)
     found = locate(xyz, seen, window.camera_pose(predicted).inverse(), policy)
-    return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+    if found is None or found.inliers.sum() < MIN_POINTS:
+        return None
+    report_problem(lambda: _problem(view, view.ids[known], xyz, seen, found.camera_from_world, policy.width, onto()))
+    return found
+
+
+def _problem(
+    view: View, ids: NDArray[np.int64], xyz: Array, seen: Array, camera_from_window: Pose, width: float, onto: Pose
+) -> ResectionProblem:
+    """Returns what was solved, in the world of the reported poses and by the ids of the camera's own tracks."""
+    camera_from_world = camera_from_window @ onto.inverse()
+    return ResectionProblem(
+        ids // 2, onto.apply(xyz), seen, camera_from_world, width, "video" if view.video else "left"
+    )
 
 
 def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -1,0 +1,145 @@
+"""`ispom.run` and `ispom.stepper`, as a stranger in a notebook calls them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ispom
+
+FRAMES = 24
+
+
+@pytest.fixture(scope="module")
+def sequence() -> ispom.Sequence:
+    return ispom.open_sequence("sim:tiny", max_exposures=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def run(sequence: ispom.Sequence) -> ispom.Run:
+    return ispom.run(sequence, "stereo", max_tracks=300)
+
+
+def test_it_is_what_the_ensemble_computes(run: ispom.Run, sequence: ispom.Sequence) -> None:
+    config = ispom.Config({"stereo": ispom.method("stereo").config(max_tracks=300)})
+    ensemble = ispom.build(config, ("stereo",), sequence.rig)
+    state, steps = ensemble.start(), []
+    for i in range(len(sequence)):
+        state, found = ensemble.step(state, sequence[i])
+        steps += found
+    np.testing.assert_array_equal(run.trajectory.translations, ensemble.finish(state)["stereo"].translations)
+    assert [step.inliers for step in run.steps] == [len(step.residuals_px) for step in steps]
+    assert run.covariances.shape == (len(steps), 6, 6) and run.located.all()
+
+
+def test_its_errors_are_those_of_the_evaluation(run: ispom.Run, sequence: ispom.Sequence) -> None:
+    assert sequence.truth is not None
+    found = run.evaluate()
+    errors = ispom.path_errors(run.trajectory, sequence.truth, sequence.rig, metric=True)
+    assert found.ate == found.measures["ate_rmse_m"] == pytest.approx(errors["ate_m"]) and found.coverage == 1
+    away = run.evaluate(sequence.truth.moved(left=ispom.Pose(translation=np.array([5.0, 0, 0]))))
+    assert away.ate == pytest.approx(found.ate), "worlds are aligned"
+
+
+def test_a_step_is_found_by_its_frame(run: ispom.Run, sequence: ispom.Sequence) -> None:
+    pair = sequence.kinds.index("stereo")
+    assert run.step_at(pair).time_ns == sequence.times_ns[pair]
+    with pytest.raises(ispom.InputError, match="video"):
+        run.step_at(sequence.kinds.index("video"))
+
+
+def test_what_is_printed_is_short_and_no_markup_of_a_stranger(run: ispom.Run, sequence: ispom.Sequence) -> None:
+    things: list[Any] = [run, run.steps[0], run.trajectory, sequence, sequence[0], run.evaluate()]
+    assert all(20 < len(repr(thing)) < 200 for thing in things)
+    hostile = ispom.Run(sequence, "stereo", {"x": "<script>"}, run.steps, run.trajectory)
+    assert "<script>" not in hostile._repr_html_() and "ATE" in hostile._repr_html_()
+    assert "ate_rmse_m" in run.evaluate()._repr_html_()
+
+
+def test_the_path_is_drawn(run: ispom.Run) -> None:
+    (axes,) = run.plot().axes
+    assert [line.get_label() for line in axes.lines] == ["ground truth", "stereo"]
+
+
+def test_images_with_their_cameras_are_a_source(sequence: ispom.Sequence, run: ispom.Run) -> None:
+    frames: list[Any] = [sequence[i] for i in range(len(sequence))]
+    pairs = [(frame.left, frame.right) for frame in frames if frame.kind == "stereo"]
+    found = ispom.run(pairs, "stereo", rig=sequence.rig, rate_hz=3, max_tracks=300)
+    np.testing.assert_allclose(found.trajectory.translations, run.trajectory.translations, atol=0.02)
+    video = [frame.image for frame in frames[:9] if frame.kind == "video"]
+    assert len(ispom.run(video, "monocular", rig=sequence.rig).steps) == len(video)
+
+
+def test_a_part_of_a_sequence_is_a_sequence(sequence: ispom.Sequence) -> None:
+    part = sequence[4:12:2]
+    assert len(part) == 4 and part.times_ns.tolist() == sequence.times_ns[4:12:2].tolist()
+    assert [part[i].time_ns for i in range(4)] == part.times_ns.tolist() and sequence[-1].time_ns == sequence.times_ns[
+        -1
+    ]
+    with pytest.raises(IndexError):
+        sequence[len(sequence)]
+    with pytest.raises(ValueError):
+        sequence[::-1]
+    assert len(sequence[:0]) == 0 and repr(sequence[:0])
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("stereoo", {}),
+        (("stereo",), {}),
+        ("stereo", {"tracks": 3}),
+        ("stereo", {"max_tracks": -5}),
+        ("stereo", {"max_tracks": "many"}),
+        ("multicamera", {}),
+    ],
+)
+def test_a_wrong_call_is_one_sentence(sequence: ispom.Sequence, name: Any, options: dict[str, Any]) -> None:
+    for call in (ispom.run, ispom.stepper):
+        with pytest.raises(ispom.InputError):
+            call(sequence, name, **options)
+
+
+def test_wrong_images_are_one_sentence(sequence: ispom.Sequence) -> None:
+    good = np.zeros((sequence.rig.camera("video").height, sequence.rig.camera("video").width), np.uint8)
+    for images in ([good[:10, :10]] * 3, [good.astype(float)] * 3, [(good,)] * 3, ["a.png"] * 3):
+        with pytest.raises(ispom.InputError):
+            ispom.run(images, "monocular", rig=sequence.rig)
+    with pytest.raises(ispom.InputError, match="rig="):
+        ispom.run([good] * 3, "monocular")
+    with pytest.raises(ispom.InputError):
+        ispom.run([good] * 3, "monocular", rig=sequence.rig, rate_hz=0)
+    with pytest.raises(ispom.InputError, match="left"):
+        _ = ispom.Frame.video(0, good).left
+
+
+def test_a_run_without_truth_says_so(sequence: ispom.Sequence) -> None:
+    good = np.zeros((sequence.rig.camera("video").height, sequence.rig.camera("video").width), np.uint8)
+    lost = ispom.run([good] * 3, "monocular", rig=sequence.rig)
+    with pytest.raises(ispom.InputError, match="truth"):
+        lost.evaluate()
+    with pytest.raises(ispom.InputError, match="3"):
+        lost.evaluate(sequence.truth)
+    assert "of 3" in repr(lost) and lost._repr_html_() and lost.plot()
+
+
+def test_a_stepper_stops_goes_back_and_forks(sequence: ispom.Sequence, run: ispom.Run) -> None:
+    walk = ispom.stepper(sequence, "stereo", window=1, max_tracks=300)
+    first = [next(walk), next(walk)]
+    assert [step.inliers for step in first] == [step.inliers for step in run.steps[:2]]
+    at = walk.frame
+    walk.back()
+    again = next(walk)
+    assert again.inliers == first[1].inliers and walk.frame == at
+    with pytest.raises(ispom.InputError):
+        walk.back(2)
+    rest = list(walk)
+    assert [step.inliers for step in (*first, *rest)] == [step.inliers for step in run.steps]
+    np.testing.assert_array_equal(walk.trajectory.translations, run.trajectory.translations)
+    other = ispom.stepper(sequence, "stereo", max_tracks=300).fork(max_tracks=100)
+    assert other.settings == {"max_tracks": 100} and next(other).status and next(other).inliers < first[1].inliers
+    assert "max" not in repr(walk) and len(repr(walk)) < 200
+    with pytest.raises(ispom.InputError):
+        ispom.stepper(sequence, "stereo", window=-1)
