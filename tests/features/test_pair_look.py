@@ -23,6 +23,7 @@ from ispom.features.pair_look import (
     with_look,
 )
 from ispom.features.pair_rows import Look
+from ispom.plausibility.doubt import keys_of
 from ispom.types import Camera, Frame, Image, Measurement, Rig, Sequence
 
 WIDTH, HEIGHT = 480, 320
@@ -81,7 +82,7 @@ def test_the_note_stands_with_the_others_of_a_sequence() -> None:
     rig = Rig.stereo(Camera(WIDTH, HEIGHT, 400, 400, 240, 160), 0.2)
     times_ns = np.arange(3, dtype=np.int64)
     sequence = Sequence("a pair", rig, times_ns, ("stereo",) * 3, load, notes=("first",))
-    assert with_look(sequence).notes == ("first", EXCHANGED)
+    assert with_look(sequence).notes == ("first", EXCHANGED) and keys_of(with_look(sequence).notes) == {"pair_unlike"}
     assert with_look(replace(sequence, load=broken)).notes == ("first",)
     assert with_look(replace(sequence, grow=lambda i, s: sequence)).notes == ("first",)
     assert with_look(replace(sequence, rig=Rig.single(rig.camera("left")))).notes == ("first",)

@@ -398,7 +398,7 @@ def test_a_doubt_is_text_with_a_key() -> None:
     assert untested == {
         "latitude_longitude_swapped", "latitude_in_minutes", "latitude_impossible",
         "images_black", "images_frozen", "images_interlaced", "images_transparent",
-        "images_title", "images_cut", "images_repeated",
+        "images_title", "images_cut", "images_repeated", "pair_unlike",
     }  # fmt: skip
 
 

@@ -27,6 +27,8 @@ class Stretch:
     last: int
     at: int
     event: RunEvent | None = None
+    quiet: bool = False
+    """Whether the run had no warning and no loss in it."""
 
 
 def worst_event(events: Iterable[RunEvent]) -> RunEvent | None:
@@ -57,6 +59,7 @@ def stretch_of(sequence: Sequence, at: int | None, frames: int, events: Iterable
     own = [i for i, kind in enumerate(sequence.kinds) if kind == main]
     if len(own) < 4:
         raise InputError(f"{sequence.name} has {len(own)} {main} frames, and the doctor needs 4: give a longer run")
+    events = list(events)
     event = worst_event(events if at is None else event_at(events, at))
     frame = at if at is not None else event.frame if event is not None else len(sequence) // 2
     if not 0 <= frame < len(sequence):
@@ -64,4 +67,6 @@ def stretch_of(sequence: Sequence, at: int | None, frames: int, events: Iterable
     here = sum(i <= frame for i in own) - 1
     start = max(0, min(here - round(BEFORE * frames), len(own) - frames))
     end = min(len(own) - 1, start + frames - 1)
-    return Stretch(own[start], own[end], frame, event)
+    first, last = own[start], own[end]
+    troubles = [e for e in events if e.severity.alarming and e.frame <= last and (e.until is None or e.until > first)]
+    return Stretch(first, last, frame, event, not troubles)

@@ -79,7 +79,7 @@ def examine(
     settings = None if origin is None else set_back(origin, stretch, next_frame, so_far)
     seen = examination(sequence, stretch.first, stretch.last, read)
     found = diagnose(seen, SUSPECTS, next_suspect)
-    if origin is not None and stretch.event is None:
+    if stretch.quiet and origin is not None:
         found = without_harmless(found)
     if settings is not None:
         found = with_reruns(found, settings)

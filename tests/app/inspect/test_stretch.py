@@ -41,3 +41,10 @@ def test_a_stretch_at_an_end_is_inside() -> None:
 def test_a_frame_that_is_not_there_is_an_error() -> None:
     with pytest.raises(InputError):
         stretch_of(open_sequence("sim:tiny"), 100, 30, [])
+
+
+def test_a_stretch_without_warnings_and_losses_is_quiet() -> None:
+    sequence = open_sequence("sim:tiny")
+    near = stretch_of(sequence, 30, 12, EVENTS[1:])  # the loss of frames 20 and 21 is in it, and not at frame 30
+    assert near.event is None and near.first < 22 and not near.quiet
+    assert stretch_of(sequence, 45, 8, EVENTS[1:]).quiet and not stretch_of(sequence, 45, 8, EVENTS[:1]).quiet
