@@ -77,7 +77,7 @@ class Derivatives:
     def contiguous(self) -> Derivatives:
         """The same in memory that the kernels are compiled for."""
         arrays = (self.by_shared, self.columns, self.by_block, self.block)
-        return Derivatives(*(np.require(each, requirements="CW") for each in arrays))
+        return Derivatives(*(np.require(each, requirements=("C", "W")) for each in arrays))
 
 
 class Family(ABC, Generic[T]):
