@@ -76,8 +76,9 @@ class Derivatives:
 
     def contiguous(self) -> Derivatives:
         """The same in memory that the kernels are compiled for."""
-        arrays = (self.by_shared, self.columns, self.by_block, self.block)
-        return Derivatives(*(np.require(each, requirements=("C", "W")) for each in arrays))
+        floats = [np.require(each, requirements=("C", "W")) for each in (self.by_shared, self.by_block)]
+        whole = [np.require(each, np.int64, ("C", "W")) for each in (self.columns, self.block)]
+        return Derivatives(floats[0], whole[0], floats[1], whole[1])
 
 
 class Family(ABC, Generic[T]):
