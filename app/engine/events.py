@@ -32,6 +32,8 @@ class Opened:
     """Trajectories of other programs over the same sequence."""
     map: MadeMap | None = None
     """What `ispom map` made of this run, where it is over."""
+    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """Width and height of the drawn images, by camera, of a recording alone: its cameras are not known."""
 
 
 @dataclass(frozen=True, eq=False)

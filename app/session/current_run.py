@@ -85,7 +85,9 @@ class CurrentRun:
         run.stored = stored
         run.recorded = RecordedViews(stored.recording) if stored.recording is not None else None
         recording_id = stored.recording_id or run.opened.recording_id
-        run.opened = replace(run.opened, recording_id=recording_id, map=made_map(stored.path))
+        run.opened = replace(
+            run.opened, recording_id=recording_id, map=made_map(stored.path), image_sizes=stored.image_sizes
+        )
         run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in past.methods})
         return run
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError, UnreadableImage
@@ -37,6 +40,9 @@ PLOTTED = {
     "plots/residual/{}": "residual_median_px",
 }
 """Quantities by their entity."""
+IMAGES = ("video", "left", "right")
+"""Cameras whose images a recording may have."""
+BLOB = "EncodedImage:blob"
 NO_VALUES: Mapping[str, Value] = {quantity.key: None for quantity in STEP_QUANTITIES}
 ValuesByFrame = dict[int, dict[str, dict[str, Value]]]
 """By frame, method and key."""
@@ -69,6 +75,7 @@ def read_recording(path: Path) -> Stored:
         path,
         recording_id,
         unavailable,
+        _image_sizes(path),
     )
 
 
@@ -103,6 +110,19 @@ def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], ValuesByFrame]:
     return times_ns, stereo, values
 
 
+def _image_sizes(path: Path) -> dict[str, tuple[int, int]]:
+    """Width and height of the first image that can be read of each camera."""
+    found: dict[str, tuple[int, int]] = {}
+    for camera in IMAGES:
+        for _, blob in _rows(path, f"/{camera}/image", BLOB):
+            if blob is not None and len(blob):
+                content = BytesIO(np.asarray(blob[0], np.uint8).tobytes())
+                with suppress(OSError, ValueError), Image.open(content) as image:
+                    found[camera] = image.size
+                break
+    return found
+
+
 def _start_ns(path: Path) -> int:
     """The first frame's time; 0 where it is not recorded."""
     try:
@@ -129,7 +149,7 @@ def _truth(path: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
 def _rows(path: Path, entity: str, column: str = "exposure") -> Iterator[tuple[int, Any]]:
     """Frame, and the value of a column."""
     try:
-        for chunk in RrdReader(path).stream().filter(content=entity).to_chunks():
+        for chunk in RrdReader(path).stream().filter(content=entity):
             batch = chunk.to_record_batch()
             if {"exposure", column} <= set(batch.schema.names):
                 values = batch.column(column).to_numpy(zero_copy_only=False).astype(object)

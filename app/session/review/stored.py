@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,8 @@ class Stored:
     recording_id: str = ""
     unavailable: str = ""
     """Why nothing can be computed again, in one sentence; empty where it can."""
+    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """Of a recording alone, as `Opened` has them."""
 
 
 def nobody(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
@@ -156,7 +158,7 @@ def _are_of(sequence: Sequence, expected: str) -> bool:
 def source_options(run: RunFile) -> SourceOptions:
     """How it opened its source; InputError for what `ispom run` does not write."""
     found: dict[str, Any] = {"sensors": NONE}  # of runs before sources had sensors by themselves
-    for name in (field.name for field in fields(SourceOptions)):
+    for name in (each.name for each in fields(SourceOptions)):
         value = run.options.get(name)
         if value is not None and not isinstance(value, _KINDS[name]):
             raise InputError(f"run.yaml: {name} is {str(value)[:40]!r}: restore the file, or run again")

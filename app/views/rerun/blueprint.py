@@ -7,7 +7,7 @@ layout would take back time, camera and tabs. The views keep their ids for that.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 
 from ispom.estimator import STEREO, VIDEO
 from ispom.methods import method
-from ispom.types import Camera, Kind
+from ispom.types import Kind
 
 from ...engine.events import Opened
 from ...engine.inspection.colouring import SCALES, Colouring
@@ -57,11 +57,11 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
     no documented way begins it there and does not play."""
     rig = opened.sequence.rig
     hidden_in = _hidden_entities(opened.methods, hidden, "state", rig.cameras, has_legend=is_alone)
-    cameras = _cameras(opened)
-    images = [_image(name, each, hidden_in[f"/{image_root(name)}"], is_alone) for name, each in cameras.items()]
+    sizes = _image_sizes(opened, is_alone)
+    images = [_image(name, size, hidden_in[f"/{image_root(name)}"]) for name, size in sizes.items()]
     world = _world(opened, hidden_in["/world"], is_alone)
-    first = _first_camera(opened, tuple(cameras), is_alone)
-    tabs = [rrb.Tabs(*images, active_tab=list(cameras).index(first))] if images else []
+    first = _first_camera(opened, tuple(sizes), is_alone)
+    tabs = [rrb.Tabs(*images, active_tab=list(sizes).index(first))] if images else []
     stage = rrb.Horizontal(world, *tabs, column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)])
     stage.id = uuid5(NAMESPACE_URL, "ispom:stage")
     return rrb.Blueprint(
@@ -88,19 +88,22 @@ def _time(kinds: tuple[Kind, ...]) -> rrb.TimePanel:
     )
 
 
-def _cameras(opened: Opened) -> dict[str, Camera]:
-    """Those with an image, by the name of its tab."""
-    rig = opened.sequence.rig
+def _image_sizes(opened: Opened, is_alone: bool = False) -> dict[str, Sequence[float]]:
+    """Width and height of each image in the viewer's coordinates, by the name of its tab; with its legend for a viewer
+    that `is_alone`."""
+    if opened.image_sizes:
+        return dict(opened.image_sizes)
+    rig, size_of = opened.sequence.rig, entities.shown_size if is_alone else entities.image_size
     found = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
     found |= {name: camera for name, camera in rig.cameras.items() if name not in IMAGES}
-    return {name: camera for name, camera in found.items() if camera is not None}
+    return {name: size_of(camera).tolist() for name, camera in found.items() if camera is not None}
 
 
 def page_layout(opened: Opened) -> dict[str, Any]:
     """What the page needs to divide the stage: where the layout has its container, and by path of each image's view the
     size of the image in the viewer's coordinates."""
-    sizes = {image_root(name): entities.image_size(camera).tolist() for name, camera in _cameras(opened).items()}
-    return {"container": STAGE, "images": {f"/view/{_view_id(f'/{root}')}": size for root, size in sizes.items()}}
+    sizes = {f"/view/{_view_id(f'/{image_root(name)}')}": size for name, size in _image_sizes(opened).items()}
+    return {"container": STAGE, "images": sizes}
 
 
 def _first_camera(opened: Opened, cameras: tuple[str, ...], is_alone: bool) -> str:
@@ -244,8 +247,8 @@ def least_size(opened: Opened) -> float:
     return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
 
 
-def _image(name: str, camera: Camera, hidden: list[str], is_alone: bool) -> rrb.View:
-    width, height = entities.shown_size(camera) if is_alone else entities.image_size(camera)
+def _image(name: str, size: Sequence[float], hidden: list[str]) -> rrb.View:
+    width, height = size
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     root = image_root(name)
     title = IMAGES.get(name, name)

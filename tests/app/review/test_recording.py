@@ -12,9 +12,12 @@ from ispom_app.engine.history.series import Series
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.stage.drawings import drawings
 from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.external_paths import ExternalPaths
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recording import read_recording
+from ispom_app.views.rerun.blueprint import page_layout
+from ispom_app.views.rerun.entities import image_size
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.rrd import HEADER, messages
 from ispom_app.views.viser.screen import Screen
@@ -61,6 +64,11 @@ def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, rec
             np.testing.assert_array_equal(mine[stepped], said[stepped])
         assert np.isnan(found.values(f"{method}.status")).all()
     assert [r.kind for r in alone.records()] == [r.kind for r in whole.records()]
+    rig = whole.playback.sequence.rig
+    cameras = {"video": rig.video, "left": rig.left, "right": rig.left}
+    assert alone.image_sizes == {n: tuple(image_size(c).astype(int)) for n, c in cameras.items() if c is not None}
+    opened = CurrentRun.of_stored(alone, 10**6).opened
+    assert list(page_layout(opened)["images"].values()) == list(alone.image_sizes.values())
     times = np.array([r.time_ns for r in whole.records()])
     assert (alone.playback.sequence.times_ns == times).all()
 
