@@ -46,7 +46,7 @@ def test_the_view_is_put_again_when_the_true_path_is_hidden(run: CurrentRun):
 def test_what_a_page_has_is_not_sent_again(run: CurrentRun):
     news, state = StageNews(), state_at(run, 30)
     first = news.since(state, run)
-    assert first is not None and {"eye", "layout", "curves", "frame", "top", "side", "camera", "follow"} == set(first)
+    assert first is not None and {"eye", "layout", "frame", "top", "side", "camera", "follow"} == set(first)
     assert news.since(state, run) is None
     later = news.since(state_at(run, 31), run)
     assert later is not None and set(later) <= {"frame", "top", "side", "camera", "follow"}
