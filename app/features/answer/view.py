@@ -9,6 +9,7 @@ import msgspec
 from ispom.errors import counted
 from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.evaluation.doctor.reruns import Tried
+from ispom.plausibility.doubt import Doubt
 
 from ...engine.history.record import with_parts
 from ...engine.run_events.event import RunEvent, event_kinds
@@ -149,6 +150,9 @@ def _without_event(state: State, run: CurrentRun, frame: int, examined: Examined
     if worst is not None:
         return _line(tone, f"{colours.label(worst.method)}, frame {frame}: {worst.sentence}", diagnose=frame)
     problems = [event.frame for event in run.events.events if event.severity.alarming]
+    doubts = [note for note in state.notes if isinstance(note, Doubt)]
+    if not problems and doubts:
+        return _line("warning", f"The run had no problem, and its source is doubtful: {doubts[0]}")
     if not problems:
         return _line(tone, "No problem found.")
     nearest = min(problems, key=lambda at: abs(at - frame))

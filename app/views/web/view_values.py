@@ -58,7 +58,14 @@ def listed() -> list[dict[str, str]]:
 def value_of(view: View, state: State, run: CurrentRun | None) -> dict[str, Any]:
     """The value as JSON, by field. While a question is open, nothing in it gives the answer away."""
     found = view.of(covered(state), None if state.covers else run, state.index)
-    return msgspec.to_builtins(found)
+    return msgspec.to_builtins(found, enc_hook=_plain)
+
+
+def _plain(value: object) -> str:
+    """The text of a kind of text, as a doubt about a source is one. NotImplementedError for all else."""
+    if isinstance(value, str):
+        return str(value)
+    raise NotImplementedError(f"a view value holds a {type(value).__name__}")
 
 
 class ViewNews(News):

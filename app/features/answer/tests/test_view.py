@@ -22,6 +22,7 @@ from ispom.evaluation.doctor.diagnose import with_reruns
 from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.evaluation.doctor.suspects import SUSPECTS
+from ispom.plausibility.doubt import Doubt
 
 SCALE = RunEvent("scale", "monocular", 21, 0, Severity.WARNING, "Scale unreliable: its deviation is 12 % (limit 10 %).")
 JUMP = RunEvent("jump", "stereo", 40, 0, Severity.WARNING, "Jump: moved 3 m in one step.", 41)
@@ -55,6 +56,16 @@ def test_without_a_problem_it_names_the_nearest() -> None:
     assert shown(7) == AnswerView("ok", shown(7).text, False, None, False, False, None) and shown(7).text
     calm = shown(45, JUMP, LOST)
     assert (calm.tone, calm.diagnose, calm.show) == ("ok", None, 40)
+
+
+def test_a_doubtful_source_is_no_answer_of_no_problem() -> None:
+    record = ExposureRecord(7, 0, "video", (), {}, {}, {})
+    doubt = Doubt("pair_unlike", "The right images are turned.")
+    run: Any = SimpleNamespace(events=SimpleNamespace(events=()))
+    state = State("double:9", notes=("emulated", doubt), displayed=record).having(Branches())
+    found = answer(state, run, 7)
+    assert found.tone == "warning" and doubt in found.text
+    assert answer(replace(state, notes=("emulated",)), run, 7).tone == "ok"
 
 
 def test_the_cause_has_its_numbers_and_can_be_applied() -> None:

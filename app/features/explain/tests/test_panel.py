@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from ispom_app.session.state import Activity, State, reduce
 from ispom_app.views.web.view_values import value_of, views
 
 from ispom.estimators.modern.monocular import checks
+from ispom.plausibility.doubt import Doubt
 from ispom.types import Status, Step
 from tests import doubles
 from tests.alone import METHODS
@@ -63,6 +65,15 @@ def test_every_event_is_listed_with_its_bookmarks(run: CurrentRun) -> None:
     assert any("the bus" in row.sentence for row in found.rows)
     assert next(row for row in found.rows if row.sentence == lost.sentence).alarming
     assert msgspec.to_builtins(found)["frame"] == lost.frame
+
+
+def test_a_doubt_about_the_source_reaches_the_page_as_text(run: CurrentRun) -> None:
+    doubt = Doubt("pair_unlike", "The right images are turned.")
+    explained = next(view for view in views() if view.name == "explain")
+    for view in (explained, next(view for view in views() if view.name == "answer")):
+        json.dumps(value_of(view, at(run, 30, notes=(doubt,)), run))
+    (found,) = value_of(explained, at(run, 30, notes=(doubt,)), run)["notes"]
+    assert found == doubt and type(found) is str
 
 
 def test_of_many_events_those_around_the_frame_are_listed(run: CurrentRun, monkeypatch: pytest.MonkeyPatch) -> None:
