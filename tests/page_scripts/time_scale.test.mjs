@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { GUTTER, labelledFrames, nearestFrame, PAD, placeOf } from "../../app/views/web/static/time_scale.js";
+import { apart, GUTTER, labelledFrames, nearestFrame, PAD, placeOf } from "../../app/views/web/static/time_scale.js";
 
 const WIDTH = 1000;
 const TIMES = [0, 33, 66, 100, 500, 533]; // with a gap
@@ -33,4 +33,11 @@ test("labels are round numbers, and no more than there is room for", () => {
   assert.deepEqual(labelledFrames(44, 10), [0, 5, 10, 15, 20, 25, 30, 35, 40]);
   assert.deepEqual(labelledFrames(3, 10), [0, 1, 2]);
   for (const count of [1, 7, 99, 101, 661, 5000, 123456]) assert.ok(labelledFrames(count, 12).length <= 12);
+});
+
+test("numbers of frames of one time do not stand on each other", () => {
+  const times = [0, 0, 100, 100, 200, 200];
+  const place = (index) => placeOf(times, WIDTH, index);
+  assert.deepEqual(apart([0, 1, 2, 3, 4, 5], place, 30), [0, 2, 4]);
+  assert.deepEqual(apart([0, 1], () => 7, 30), [0]);
 });

@@ -152,7 +152,7 @@ def _without_event(state: State, run: CurrentRun, frame: int, examined: Examined
     problems = [event.frame for event in run.events.events if event.severity.alarming]
     doubts = [note for note in state.notes if isinstance(note, Doubt)]
     if not problems and doubts:
-        return _line("warning", f"The run had no problem, and its source is doubtful: {doubts[0]}")
+        return _line("warning", f"Doubtful source: {doubts[0]}")
     if not problems:
         return _line(tone, "No problem found.")
     nearest = min(problems, key=lambda at: abs(at - frame))

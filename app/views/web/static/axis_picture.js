@@ -1,12 +1,13 @@
 // The upper part of the time dock, row by row: frame numbers, the frames and measurements of each sensor with its outages,
 // each method's keyframes and losses, and what features mark. At most one mark of a kind to a pixel.
-import { GUTTER, labelledFrames } from "./time_scale.js";
+import { apart, GUTTER, labelledFrames } from "./time_scale.js";
 import { inkOf } from "./quantity_plots.js";
 
 const RULER = 21;
 const CLOCK = 14;
 const LANE = 15;
-const LABEL_PX = 60; // at least between two frame numbers
+const LABEL_PX = 60; // between two frame numbers, where frames are even in time
+const TOUCHING_PX = 30; // numbers that are nearer may touch
 const BAR = 3; // what is computed
 const EVENTS = 14;
 const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not good news
@@ -74,7 +75,7 @@ export function drawAxis(canvas, width, axis, place) {
   const all = [...axis.times.keys()];
   box(place(0), place(all.length - 1), RULER - BAR - 1, BAR, colour("field"));
   if (axis.computed) box(place(0), place(axis.computed - 1), RULER - BAR - 1, BAR, colour("accent"), 0.6);
-  for (const index of labelledFrames(all.length, width / LABEL_PX)) {
+  for (const index of apart(labelledFrames(all.length, width / LABEL_PX), place, TOUCHING_PX)) {
     box(Math.round(place(index)), Math.round(place(index)) + 1, RULER - 5, 4, colour("quiet"));
     text(String(index), place(index), RULER - 8, colour("quiet"), "center");
   }

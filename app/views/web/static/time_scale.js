@@ -29,3 +29,13 @@ export function labelledFrames(count, most) {
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((each) => each >= least);
   return Array.from({ length: Math.ceil(count / step) }, (_, i) => i * step);
 }
+
+// Of frames in order those whose places [pixels] are so far from the one before: images of a pair, say, are of one time.
+export function apart(frames, place, least) {
+  let last = -Infinity;
+  return frames.filter((index) => {
+    const far = place(index) - last >= least;
+    if (far) last = place(index);
+    return far;
+  });
+}
