@@ -39,5 +39,8 @@ test("numbers of frames of one time do not stand on each other", () => {
   const times = [0, 0, 100, 100, 200, 200];
   const place = (index) => placeOf(times, WIDTH, index);
   assert.deepEqual(apart([0, 1, 2, 3, 4, 5], place, 30), [0, 2, 4]);
-  assert.deepEqual(apart([0, 1], () => 7, 30), [0]);
+  assert.deepEqual(
+    apart([0, 1], () => 7, 30),
+    [0],
+  );
 });
