@@ -7,6 +7,7 @@ which using it warns. Everything below (`ispom.solvers`, ...) may change with ea
     run = ispom.run("sim:tiny", "stereo")         # a path, a sequence, or images with a rig
     run.trajectory, run.steps[3].inliers, run.covariances
     run.evaluate().ate                            # with the numbers of `ispom evaluate`
+    run.save("runs/tiny")                         # as `ispom run` does: for the page, reports, ispom.read_run
     for step in ispom.stepper("sim:tiny", "stereo"):
         ...                                       # stop, go back, fork
 
@@ -40,8 +41,10 @@ if TYPE_CHECKING:
     from ispom.features.shi_tomasi import detect_corners, detect_spread
     from ispom.geometry import Pose, Similarity, skew
     from ispom.methods import Config, default_methods, method, possible_methods
+    from ispom.notebook.folders import StoredRun, StoredStep, read_run
     from ispom.notebook.register import register
-    from ispom.notebook.run import Evaluation, Run, run
+    from ispom.notebook.result import Evaluation
+    from ispom.notebook.run import Run, run
     from ispom.notebook.stepper import Stepper, stepper
     from ispom.persistent_list import PersistentList
     from ispom.sequences import open_sequence
@@ -104,7 +107,9 @@ _HOMES = {
     "ispom.geometry": "Pose Similarity skew",
     "ispom.methods": "Config default_methods method possible_methods",
     "ispom.notebook.register": "register",
-    "ispom.notebook.run": "Evaluation Run run",
+    "ispom.notebook.folders": "StoredRun StoredStep read_run",
+    "ispom.notebook.result": "Evaluation",
+    "ispom.notebook.run": "Run run",
     "ispom.notebook.stepper": "Stepper stepper",
     "ispom.persistent_list": "PersistentList",
     "ispom.sequences": "open_sequence",

@@ -63,7 +63,7 @@ class MethodConfig(Protocol):
     def build(self, rig: Rig) -> Estimator | Integrator: ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Method:
     """What the registry holds of a method."""
 
@@ -93,6 +93,9 @@ class Method:
     world: Literal["start", "own"] = "start"
     """Where its world is. start: at the first pose of the rig, or of the only camera; own: elsewhere, such as at a tag
     or where a GNSS has its origin."""
+
+    def __repr__(self) -> str:
+        return f"Method({self.name}: of {' and '.join(sorted(self.sensors))}; {self.unit} unit; {self.source})"
 
     def uses(self, measurement: Measurement) -> bool:
         """Checks that the method steps on the measurement."""

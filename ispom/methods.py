@@ -132,6 +132,11 @@ def with_dependencies(method_names: Iterable[str]) -> tuple[str, ...]:
     return tuple(ordered)
 
 
+def kinds_of(method_names: Iterable[str]) -> frozenset[Kind]:
+    """Returns the kinds of measurements that these methods, and those that they depend on, use."""
+    return frozenset[Kind]().union(*(method(name).sensors for name in with_dependencies(method_names)))
+
+
 def possible_methods(rig: Rig) -> tuple[str, ...]:
     """Returns the methods that the rig has the sensors for."""
     return tuple(name for name, m in registry().items() if m.possible(rig))

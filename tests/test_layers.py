@@ -23,8 +23,9 @@ LAYERS = (
     {"estimators"},
     {"methods"},
     {"ensemble"},
-    {"notebook", "warm_up"},
+    {"warm_up"},
     {"calibration"},
+    {"notebook"},
     {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from ispom.calibration.opening import open_guessed
 from ispom.calibration.tracked.self_calibration import self_calibrated
-from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
-from ispom.sequences import open_sequence
 from ispom.sequences.own_sensors import AUTO
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
@@ -89,7 +88,7 @@ class SourceOptions:
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
-        sequence = open_sequence(
+        return open_guessed(
             source,
             stereo_every=self.stereo_every,
             video_scale=self.video_scale,
@@ -101,7 +100,6 @@ class SourceOptions:
             sensors=self.sensors,
             topics=self.topics,
         )
-        return sequence if source.startswith("sim:") else with_look(sequence)  # those of a simulation are right
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ A run may have been forked from others: then it begins with what those did up to
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
-from ispom.methods import STEREO, Config, with_dependencies
+from ispom.methods import STEREO, Config, kinds_of
 from ispom.methods import method as registered
 from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.solvers.influence.problem import Problem
 from ispom.stopwatch import cpu_clock
-from ispom.types import Kind, Rig, Sequence, Step, Trajectory
+from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
 from .external_trajectories.placed import ExternalTrajectory
@@ -273,8 +273,3 @@ def truth_from_start(sequence: Sequence) -> Trajectory | None:
     )
     start = sequence.truth.at(first) if first is not None else None
     return sequence.truth.moved(left=(start or sequence.truth.pose(0)).inverse())
-
-
-def kinds_of(methods: Iterable[str]) -> frozenset[Kind]:
-    """Returns the kinds of measurements that these methods, and those that they depend on, use."""
-    return frozenset[Kind]().union(*(registered(name).sensors for name in with_dependencies(methods)))

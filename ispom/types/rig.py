@@ -110,7 +110,7 @@ class LaserScanner(Sensor):
     """Standard deviation of a range [m]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rig:
     """The sensors of the platform by name. `left` and `right` are a rectified stereo pair: one K, rows aligned,
     undistorted."""
@@ -118,6 +118,10 @@ class Rig:
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
     pair_sigma: PairSigma | None = None
     """Of the calibration of the pair; None where that does not say."""
+
+    def __repr__(self) -> str:
+        cameras = (f"{name} {camera.width}x{camera.height}" for name, camera in self.cameras.items())
+        return f"Rig({', '.join([*cameras, *(name for name in self.sensors if name not in self.cameras)])})"
 
     @staticmethod
     def of(**values: Any) -> Rig:

@@ -46,7 +46,7 @@ class TrackStatus(IntEnum):
         }[int(self)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tracks:
     """The image points of one camera at one frame, with those that ended in it."""
 
@@ -62,6 +62,10 @@ class Tracks:
     """(N,) reprojection error of the last pose estimate; NaN where the point took no part."""
     disparity_px: NDArray[np.float32]
     """(N,) left minus right column; NaN where unknown (and in the video camera)."""
+
+    def __repr__(self) -> str:
+        ended = int((self.status != TrackStatus.ALIVE).sum())
+        return f"Tracks({len(self.ids) - ended} alive, {ended} ended)"
 
     @staticmethod
     def of(ids: NDArray, uv: NDArray, **others: NDArray) -> Tracks:
@@ -81,7 +85,7 @@ class Tracks:
         return len(self.ids)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Landmarks:
     """Points of the scene, in the world (and unit) of the trajectory that they belong to."""
 
@@ -98,6 +102,9 @@ class Landmarks:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def __repr__(self) -> str:
+        return f"Landmarks({len(self)})"
 
 
 @dataclass(frozen=True, eq=False)

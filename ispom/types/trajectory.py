@@ -54,6 +54,10 @@ class Trajectory:
         seconds = f" over {(self.times_ns[-1] - self.times_ns[0]) * 1e-9:.3f} s" if len(self) else ""
         return f"Trajectory({len(self)} poses of the {self.frame}{seconds}, length {self.length:.4g})"
 
+    def __getitem__(self, index: int | slice) -> Pose | Trajectory:
+        """A pose by its number, or a part. Raises IndexError beyond the last one."""
+        return self.select(index) if isinstance(index, slice) else self.pose(index)
+
     def pose(self, i: int) -> Pose:
         return Pose(self.rotations[i], self.translations[i])
 
@@ -65,7 +69,7 @@ class Trajectory:
         i = int(np.searchsorted(self.times_ns, time_ns))
         return self.pose(i) if i < len(self) and self.times_ns[i] == time_ns else None
 
-    def select(self, index: NDArray) -> Trajectory:
+    def select(self, index: NDArray | slice) -> Trajectory:
         """The poses of a slice, boolean mask or index array."""
         return Trajectory(self.times_ns[index], self.rotations[index], self.translations[index], self.frame)
 

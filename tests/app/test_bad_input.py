@@ -287,7 +287,7 @@ def test_no_motion_of_images_that_are_mixed_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "ispom_app.engine.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED))
+        "ispom.calibration.opening.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED))
     )
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
     message = sentence(capsys, str(drive), "--out", str(out), builder=build)
@@ -329,7 +329,7 @@ def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> N
 def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("kept")
     message = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
-    assert "file/out cannot be created" in message and "give another --out" in message
+    assert "file/out cannot be created" in message and "give another" in message
     assert (tmp_path / "file").read_text() == "kept"
 
 

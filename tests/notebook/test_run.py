@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,7 +55,7 @@ def test_a_step_is_found_by_its_frame(run: ispom.Run, sequence: ispom.Sequence) 
 def test_what_is_printed_is_short_and_no_markup_of_a_stranger(run: ispom.Run, sequence: ispom.Sequence) -> None:
     things: list[Any] = [run, run.steps[0], run.trajectory, sequence, sequence[0], run.evaluate()]
     assert all(20 < len(repr(thing)) < 200 for thing in things)
-    hostile = ispom.Run(sequence, "stereo", {"x": "<script>"}, run.steps, run.trajectory)
+    hostile = replace(run, settings={"x": "<script>"})
     assert "<script>" not in hostile._repr_html_() and "ATE" in hostile._repr_html_()
     assert "ate_rmse_m" in run.evaluate()._repr_html_()
 
@@ -143,3 +145,40 @@ def test_a_stepper_stops_goes_back_and_forks(sequence: ispom.Sequence, run: ispo
     assert "max" not in repr(walk) and len(repr(walk)) < 200
     with pytest.raises(ispom.InputError):
         ispom.stepper(sequence, "stereo", window=-1)
+
+
+MISTAKES: dict[str, Any] = {
+    "0": lambda s: ispom.run(s, "stereo", frames=0),
+    "-3": lambda s: ispom.run(s, "stereo", frames=-3),
+    "2.5": lambda s: ispom.run(s, "stereo", frames=2.5),  # type: ignore[arg-type]
+    "None": lambda s: ispom.run(None, "stereo"),  # type: ignore[arg-type]
+    r"\[\]": lambda s: ispom.run([], "stereo", rig=s.rig),
+    "str": lambda s: ispom.run([np.zeros((9, 9), np.uint8)], "monocular", rig="kitti"),  # type: ignore[arg-type]
+    "video": lambda s: ispom.run([np.zeros((240, 320), np.uint8)] * 3, "stereo", rig=s.rig),
+    "name": lambda s: ispom.run(s, ispom.method("stereo")),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("named", MISTAKES)
+def test_a_wrong_argument_is_named(named: str, sequence: ispom.Sequence) -> None:
+    with pytest.raises(ispom.InputError, match=named):
+        MISTAKES[named](sequence)
+
+
+def test_other_objects_are_printed_short_too(run: ispom.Run, sequence: ispom.Sequence) -> None:
+    step = run.steps[-1]
+    things: list[Any] = [run.rig, ispom.method("stereo"), step.tracks["left"], step.landmarks]
+    assert all(10 < len(repr(thing)) < 200 for thing in things)
+
+
+def test_the_truth_may_be_a_file_and_nothing_else(run: ispom.Run, tmp_path: Path) -> None:
+    assert run.truth is not None
+    file = tmp_path / "truth.txt"
+    rows = np.hstack([run.truth.times_ns[:, None] * 1e-9, run.truth.translations, run.truth.xyzw])
+    np.savetxt(file, rows, fmt="%.9f")
+    assert run.evaluate(file).ate == pytest.approx(run.evaluate().ate, rel=1e-3)
+    with pytest.raises(ispom.InputError, match="int"):
+        run.evaluate(5)  # type: ignore[arg-type]
+    with pytest.raises(ispom.InputError, match="500"):
+        run.step_at(500)
+    assert run.trajectory[0].translation.shape == (3,) and len(run.trajectory[1:3]) == 2

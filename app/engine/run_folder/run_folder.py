@@ -95,7 +95,7 @@ class RunFolder:
         except (OSError, ValueError) as error:
             self._claim.close()
             reason = error.strerror if isinstance(error, OSError) else error
-            raise InputError(f"{path} cannot be created ({reason}): give another --out") from None
+            raise InputError(f"{path} cannot be created ({reason}): give another folder") from None
         except InputError:
             self._claim.close()
             raise
@@ -112,7 +112,7 @@ class RunFolder:
                     candidate.mkdir()
                     return RunFolder(candidate)
         except OSError as error:
-            raise InputError(f"{path} cannot be created ({error.strerror}): give another --out") from None
+            raise InputError(f"{path} cannot be created ({error.strerror}): give another folder") from None
         raise AssertionError("there are always more numbers")
 
     @staticmethod
@@ -149,7 +149,7 @@ class RunFolder:
         if not self._unwritten:
             return None
         names, reasons = ", ".join(self._unwritten), ", ".join(dict.fromkeys(self._unwritten.values()))
-        return f"{self.path / names} cannot be written ({reasons}): make room, or give another --out"
+        return f"{self.path / names} cannot be written ({reasons}): make room, or give another folder"
 
     def part(self, name: str) -> Path:
         """Where a file is while it grows; `keep` gives it its name."""
@@ -185,8 +185,8 @@ def _require_free(path: Path) -> list[Path]:
         return []
     if not is_incomplete(path):
         if (path / RUN).exists():
-            raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
-        raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
+            raise InputError(f"{path} holds a complete run: give a new or empty folder, or remove it first")
+        raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder")
     own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, EVENTS, RECORDING, THUMBNAIL}
     own |= set(map(trajectory_file, names()))
     segments = [segment_file(method, "*") for method in names()]
@@ -197,7 +197,5 @@ def _require_free(path: Path) -> list[Path]:
         or not (entry.name in own or entry.name.startswith(PART) or any(map(entry.match, segments)))
     ]
     if foreign:
-        raise InputError(
-            f"{path} holds more than an incomplete run ({foreign[0].name}): give a new or empty folder as --out"
-        )
+        raise InputError(f"{path} holds more than an incomplete run ({foreign[0].name}): give a new or empty folder")
     return present

@@ -55,7 +55,19 @@ def completed(
     condition = until(options.until)
     if options.methods:
         require_run(condition, with_dependencies(in_order(options.methods)))
-    sequence = options.open(options.source)
+    return played_into(options, options.open(options.source), builder, origin, progress)
+
+
+def played_into(
+    options: Run,
+    sequence: Sequence,
+    builder: Builder,
+    origin: Origin | None = None,
+    progress: Progress = progress,
+    computes: bool = True,
+) -> Job:
+    """The same over a sequence that is open. `computes`: see Job."""
+    condition = until(options.until)
     try:
         methods = _chosen_methods(options, sequence)
         require_run(condition, with_dependencies(methods))
@@ -65,7 +77,7 @@ def completed(
         playback = Playback(sequence, with_dependencies(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable() as signals, _folder(options.out, sequence.name) as folder:
-            job = Job(options, methods, origin, playback, Until(condition), folder, progress)
+            job = Job(options, methods, origin, playback, Until(condition), folder, progress, computes)
             _run(job, signals)
     finally:
         if sequence.stop is not None:

@@ -46,6 +46,8 @@ class Job:
     folder: RunFolder
     progress: Progress = progress
     """Called at each frame."""
+    computes: bool = True
+    """Whether the methods compute: CPU time and memory of repeated results would not be theirs."""
     placements: PlacementLog = field(default_factory=PlacementLog)
     events: EventRecorder = field(default_factory=EventRecorder)
     seen: Seen = field(default_factory=Seen)

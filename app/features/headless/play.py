@@ -75,7 +75,7 @@ class Steps:
     def __init__(self, job: Job, signals: Signals, until_end: ExitStack) -> None:
         """Files stay open until `until_end` is closed."""
         self._playback, self.maps, self.statistics = job.playback, MapCollectors(), RunStatistics()
-        self.events = job.events
+        self.events, self._computes = job.events, job.computes
         self.corrections = CorrectionMemory()
         recording = Recording(job, signals) if job.options.recording else NoRecording()
         self.record, log = until_end.enter_context(recording), until_end.enter_context(StepLog(job.folder))
@@ -85,7 +85,7 @@ class Steps:
 
     def step(self) -> None:
         event = self._playback.step()
-        if event.steps:
+        if event.steps and self._computes:
             self.statistics.cpu_ms.append(1000 * self._playback.cpu_s)
         self.maps.add(event.steps)
         self.corrections.add(event.steps)
@@ -118,7 +118,7 @@ def play(job: Job, signals: Signals) -> Played:
             signals.hold()
             finished = job.seen.finished = playback.finish()
             steps.record.add(finished)
-            steps.statistics.peak_mb = peak_mb()
+            steps.statistics.peak_mb = peak_mb() if job.computes else None
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
             steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
     signals.check()

@@ -14,11 +14,11 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import confined, exists
 from ispom.io.rig import read_rig
 from ispom.io.trajectories import read_tum
-from ispom.methods import Config, method, with_dependencies
+from ispom.methods import Config, kinds_of, method, with_dependencies
 from ispom.types import FrameName, Kind, Rig, Sequence, Trajectory
 
 from ...engine.options import SourceOptions
-from ...engine.playback import Builder, Playback, kinds_of
+from ...engine.playback import Builder, Playback
 from ...engine.run_folder.placements import Placed, placed
 from ...engine.run_folder.results import in_frame
 from ...engine.run_folder.run_file import RunFile, read_run_file

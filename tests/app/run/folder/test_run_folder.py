@@ -88,7 +88,7 @@ def test_a_link_to_nothing_in_place_of_the_recordings_is_reported(tmp_path: Path
     with pytest.raises(InputError, match="recordings is a link to /nowhere/recordings, which is missing"):
         RunFolder.new(tmp_path / "recordings" / "city")
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=r"city cannot be created \(.+\): give another --out"):
+    with pytest.raises(InputError, match=r"city cannot be created \(.+\): give another folder"):
         RunFolder.new(tmp_path / "file" / "city")
 
 
@@ -100,7 +100,7 @@ def test_the_same_name_in_the_same_second_is_given_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["x" * 300, "nul\0", "file", "file/inside"])
 def test_a_place_that_cannot_be_a_folder_is_one_sentence(name: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("kept")
-    with pytest.raises(InputError, match=r"cannot be created \(.*\): give another --out$"):
+    with pytest.raises(InputError, match=r"cannot be created \(.*\): give another folder$"):
         RunFolder(tmp_path / name)
     assert (tmp_path / "file").read_text() == "kept"
 

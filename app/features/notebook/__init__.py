@@ -1,0 +1,1 @@
+"""Run folders for notebooks: the entry point of `ispom.run_folders`."""
