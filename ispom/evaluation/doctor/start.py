@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose, skew
+from ispom.geometry import Array, Pose
+from ispom.numerics.reductions import lengths
 from ispom.solvers.localisation import Policy, locate
+from ispom.solvers.multiview.essential import relative_pose, sampson_distance
+from ispom.solvers.multiview.rotation import dominant_rotation, rotate
 from ispom.types import Rig
 
 from .adjustment import LOSS_PX, adjust
@@ -133,8 +135,12 @@ def _refined(
 def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Pose], Array] | None:
     """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
     a, b = views
-    b_from_a = _two_views(rays[:, a], rays[:, b], focal_px)
-    if b_from_a is None or significance(rays[:, a], rays[:, b], b_from_a, focal_px) < SIGNIFICANT:
+    both = np.isfinite(rays[:, [a, b], 0]).all(axis=1)
+    first = relative_pose(rays[both, a], rays[both, b], SURE_PX / 2 / focal_px)
+    if first is None or first.inliers.sum() < LEAST_TRACKS // 2:
+        return None
+    b_from_a = first.second_from_first
+    if significance(rays[:, a], rays[:, b], b_from_a, focal_px) < SIGNIFICANT:
         return None
     poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
     points = _triangulate(rays, poses, focal_px)
@@ -167,47 +173,20 @@ def _first_views(rays: Array, focal_px: float) -> list[tuple[int, int]]:
     return [(a, b) for _, a, b in good[:: max(1, len(good) // FIRST_VIEWS)]][:FIRST_VIEWS]
 
 
-def _two_views(a: Array, b: Array, focal_px: float) -> Pose | None:
-    """Returns b_from_a with a distance of 1, of normalised coordinates (P, 2)."""
-    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
-    a, b, eye = np.ascontiguousarray(a[both]), np.ascontiguousarray(b[both]), np.eye(3)
-    matrix, inliers = cv2.findEssentialMat(a, b, eye, cv2.RANSAC, 0.999, SURE_PX / 2 / focal_px)
-    if matrix is None or matrix.shape != (3, 3):
-        return None
-    good, rotation, shift, _ = cv2.recoverPose(matrix, a, b, eye, mask=inliers)
-    return Pose(np.asarray(rotation, float), np.asarray(shift, float).ravel()) if good >= LEAST_TRACKS // 2 else None
-
-
 def significance(a: Array, b: Array, b_from_a: Pose, focal_px: float) -> float:
     """Returns how many times better two views with parallax explain normalised coordinates (P, 2) than a rotation does:
-    the ratio of the median distances from the epipolar lines and from the turned points."""
+    the ratio of the median distances from the epipolar lines and from the rotated points."""
     both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
-    essential = skew(b_from_a.translation) @ b_from_a.rotation
-    away = epipolar_distances(a[both], b[both], essential)
+    away = np.abs(sampson_distance(b_from_a, a[both], b[both]))
     noise = max(float(np.median(away)), LEAST_NOISE_PX / focal_px)
     return float(np.median(rotation_residuals(a[both], b[both]))) / noise
 
 
-def epipolar_distances(a: Array, b: Array, essential: Array) -> Array:
-    """Returns how far (N,) normalised coordinates (N, 2) of two views are from each other's epipolar lines, with the
-    essential matrix (3, 3) of b from a."""
-    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
-    lines, back = u @ essential.T, v @ essential
-    lengths = np.sqrt((lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
-    return np.asarray(np.abs((v * lines).sum(axis=1)) / np.maximum(lengths, 1e-12))
-
-
 def rotation_residuals(a: Array, b: Array) -> Array:
-    """Returns how far (N,) normalised coordinates `b` are from `a` after the best rotation, on the plane z = 1."""
-    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
-    u, v = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (u, v))
-    weights = np.ones(len(u))
-    error = np.zeros(len(u))
+    """Returns distances (N,) of normalised coordinates `b` from `a` after the best rotation, on the plane z = 1."""
+    error, weights = np.zeros(len(a)), np.ones(len(a))
     for _ in range(5):
-        left, _, right = np.linalg.svd((v * weights[:, None]).T @ u)
-        rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
-        turned = u @ rotation.T
-        error = np.linalg.norm(turned[:, :2] / turned[:, 2:] - b, axis=1)
+        error = lengths(rotate(dominant_rotation(a, b, 1.0, 1, weights), a) - b)
         weights = 1 / (np.median(error) ** 2 + error**2 + 1e-12)
     return error
 
