@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.numerics.reductions import lengths
 from ispom.solvers.localisation import Policy, locate
-from ispom.solvers.multiview.essential import relative_pose, sampson_distance
+from ispom.solvers.multiview.essential import sampson_distance
 from ispom.solvers.multiview.rotation import dominant_rotation, rotate
+from ispom.solvers.multiview.two_view import hypotheses
 from ispom.types import Rig
 
 from .adjustment import LOSS_PX, adjust
@@ -28,6 +29,8 @@ LEAST_NOISE_PX = 0.1
 """Noise of a track from a frame to another, at least: corners are followed no better."""
 FIRST_VIEWS = 3
 """Pairs of frames from which a scene is tried."""
+PLANAR = 0.7
+"""Share of the inliers of an essential matrix that a homography explains, from which on the scene may be a plane."""
 REFINEMENTS = 2
 SURE_PX = 2.0
 """Error of an inlier while the scene grows."""
@@ -59,7 +62,10 @@ def start(seen: Examination) -> Start | None:
     camera = seen.rig.camera(seen.main)
     rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
     candidates = [
-        grown for views in _first_views(rays, camera.fx) if (grown := _grow(rays, camera.fx, views)) is not None
+        grown
+        for a, b in _first_views(rays, camera.fx)
+        for b_from_a in _motions(rays[:, a], rays[:, b], camera.fx)
+        if (grown := _grow(rays, camera.fx, {a: Pose(), b: b_from_a.inverse()})) is not None
     ]
     if not candidates:
         return None
@@ -132,17 +138,19 @@ def _refined(
     return poses, points
 
 
-def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Pose], Array] | None:
-    """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
-    a, b = views
-    both = np.isfinite(rays[:, [a, b], 0]).all(axis=1)
-    first = relative_pose(rays[both, a], rays[both, b], SURE_PX / 2 / focal_px)
-    if first is None or first.inliers.sum() < LEAST_TRACKS // 2:
-        return None
-    b_from_a = first.second_from_first
-    if significance(rays[:, a], rays[:, b], b_from_a, focal_px) < SIGNIFICANT:
-        return None
-    poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
+def _motions(a: Array, b: Array, focal_px: float) -> list[Pose]:
+    """Returns b_from_a, of normalised coordinates (P, 2): by the essential matrix, and by the homography where that
+    explains most of them, as of a plane. None without parallax."""
+    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
+    found = hypotheses(a[both], b[both], SURE_PX / 2 / focal_px)
+    poses = found.second_from_first if found.planar_share > PLANAR else found.second_from_first[: found.essential]
+    return [pose for pose in poses if significance(a, b, pose, focal_px) >= SIGNIFICANT]
+
+
+def _grow(rays: Array, focal_px: float, poses: dict[int, Pose]) -> tuple[list[Pose], Array] | None:
+    """Returns world_from_camera of all frames, and points (P, 3), from those of two frames and normalised coordinates
+    (P, K, 2)."""
+    a, b = sorted(poses)
     points = _triangulate(rays, poses, focal_px)
     policy = Policy(LOSS_PX / focal_px, SURE_PX * 1.5 / focal_px, SURE_PX * 1.5 / focal_px)
     order = sorted(set(range(rays.shape[1])) - {a, b}, key=lambda k: (max(a - k, k - b, 0), k))
