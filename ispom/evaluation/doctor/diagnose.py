@@ -8,8 +8,9 @@ from dataclasses import replace
 from ispom.blas import one_thread
 
 from .adjustment import LOSS_PX
+from .diagnosis import Diagnosis
 from .examination import Examination
-from .finding import Diagnosis, Ranked, Suspect
+from .finding import Ranked, Suspect
 from .reruns import Reruns
 from .suspects import SUSPECTS
 from .suspects.calibration import SURE

@@ -16,8 +16,9 @@ from ispom.solvers.multiview.two_view import hypotheses
 from ispom.types import Rig
 
 from .adjustment import LOSS_PX, adjust
-from .examination import Examination
 from .scene import CAMERAS, Observations, Scene
+from .stretch import Stretch
+from .tracking import Tracked
 
 KNOTS = 30
 """Most poses of a scene."""
@@ -48,9 +49,9 @@ class Start:
     """(K,) main frames of the poses."""
 
 
-def start(seen: Examination) -> Start | None:
+def start(seen: Stretch, tracked: Tracked) -> Start | None:
     """Returns the first scene; None where the tracks are too few, or show no parallax."""
-    tracked, shots = seen.tracked, seen.main_shots
+    shots = seen.main_shots
     if len(shots) < 5:
         return None
     knots = _knots(seen)
@@ -100,7 +101,7 @@ def start(seen: Examination) -> Start | None:
     return Start(scene, every, np.arange(len(rows)) % 2 == 0, knots)
 
 
-def _knots(seen: Examination) -> NDArray[np.int64]:
+def _knots(seen: Stretch) -> NDArray[np.int64]:
     """Returns the main frames whose poses are sought: two before and two after each pair, and others in even steps."""
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
     chosen = {0, len(times_ns) - 1}
@@ -119,7 +120,7 @@ def _observed(camera: str, uv: Array, times_s: Array) -> Observations:
 
 
 def _refined(
-    seen: Examination, knots: NDArray[np.int64], uv: Array, rays: Array, poses: list[Pose], points: Array
+    seen: Stretch, knots: NDArray[np.int64], uv: Array, rays: Array, poses: list[Pose], points: Array
 ) -> tuple[list[Pose], Array]:
     """Adjusts the scene by the main camera alone, and triangulates all tracks again."""
     camera, shots = seen.rig.camera(seen.main), seen.main_shots

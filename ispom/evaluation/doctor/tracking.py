@@ -13,7 +13,7 @@ from ispom.features.klt import Klt
 from ispom.geometry import Array
 from ispom.types import Camera, Image, TrackStatus
 
-from .examination import Examination, Shot
+from .stretch import Shot, Stretch
 
 MOST = 160
 """Corners that are followed at a time."""
@@ -49,7 +49,7 @@ class Tracked:
         return np.isfinite(self.uv[..., 0])
 
 
-def track(seen: Examination) -> Tracked:
+def track(seen: Stretch) -> Tracked:
     """Follows corners; new ones are found where a frame has too few."""
     shots = seen.main_shots
     images = [evened(shot.images[seen.main]) for shot in shots]
@@ -94,7 +94,7 @@ def corners(image: Image, known: Array, count: int) -> Array:
     return np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
 
 
-def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:
+def _in_pairs(seen: Stretch, uv: Array) -> tuple[Array, Array]:
     pairs = seen.pairs if seen.rig.has_stereo else ()
     left, right = np.full((2, len(uv), len(pairs), 2), np.nan)
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
@@ -111,7 +111,7 @@ def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:
     return left, right
 
 
-def _in_left(seen: Examination, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _in_left(seen: Stretch, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Finds positions (N, 2) of the main camera in the left image.
 
     The left image is resampled as the video camera would see it from there; where that is, does not depend on whether
