@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import resampling
 from ispom.features.klt import Klt
 from ispom.geometry import Array
-from ispom.types import Camera, Image, TrackStatus
+from ispom.types import Image, TrackStatus
 
 from .stretch import Shot, Stretch
 
@@ -121,21 +122,12 @@ def _in_left(seen: Stretch, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, N
         return uv, np.ones(len(uv), bool)
     video, left = seen.rig.camera("video"), seen.rig.camera("left")
     turn = (seen.rig.rig_from_left.inverse() @ seen.rig.rig_from_video).rotation
-    map_x, map_y = _resampling(video, left, turn)
-    warped = cv2.remap(pair.images["left"], map_x, map_y, cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
+    maps = resampling(left, video, turn)
+    warped = cv2.remap(pair.images["left"], *maps, cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
     warped = evened(np.asarray(warped, np.uint8))
     there, status = TRACKER.track(evened(shot.images["video"]), warped, np.asarray(uv, np.float32))
     rays, valid = video.unproject(there)
     return left.project(rays @ turn.T), (status == TrackStatus.ALIVE) & valid
-
-
-def _resampling(video: Camera, left: Camera, left_from_video: Array) -> tuple[Array, Array]:
-    """Returns the pixels of the left image (H, W) that lie in the directions of those of the video camera."""
-    grid = np.stack(np.meshgrid(np.arange(video.width), np.arange(video.height)), axis=-1).reshape(-1, 2)
-    rays, valid = video.unproject(grid.astype(float))
-    at = np.where(valid[:, None], left.project(rays @ left_from_video.T), -1.0)
-    at = np.nan_to_num(at, nan=-1.0).astype(np.float32).reshape(video.height, video.width, 2)
-    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
 
 
 def _in_right(left: Image, right: Image, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
