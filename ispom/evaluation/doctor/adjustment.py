@@ -83,7 +83,7 @@ def uncertainties(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, 
 
 @dataclass(frozen=True)
 class Promise:
-    """What a linearisation says of a set of numbers that would be free."""
+    """What a linearisation predicts for a set of free numbers."""
 
     gain: float
     """Share of the cost that one step with them free is expected to save."""
@@ -94,7 +94,7 @@ class Promise:
 def screened(
     scene: Scene, rig: Rig, seen: Observations, subsets: Mapping[tuple[str, ...], tuple[str, ...]]
 ) -> dict[tuple[str, ...], Promise]:
-    """Returns what each set of numbers promises; its group, by which it is known, contains it.
+    """Returns the promise of each set of numbers; its group, by which it is known, contains it.
 
     The scene must be one that `adjust` has fitted. One linearisation serves all.
     """

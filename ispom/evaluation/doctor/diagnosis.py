@@ -23,7 +23,7 @@ class Diagnosis:
     rivals: tuple[str, ...] = ()
     """Keys of causes that explain the stretch as well as the first one: the recording cannot tell which it is."""
     reruns: Reruns | None = None
-    """Of the run's own methods with other settings; None where there is no run, or nobody asked."""
+    """Of the run's own methods with other settings; None without a run, or where no rerun was requested."""
     set_back: Reruns | None = None
     """With the settings that differ from their defaults set back to them, one at a time; None where none does."""
 
@@ -39,7 +39,7 @@ class Diagnosis:
 
     @property
     def undecided(self) -> tuple[Ranked, ...]:
-        """Those of which the recording cannot tell whether they are there, though something speaks for them."""
+        """Those with evidence that does not suffice to decide whether they are there."""
         return tuple(each for each in self.ranked if each.finding.undecided)
 
     @property

@@ -29,7 +29,7 @@ class Examination(Stretch):
 
     @cached_property
     def tracked(self) -> Tracked:
-        """Corners, followed through the main camera's frames and into the pairs."""
+        """Corners, tracked through the main camera's frames and into the pairs."""
         return track(self)
 
     @cached_property

@@ -19,7 +19,7 @@ DIGITS = 5
 
 @dataclass(frozen=True)
 class Finding:
-    """What the evidence says of one suspect."""
+    """The evidence for one suspect."""
 
     strength: float
     """The evidence over its threshold: from 1 on the cause is there."""

@@ -27,7 +27,7 @@ SIGNIFICANT = 5.0
 """Median residual of a pure rotation over that of two views with parallax, between the first two views. A camera that
 only turned has about 2: one residual has two dimensions, the other one."""
 LEAST_NOISE_PX = 0.1
-"""Noise of a track from a frame to another, at least: corners are followed no better."""
+"""Noise of a track from a frame to another, at least: corners are tracked no better."""
 FIRST_VIEWS = 3
 """Pairs of frames from which a scene is tried."""
 PLANAR = 0.7
@@ -39,7 +39,7 @@ SURE_PX = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A scene, and everything that was seen of its points. Points with an even number are held out."""
+    """A scene, and all observations of its points. Points with an even number are held out."""
 
     scene: Scene
     seen: Observations

@@ -45,7 +45,7 @@ class Stretch:
 
     @property
     def main(self) -> str:
-        """The camera in which tracks are followed: the video camera, else the left one of the pair."""
+        """The camera in whose images corners are tracked: the video camera, else the left one of the pair."""
         return "video" if self.rig.video is not None else "left"
 
     @cached_property

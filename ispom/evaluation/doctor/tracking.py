@@ -1,4 +1,4 @@
-"""Corners followed through the main camera's frames and into the stereo pairs, by the doctor itself: no estimator uses
+"""Corners tracked through the main camera's frames and into the stereo pairs, by the doctor itself: no estimator uses
 these tracks."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ispom.types import Image, TrackStatus
 from .stretch import Shot, Stretch
 
 MOST = 160
-"""Corners that are followed at a time."""
+"""Largest number of corners that are tracked at a time."""
 APART_PX = 8
 TRACKER = Klt(window_px=15, levels=3, iterations=30, max_forward_backward_px=0.4, border_px=2)
 FROM_LEFT = replace(TRACKER, levels=2)
@@ -42,7 +42,7 @@ class Tracked:
     right: Array
     """(P, Q, 2)"""
     survived: NDArray[np.float64]
-    """(F - 1,) share of the corners that are followed from a frame to the next."""
+    """(F - 1,) share of the corners that are tracked from a frame to the next."""
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -51,7 +51,7 @@ class Tracked:
 
 
 def track(seen: Stretch) -> Tracked:
-    """Follows corners; new ones are found where a frame has too few."""
+    """Tracks corners; new ones are detected where a frame has too few."""
     shots = seen.main_shots
     images = [evened(shot.images[seen.main]) for shot in shots]
     tracks: list[Array] = []
@@ -115,8 +115,8 @@ def _in_pairs(seen: Stretch, uv: Array) -> tuple[Array, Array]:
 def _in_left(seen: Stretch, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Finds positions (N, 2) of the main camera in the left image.
 
-    The left image is resampled as the video camera would see it from there; where that is, does not depend on whether
-    the calibration is right, for the same one leads there and back.
+    The left image is resampled as the video camera would see it from there; the result does not depend on whether
+    the calibration is right, as the same one maps there and back.
     """
     if seen.main == "left":
         return uv, np.ones(len(uv), bool)

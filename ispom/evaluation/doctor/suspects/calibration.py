@@ -1,7 +1,7 @@
-"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks say what that explains.
+"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks judge them.
 
 A number is a cause where held-out tracks are better with it, its interval excludes zero, and it is plausible. Its
-interval is as wide as the normal equations say (each track as one measurement), as two halves of the tracks differ, and
+interval is as wide as by the normal equations (each track as one measurement), as two halves of the tracks differ, and
 as the number moves where the others of its group are free, too: a lens that fits badly in a corner is explained by many
 numbers, and none of them is then known.
 """
@@ -36,14 +36,14 @@ MAJORITY = 4.0
 """How many more tracks are better than are worse, over the standard error, at least: 8 and more for simulated faults, 1
 by chance."""
 LEAST_TRACKS = 50
-"""Fewer held-out tracks say nothing."""
+"""With fewer held-out tracks there is no finding."""
 WEAK = 0.9
 """Most that the strength is where something speaks against the cause."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """How a number of the calibration is said, and how much it can change."""
+    """The words and the unit of a number of the calibration, and how much it can change."""
 
     words: str
     unit: str
@@ -95,7 +95,7 @@ class Limits:
 
 def freed(key: str, least: Mapping[str, float], limits: Limits, seen: Examination) -> Finding | None:
     """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters. Where the tracks
-    know none of them within its `least`, and nothing is explained, they say nothing."""
+    determine none of them within its `least`, and nothing is explained, there is no finding."""
     names = tuple(least)
     if not has(seen.rig, names[0]) or seen.baseline is None:
         return None
@@ -165,7 +165,7 @@ def recorded(name: str, figure: Figure, seen: Examination) -> Figure:
     return Figure(seen.recorded_px(camera, figure.value), seen.recorded_px(camera, figure.sigma))
 
 
-def said(name: str, figure: Figure) -> str:
+def with_uncertainty(name: str, figure: Figure) -> str:
     """Returns a number with its uncertainty, such as "focal length of the video camera -2.9 % (+-0.4)"."""
     number = NUMBERS[name]
     unit = f" {number.unit}" if number.unit else ""
@@ -173,8 +173,8 @@ def said(name: str, figure: Figure) -> str:
 
 
 def sentence(outcome: Crossed, figures: Mapping[str, Figure]) -> str:
-    """Returns what the held-out tracks say."""
-    changes = ", ".join(said(name, figure) for name, figure in figures.items())
+    """Returns a sentence about the held-out tracks with and without the changes."""
+    changes = ", ".join(with_uncertainty(name, figure) for name, figure in figures.items())
     return (
         f"With {changes}, {outcome.tracks} tracks that had no part in the fit cost {100 * outcome.gain:.0f} % less "
         f"({outcome.z:.0f} standard errors); their median error goes from {outcome.before_px:.2f} to "
