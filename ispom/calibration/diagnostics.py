@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import model_of, parameter_names, vector_of
 from ispom.calibration.adjust.solve import Solution
-from ispom.cameras.opencv import project_with_derivatives
+from ispom.cameras import project_with_derivatives
 from ispom.geometry import Array, Pose, skew
 from ispom.types import Camera
 

@@ -18,7 +18,7 @@ from ispom.calibration.adjust.solve import Solution, adjust_views, solution, wit
 from ispom.calibration.motion.course import NEIGHBOURS, Course
 from ispom.calibration.result import LineDelay, Views
 from ispom.calibration.targets.target import Target
-from ispom.cameras.opencv import project_with_derivatives
+from ispom.cameras import project_with_derivatives
 from ispom.geometry import Array
 from ispom.solvers.least_squares import normal_equations
 from ispom.types import Camera

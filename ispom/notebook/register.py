@@ -10,7 +10,7 @@ from ispom.errors import InputError
 REGISTRIES = (
     "ispom.methods:REGISTRY",
     "ispom.sequences.format:FORMATS",
-    "ispom.cameras.registry:CAMERA_MODELS",
+    "ispom.cameras:CAMERA_MODELS",
     "ispom.features.front_ends:REGISTRY",
 )
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import resampling
 from ispom.geometry import Array, Pose
 from ispom.reconstruction.depth import Depth
 from ispom.types import Camera, Image, as_grey
@@ -67,10 +68,7 @@ class PlaneSweep:
 def undistorted(image: Image, camera: Camera) -> tuple[Image, Camera]:
     """Returns the image of a camera without distortion, with the same focal lengths and centre, and that camera."""
     ideal = replace(camera, distortion=(), lens="opencv")
-    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
-    rays = np.column_stack([(u.ravel() - camera.cx) / camera.fx, (v.ravel() - camera.cy) / camera.fy, np.ones(u.size)])
-    uv = camera.project(rays).astype(np.float32).reshape(camera.height, camera.width, 2)
-    return np.asarray(cv2.remap(image, uv[..., 0], uv[..., 1], cv2.INTER_LINEAR), np.uint8), ideal
+    return np.asarray(cv2.remap(image, *resampling(camera, ideal, np.eye(3)), cv2.INTER_LINEAR), np.uint8), ideal
 
 
 @dataclass(frozen=True, eq=False)

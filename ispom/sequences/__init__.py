@@ -25,7 +25,7 @@ from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_r
 from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.published import looks_like_published, open_published
 from ispom.sequences.formats.robotcar import looks_like_robotcar, open_robotcar
-from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
+from ispom.sequences.formats.scenario import looks_like_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tartanair import looks_like_tartanair, open_tartanair
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
@@ -206,7 +206,9 @@ def _opened(path: Path, calibration: Path | None, seed: int, topics: Topics = ()
             raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
         return format_opened(layout, path)
     if layout is looks_like_scenario:
-        return open_scenario(path, seed)
+        from ispom.sequences.formats.simulated import open_scenario_file  # brings the ray caster, which takes seconds
+
+        return open_scenario_file(path, seed)
     if layout in ONE_CAMERA:
         return ONE_CAMERA[layout](path, calibration)
     if layout in LAYOUTS or (not is_folder(path) and is_yaml(path)):  # which says what a description needs

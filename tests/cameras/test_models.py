@@ -11,9 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ispom import registry
-from ispom.cameras import CAMERA_MODELS, Camera, CameraModel, model_of
-from ispom.cameras.opencv import Pinhole
-from ispom.cameras.registry import BUILT_IN
+from ispom.cameras import BUILT_IN, CAMERA_MODELS, Camera, CameraModel, Pinhole, model_of
 from ispom.errors import InputError
 from ispom.testing.cameras import check_camera_model
 

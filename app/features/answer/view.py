@@ -7,7 +7,7 @@ from typing import Any, Literal
 import msgspec
 
 from ispom.errors import counted
-from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.reruns import Tried
 from ispom.plausibility.doubt import Doubt
 

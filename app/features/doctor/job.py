@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ispom.evaluation.doctor.diagnose import diagnose, ordered, with_reruns
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.finding import Ranked
 from ispom.evaluation.doctor.reruns import Reruns
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.evaluation.doctor.suspects.calibration import WEAK

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from threading import Event, Thread
 
 from ispom.errors import InputError
-from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 
 from ...engine import warmup
 from ...engine.playback import Playback

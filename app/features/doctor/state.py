@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ispom.evaluation.doctor.finding import Diagnosis
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 
 from ...engine.run_events.stretch import Stretch
 from ...session.branches.state import Branches

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from ispom.errors import counted
-from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns
 from ispom.plausibility.doubt import Doubt
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from ispom.evaluation.doctor.finding import Diagnosis, Ranked
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Ranked
 from ispom.evaluation.doctor.reruns import Reruns
 
 from ...session.current_run import CurrentRun

@@ -22,8 +22,8 @@ import ispom.evaluation.doctor as rules
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.evaluation.doctor.diagnose import diagnose
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.evaluation.metrics import path_errors
 from ispom.io.files import exists
 from ispom.io.rows import read_text

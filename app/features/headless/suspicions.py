@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 
 from ispom.errors import InputError
 from ispom.evaluation.doctor.diagnose import diagnose
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.evaluation.mirrored import mirrored
 from ispom.plausibility.doubt import DOUBTS, keys_of

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ispom.calibration.adjust.lens import vector_of, with_vector
 from ispom.calibration.detection.detection import Detection
 from ispom.calibration.targets.target import Target
-from ispom.cameras.opencv import project_with_derivatives
+from ispom.cameras import project_with_derivatives
 from ispom.geometry import Array, Pose, skew
 from ispom.numerics.twist import moved
 from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, quadratic

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.cameras.opencv import project_with_derivatives
+from ispom.cameras import project_with_derivatives
 from ispom.geometry import Array, skew
 from ispom.numerics.twist import moved
 from ispom.solvers.least_squares import Derivatives, Family, Loss, Prior, Problem, adjust, cauchy

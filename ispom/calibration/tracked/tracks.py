@@ -1,4 +1,4 @@
-"""Corners followed through the images of one camera, and where they were in some of these: the keyframes."""
+"""Corners tracked through the images of one camera, and their positions in some of these: the keyframes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Tracks:
     """Observations, sorted by point, those of a point by view."""
 
     size: tuple[int, int]
-    """(width, height) [px] of the images that were followed,"""
+    """(width, height) [px] of the images in which corners were tracked,"""
     factor: float
     """which are the camera's, reduced by this."""
     views: NDArray[np.int64]

@@ -1,16 +1,16 @@
-"""Bundle adjustment of the doctor's scene with a few numbers of the calibration, and what held-out points say of it."""
+"""Bundle adjustment of the doctor's scene with a few numbers of the calibration, and how it judges held-out points."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ispom.geometry import Array
+from ispom.solvers import least_squares
+from ispom.solvers.least_squares import Derivatives, Family, Problem, normal_equations
 from ispom.types import Rig
 
 from .hypothesis import STEPS, Change, change_of
@@ -18,7 +18,7 @@ from .scene import Observations, Predicted, Scene, predicted
 
 AS_STATED = Change()
 LOSS_PX = 0.5
-"""Width of the Cauchy loss: corners are followed to about a third of it."""
+"""Width of the Cauchy loss: corners are tracked to about a third of it."""
 WIDE_PX = (8.0, 2.0)
 """Widths of the loss before it, from that of the errors that a wrong calibration makes downwards."""
 ITERATIONS = 8
@@ -27,6 +27,9 @@ ENOUGH = 1e-3
 """Relative decrease of the cost at which an adjustment ends."""
 FARTHEST = 100.0
 """Error [px] of a point that a camera cannot see."""
+RIDGE = 1e-8
+"""Damping of the normal equations of a fitted scene, whose scale may be free. With 1e-6 of a point's largest
+information, its distance would be known too well, and so would a baseline."""
 
 
 def costs(residuals: Array, loss_px: float = LOSS_PX) -> Array:
@@ -43,11 +46,10 @@ def adjust_gradually(
     A wrong calibration moves all observations of a camera by several pixels. To a narrow loss they are outliers, and it
     leaves them where they are instead of looking for what moved them.
     """
-    values = np.zeros(len(names))
+    change = AS_STATED
     for loss_px in WIDE_PX:
-        scene, values, _ = _adjusted(scene, rig, seen, names, values, iterations, loss_px)
-    scene, values, cost = _adjusted(scene, rig, seen, names, values, iterations, LOSS_PX)
-    return scene, change_of(names, values), cost
+        scene, change, _ = adjust(scene, rig, seen, names, iterations, change, loss_px)
+    return adjust(scene, rig, seen, names, iterations, change)
 
 
 def adjust(
@@ -57,6 +59,7 @@ def adjust(
     names: tuple[str, ...] = (),
     iterations: int = ITERATIONS,
     first: Change = AS_STATED,
+    loss_px: float = LOSS_PX,
 ) -> tuple[Scene, Change, float]:
     """Returns the scene and the change of the calibration (in `names` only, from `first` on) that fit best, and their
     cost.
@@ -64,9 +67,9 @@ def adjust(
     Levenberg and Marquardt with a Cauchy loss; the first pose is fixed, and damping holds the scale where nothing else
     does.
     """
-    values = np.array([first.value(name) for name in names])
-    scene, values, cost = _adjusted(scene, rig, seen, names, values, iterations, LOSS_PX)
-    return scene, change_of(names, values), cost
+    start = _Fit(scene, np.array([first.value(name) for name in names]))
+    found = least_squares.adjust(_problem(scene, rig, seen, names, loss_px), start, iterations, ENOUGH)
+    return found.values.scene, change_of(names, found.values.numbers), found.cost
 
 
 def uncertainties(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], change: Change) -> Array:
@@ -75,45 +78,12 @@ def uncertainties(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, 
     The scene and the change must be those that `adjust` has fitted. Errors of one track may be alike: each track counts
     as one measurement (a sandwich of the normal equations and the tracks' own gradients).
     """
-    values = np.array([change.value(name) for name in names])
-    equations = _Equations(scene, rig, seen, names, values, predicted(scene, rig, change, seen))
-    return equations.sigmas(tuple(range(len(names))))
-
-
-def _adjusted(
-    scene: Scene,
-    rig: Rig,
-    seen: Observations,
-    names: tuple[str, ...],
-    values: Array,
-    iterations: int,
-    loss_px: float,
-) -> tuple[Scene, Array, float]:
-    damping = 1e-3
-    now = predicted(scene, rig, change_of(names, values), seen)
-    cost = float(costs(now.residuals, loss_px).sum())
-    for _ in range(iterations):
-        equations = _Equations(scene, rig, seen, names, values, now, loss_px)
-        for _ in range(5):
-            twists, points, shared = equations.solve(damping)
-            tried = scene.moved(twists, points), values + shared
-            after = predicted(tried[0], rig, change_of(names, tried[1]), seen)
-            tried_cost = float(costs(after.residuals, loss_px).sum())
-            if tried_cost < cost:
-                break
-            damping *= 8
-        else:
-            break
-        small = cost - tried_cost < ENOUGH * cost
-        (scene, values), now, cost, damping = tried, after, tried_cost, max(damping / 8, 1e-6)
-        if small:
-            break
-    return scene, values, cost
+    return _Fitted(scene, rig, seen, names, change).sigmas(names)
 
 
 @dataclass(frozen=True)
 class Promise:
-    """What a linearisation says of a set of numbers that would be free."""
+    """What a linearisation predicts for a set of free numbers."""
 
     gain: float
     """Share of the cost that one step with them free is expected to save."""
@@ -124,146 +94,111 @@ class Promise:
 def screened(
     scene: Scene, rig: Rig, seen: Observations, subsets: Mapping[tuple[str, ...], tuple[str, ...]]
 ) -> dict[tuple[str, ...], Promise]:
-    """Returns what each set of numbers promises; its group, by which it is known, contains it.
+    """Returns the promise of each set of numbers; its group, by which it is known, contains it.
 
     The scene must be one that `adjust` has fitted. One linearisation serves all.
     """
-    names = tuple(dict.fromkeys(name for group in subsets.values() for name in group))
-    values = np.zeros(len(names))
-    now = predicted(scene, rig, change_of(names, values), seen)
-    equations = _Equations(scene, rig, seen, names, values, now)
-    cost = float(costs(now.residuals).sum())
-    alone = equations.saved(())
+    fitted = _Fitted(scene, rig, seen, tuple(dict.fromkeys(n for group in subsets.values() for n in group)), AS_STATED)
+    alone = fitted.saved(())
     known: dict[tuple[str, ...], Array] = {}
     promises = {}
     for subset, group in subsets.items():
-        saved = equations.saved(tuple(names.index(name) for name in subset))
         if group not in known:
-            known[group] = equations.sigmas(tuple(names.index(name) for name in group))
+            known[group] = fitted.sigmas(group)
         sigmas = tuple(float(known[group][group.index(name)]) for name in subset)
-        promises[subset] = Promise((saved - alone) / max(cost, 1e-12), sigmas)
+        promises[subset] = Promise((fitted.saved(subset) - alone) / max(fitted.cost, 1e-12), sigmas)
     return promises
 
 
-class _Equations:
-    """Normal equations of one iteration, with the points to be eliminated."""
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What is adjusted."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        rig: Rig,
-        seen: Observations,
-        names: tuple[str, ...],
-        values: Array,
-        now: Predicted,
-        loss_px: float = LOSS_PX,
-    ) -> None:
-        self.poses, self.points, self.shared = len(scene.times_s), len(scene.points), len(names)
-        good = np.asarray(np.isfinite(now.residuals).all(axis=1))
-        residuals = np.where(good[:, None], now.residuals, 0.0)
-        weights = np.where(good, 1 / (loss_px**2 + (residuals**2).sum(axis=1)), 0.0)
-        self.curvature = loss_px**2 * float((weights**2).sum() / max(weights.sum(), 1e-12))
-        root = np.sqrt(weights)[:, None]
-        by_twist = np.where(good[:, None, None], now.by_twist, 0.0) * root[..., None]
-        by_point = np.where(good[:, None, None], now.by_point, 0.0) * root[..., None]
-        self.residuals, self.point = (residuals * root).ravel(), seen.point
-        rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
-        before = (1 - now.weight)[:, None, None] * by_twist
-        after = now.weight[:, None, None] * by_twist
-        columns = [6 * (now.knot + k)[:, None, None] + np.arange(6) for k in (0, 1)]
-        self.jacobian = self._sparse(
-            [
-                (rows, columns[0], before),
-                (rows, columns[1], after),
-                *self._by_shared(scene, rig, seen, names, values, now, root),
-            ],
-            6 * self.poses + self.shared,
-        )
-        of_point = 3 * seen.point[:, None, None] + np.arange(3)
-        self.by_points = self._sparse([(rows, of_point, by_point)], 3 * self.points)
-        flat = by_point.reshape(-1, 2, 3)
-        blocks = np.einsum("nki,nkj->nij", flat, flat)
-        self.point_blocks = np.zeros((self.points, 3, 3))
-        np.add.at(self.point_blocks, seen.point, blocks)
-        self.matrix = (self.jacobian.T @ self.jacobian).toarray()
-        self.cross = (self.jacobian.T @ self.by_points).toarray()
-        self.gradient = self.jacobian.T @ self.residuals
-        self.point_gradient = self.by_points.T @ self.residuals
+    scene: Scene
+    numbers: Array
+    """(n,) of the calibration, in the order of their names."""
 
-    def _by_shared(self, scene, rig, seen, names, values, now, root):
-        rows = np.arange(2 * len(seen)).reshape(-1, 2, 1)
-        for k, name in enumerate(names):
-            moved = values.copy()
-            moved[k] += STEPS[name]
-            there = predicted(scene, rig, change_of(names, moved), seen, derivatives=False)
-            slope = np.nan_to_num(now.residuals - there.residuals) / STEPS[name] * root
-            yield rows, np.full_like(rows, 6 * self.poses + k), slope[..., None]
 
-    @staticmethod
-    def _sparse(parts, width: int):
-        rows, columns, values = (
-            np.concatenate([np.broadcast_to(part[i], part[2].shape).ravel() for part in parts]) for i in range(3)
-        )
-        return sparse.csr_array((values, (rows.astype(int), columns.astype(int))), shape=(int(parts[0][0].size), width))
+def _problem(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], loss_px: float) -> Problem[_Fit]:
+    """All poses but the first, all points, and these numbers of the calibration."""
+    poses = 6 * len(scene.times_s)
 
-    def solve(self, damping: float) -> tuple[Array, Array, Array]:
-        """Returns the changes of poses (K, 6), points (P, 3) and shared values."""
-        blocks = (
-            self.point_blocks + np.eye(3) * (damping * np.einsum("pii->p", self.point_blocks) / 3 + 1e-9)[:, None, None]
-        )
-        inverse = np.linalg.inv(blocks)
-        width = len(self.matrix)
-        cross = self.cross.reshape(width, self.points, 3)
-        eliminated = np.einsum("cpi,pij->cpj", cross, inverse).reshape(width, -1)
-        system = self.matrix - eliminated @ self.cross.T
-        gradient = self.gradient - eliminated @ self.point_gradient
-        system[np.diag_indices(width)] += damping * np.diag(self.matrix) + 1e-9
-        free = np.r_[6:width]  # the first pose is the origin
-        step = np.zeros(width)
-        step[free] = np.linalg.lstsq(system[np.ix_(free, free)], gradient[free], rcond=1e-14)[0]
-        rest = self.point_gradient - self.cross.T @ step
-        points = np.einsum("pij,pj->pi", inverse, rest.reshape(-1, 3))
-        return step[: 6 * self.poses].reshape(-1, 6), points, step[6 * self.poses :]
+    def moved(now: _Fit, shared: Array, blocks: Array) -> _Fit:
+        step = np.concatenate([np.zeros(6), shared])
+        return _Fit(now.scene.moved(step[:poses].reshape(-1, 6), blocks), now.numbers + step[poses:])
 
-    def saved(self, shared: tuple[int, ...]) -> float:
-        """Returns how much one step with these shared values free lowers the cost, by the linearisation."""
-        free, system = self._free(shared)
-        gradient = self._reduced[1][free]
-        return float(gradient @ np.linalg.solve(system, gradient))
+    family = _ImagePoints(rig, seen, names, np.full(len(seen), loss_px))
+    return Problem((family,), moved, poses - 6 + len(names), len(scene.points), 3)
 
-    def sigmas(self, shared: tuple[int, ...]) -> Array:
-        """Returns the standard deviations of these shared values, all of them free, with each track as one
-        measurement."""
-        free, system = self._free(shared)
-        last = np.eye(len(free))[:, len(free) - len(shared) :]
-        moved = self._by_track[:, free] @ np.linalg.solve(system, last) / max(self.curvature, 1e-3)
-        count = np.count_nonzero(np.einsum("pii->p", self.point_blocks))
-        return np.sqrt((moved**2).sum(axis=0) * count / max(count - 1, 1))
 
-    def _free(self, shared: tuple[int, ...]) -> tuple[NDArray[np.int64], Array]:
-        free = np.r_[6 : 6 * self.poses, [6 * self.poses + k for k in shared]].astype(int)
-        return free, self._reduced[0][np.ix_(free, free)] + np.diag(1e-6 * np.diag(self.matrix)[free] + 1e-9)
+@dataclass(frozen=True, eq=False)
+class _ImagePoints(Family[_Fit]):
+    """Errors of points in the images [px]."""
 
-    @cached_property
-    def _eliminated(self) -> Array:
-        """(C, P, 3)"""
-        blocks = self.point_blocks + np.eye(3) * (1e-6 * np.einsum("pii->p", self.point_blocks) + 1e-9)[:, None, None]
-        cross = self.cross.reshape(len(self.matrix), self.points, 3)
-        return np.einsum("cpi,pij->cpj", cross, np.linalg.inv(blocks))
+    rig: Rig
+    seen: Observations
+    names: tuple[str, ...]
+    widths: Array
+    """(N,) all the same."""
 
-    @cached_property
-    def _reduced(self) -> tuple[Array, Array]:
-        """The matrix and the gradient without the points."""
-        eliminated = self._eliminated.reshape(len(self.matrix), -1)
-        return self.matrix - eliminated @ self.cross.T, self.gradient - eliminated @ self.point_gradient
+    def loss(self, squares: Array) -> tuple[Array, Array]:
+        """Cauchy's, which grows no more beyond FARTHEST."""
+        return np.log1p(np.minimum(squares, (FARTHEST / self.widths) ** 2)), 1 / (1 + squares)
 
-    @cached_property
-    def _by_track(self) -> Array:
-        """(P, C) the gradient without the points that each track gives."""
-        rows = np.arange(len(self.residuals))
-        of_track = self._sparse([(rows, np.repeat(self.point, 2), self.residuals)], self.points)
-        own = self.point_gradient.reshape(-1, 3)
-        return (self.jacobian.T @ of_track).toarray().T - np.einsum("cpi,pi->pc", self._eliminated, own)
+    def residuals(self, values: _Fit) -> Array:
+        return -self._predicted(values.scene, values.numbers, False).residuals
+
+    def derivatives(self, values: _Fit) -> Derivatives:
+        now = self._predicted(values.scene, values.numbers)
+        by_twist, weight = np.nan_to_num(now.by_twist), now.weight[:, None, None]
+        by_numbers = np.zeros((len(self.seen), 2, len(self.names)))
+        for k, name in enumerate(self.names):
+            step = STEPS[name] * (np.arange(len(self.names)) == k)
+            there = self._predicted(values.scene, values.numbers + step, False)
+            by_numbers[..., k] = np.nan_to_num(now.residuals - there.residuals) / STEPS[name]
+        poses = 6 * (now.knot[:, None, None] + [[-1], [0]]) + np.arange(6)  # the first pose is the origin
+        numbers = 6 * len(values.scene.times_s) - 6 + np.arange(len(self.names))
+        columns = [np.maximum(poses, -1).reshape(-1, 12), np.broadcast_to(numbers, (len(self.seen), len(numbers)))]
+        by_shared = np.concatenate([(1 - weight) * by_twist, weight * by_twist, by_numbers], axis=2)
+        return Derivatives(by_shared, np.concatenate(columns, axis=1), np.nan_to_num(now.by_point), self.seen.point)
+
+    def _predicted(self, scene: Scene, numbers: Array, derivatives: bool = True) -> Predicted:
+        return predicted(scene, self.rig, change_of(self.names, numbers), self.seen, derivatives)
+
+
+class _Fitted:
+    """The normal equations of a fitted scene, for any of the numbers."""
+
+    def __init__(self, scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], change: Change) -> None:
+        self.names, problem = names, _problem(scene, rig, seen, names, LOSS_PX)
+        fit = _Fit(scene, np.array([change.value(name) for name in names]))
+        self.poses, self.cost = problem.shared - len(names), 2 * least_squares.cost(problem, fit)
+        equations = normal_equations(problem, fit)
+        reduced = equations.eliminated(RIDGE)
+        self.matrix = reduced.matrix
+        self.gradient = reduced.gradient(equations.shared_gradient, equations.block_gradients)
+        self.scores = reduced.scores(equations)
+        self.tracks = np.count_nonzero(equations.blocks.any(axis=(1, 2)))
+        squares = (problem.families[0].residuals(fit) ** 2).sum(axis=1) / LOSS_PX**2
+        weights = 1 / (1 + squares[np.isfinite(squares)])
+        # Across an error the loss curves by the weight, along it by w (2 w - 1): the mean of both is w^2.
+        self.curvature = float((weights**2).sum() / max(weights.sum(), 1e-12))
+
+    def saved(self, names: tuple[str, ...]) -> float:
+        """Returns how much one step with these numbers free lowers the cost, by the linearisation."""
+        free = self._free(names)
+        return float(self.gradient[free] @ np.linalg.solve(self.matrix[np.ix_(free, free)], self.gradient[free]))
+
+    def sigmas(self, names: tuple[str, ...]) -> Array:
+        """Returns the standard deviations of these numbers, all of them free, with each track as one measurement."""
+        free = self._free(names)
+        last = np.eye(len(free))[:, self.poses :]
+        influences = self.scores[:, free] @ np.linalg.solve(self.matrix[np.ix_(free, free)], last)
+        influences /= max(self.curvature, 1e-3)
+        return np.sqrt((influences**2).sum(axis=0) * self.tracks / max(self.tracks - 1, 1))
+
+    def _free(self, names: tuple[str, ...]) -> NDArray[np.int64]:
+        return np.r_[: self.poses, [self.poses + self.names.index(name) for name in names]].astype(int)
 
 
 def placed(scene: Scene, rig: Rig, change: Change, seen: Observations) -> tuple[Scene, Array]:

@@ -1,4 +1,4 @@
-"""One change of the calibration or clock: what held-out tracks say of it."""
+"""How well held-out tracks fit with one change of the calibration or clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Baseline:
 
     rig: Rig
     first: Scene
-    """As the main camera alone saw it: no calibration of the others has a part in it."""
+    """From the main camera alone, without the calibration of the others."""
     scene: Scene
     used: Observations
     """Of the tracks that poses and calibration are fitted to."""
@@ -55,7 +55,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Figure:
-    """A number of the calibration, as the tracks have it."""
+    """A number of the calibration, estimated from the tracks."""
 
     value: float
     sigma: float
@@ -100,18 +100,19 @@ def baseline(start: Start, rig: Rig, held_out: NDArray[np.bool_] | None = None) 
         key=lambda fitted: fitted[2],
     )
     scene, _ = placed(scene, rig, change, judging)
-    scene, costs = placed(scene, rig, change, judging)  # so that a change is not credited with what was left to do here
+    # Twice, so that a change gets no credit for convergence that was missing here.
+    scene, costs = placed(scene, rig, change, judging)
     return Baseline(rig, start.scene, scene, used, judging, costs, _median(scene, rig, change, judging))
 
 
 def promising(base: Baseline, subsets: Mapping[tuple[str, ...], tuple[str, ...]]) -> dict[tuple[str, ...], Promise]:
     """Returns what a linearisation at the baseline promises for each set of numbers: a rough gain, in a tenth of the
-    time of a test, and how well the observations know the numbers where all of a group are free."""
+    time of a test, and the standard deviations of the numbers where all of a group are free."""
     return screened(base.scene, base.rig, base.used, subsets)
 
 
 def tested(base: Baseline, names: tuple[str, ...]) -> Outcome:
-    """Returns what becomes of the held-out tracks when these numbers of the calibration are free."""
+    """Returns how the held-out tracks fit when these numbers of the calibration are free."""
     return _judged(base, *_freed(base, names))
 
 

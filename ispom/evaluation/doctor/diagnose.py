@@ -8,8 +8,9 @@ from dataclasses import replace
 from ispom.blas import one_thread
 
 from .adjustment import LOSS_PX
+from .diagnosis import Diagnosis
 from .examination import Examination
-from .finding import Diagnosis, Ranked, Suspect
+from .finding import Ranked, Suspect
 from .reruns import Reruns
 from .suspects import SUSPECTS
 from .suspects.calibration import SURE
@@ -19,8 +20,8 @@ MOST = 0.5
 CERTAIN = 8.0
 """Standard errors by which held-out tracks are better with a calibration, from which on it is beyond doubt."""
 SEEN, MAY = frozenset({"images", "times", "tracks"}), frozenset({"too-fast"})
-"""Where evidence is from that needs no calibration, and keys of such suspects that say what may hinder, not that it
-did."""
+"""Kinds of evidence that need no calibration, and keys of those suspects that may hinder a method without being the
+cause."""
 
 
 def diagnose(
@@ -64,7 +65,7 @@ def _rivals(seen: Examination, ranked: list[Ranked]) -> tuple[str, ...]:
 
 
 def with_reruns(found: Diagnosis, reruns: Reruns) -> Diagnosis:
-    """Returns the diagnosis with what reruns showed among its suspects."""
+    """Returns the diagnosis with the settings of reruns among its suspects."""
     found = replace(found, **{"set_back" if reruns.set_back else "reruns": reruns})
     return ordered(replace(found, ranked=(*found.ranked, *reruns.ranked)))
 

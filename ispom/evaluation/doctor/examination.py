@@ -1,117 +1,61 @@
-"""The stretch of a recording that is examined: its images at a moderate size, its times, and its calibration."""
+"""What several suspects need of a stretch, computed once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ispom.types import Frame, Image, Rig, Sequence
+from ispom.types import Frame, Image, Sequence
 
-if TYPE_CHECKING:
-    from .adjustment import Promise
-    from .counterfactual import Baseline, Crossed
-    from .hypothesis import Change
-    from .start import Start
-    from .tracking import Tracked
+from .adjustment import Promise
+from .counterfactual import Baseline, Crossed, baseline, promising, tested
+from .groups import subsets
+from .hypothesis import Change
+from .start import Start, start
+from .stretch import Shot, Stretch
+from .tracking import Tracked, track
 
 LONGEST_SIDE_PX = 700
 """Larger images are halved, once or more: the causes show at this size, too, and take a quarter of the time."""
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """One frame of the stretch."""
-
-    index: int
-    """In the sequence."""
-    time_ns: int
-    images: dict[str, Image]
-    """By camera: grey, at the size of `Examination.rig`."""
-
-    @property
-    def is_pair(self) -> bool:
-        return "left" in self.images
-
-
-@dataclass(frozen=True, eq=False)
-class Examination:
-    """Frames of a sequence, in the order of time, and what several suspects need of them, computed once."""
-
-    rig: Rig
-    """With cameras of the size of the images."""
-    shots: tuple[Shot, ...]
-    times_ns: NDArray[np.int64]
-    """Of all frames of the main camera's kind in the stretch and before it: a gap is one by the usual interval."""
-    reduced: Mapping[str, int] = field(default_factory=dict)
-    """By camera: pixels of the recording per pixel of the images here; 1 for those that are not named."""
-
-    def recorded_px(self, camera: str, examined_px: float) -> float:
-        """Returns a length in pixels of the recording's images, of one in pixels of the images here."""
-        return self.reduced.get(camera, 1) * examined_px
-
-    @property
-    def main(self) -> str:
-        """The camera in which tracks are followed: the video camera, else the left one of the pair."""
-        return "video" if self.rig.video is not None else "left"
-
-    @cached_property
-    def main_shots(self) -> tuple[Shot, ...]:
-        """Frames of the main camera."""
-        return tuple(shot for shot in self.shots if self.main in shot.images)
-
-    @cached_property
-    def pairs(self) -> tuple[Shot, ...]:
-        """Frames of the stereo pair."""
-        return tuple(shot for shot in self.shots if shot.is_pair)
+class Examination(Stretch):
+    """A stretch with its tracks, its scene, and what freed numbers of the calibration explain."""
 
     @cached_property
     def tracked(self) -> Tracked:
-        """Corners, followed through the main camera's frames and into the pairs."""
-        from .tracking import track
-
+        """Corners, tracked through the main camera's frames and into the pairs."""
         return track(self)
 
     @cached_property
     def start(self) -> Start | None:
         """A first rigid scene of the tracks; None where they show no parallax."""
-        from .start import start
-
-        return start(self)
+        return start(self, self.tracked)
 
     @cached_property
     def baseline(self) -> Baseline | None:
         """That scene, fitted with the calibration as it is stated."""
-        from .counterfactual import baseline
-
         return None if self.start is None else baseline(self.start, self.rig)
 
     @cached_property
     def halves(self) -> tuple[Baseline, ...]:
         """The scene fitted to each half of the tracks, and judged by the other; empty where there is none."""
-        from .counterfactual import baseline
-
         if self.start is None or self.baseline is None:
             return ()
         return self.baseline, baseline(self.start, self.rig, ~self.start.held_out)
 
     @cached_property
     def promises(self) -> dict[tuple[str, ...], Promise]:
-        """What freeing each set of numbers promises, by the names of `suspects.calibration`."""
-        from .counterfactual import promising
-        from .suspects.calibration import subsets
-
+        """What freeing each set of numbers promises, by the names of `groups`."""
         return {} if self.baseline is None else promising(self.baseline, subsets(self.rig))
 
     def freed(self, names: tuple[str, ...]) -> Change:
         """Returns the change that the first half of the tracks chooses for these numbers, unjudged; computed once."""
-        from .counterfactual import tested
-
         if names not in self._freed:
             if self.baseline is None:
                 raise ValueError("there is no scene")

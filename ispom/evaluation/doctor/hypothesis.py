@@ -1,4 +1,4 @@
-"""A changed calibration or clock, as a few numbers that the tracks may choose."""
+"""A changed calibration or clock, as a few numbers that are estimated from the tracks."""
 
 from __future__ import annotations
 

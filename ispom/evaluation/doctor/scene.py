@@ -1,4 +1,4 @@
-"""The rigid scene that the doctor makes of its tracks: poses of the rig, points, and what each camera saw of them."""
+"""The rigid scene that the doctor makes of its tracks: poses of the rig, points, and their observations."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Where a scene puts the observations, and what that depends on."""
+    """Reprojection errors of a scene, with their derivatives."""
 
     residuals: Array
     """(N, 2) [px], observed less predicted; NaN where the camera cannot see the point."""

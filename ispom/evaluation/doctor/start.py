@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose, skew
+from ispom.geometry import Array, Pose
+from ispom.numerics.reductions import lengths
 from ispom.solvers.localisation import Policy, locate
+from ispom.solvers.multiview.essential import sampson_distance
+from ispom.solvers.multiview.rotation import dominant_rotation, rotate
+from ispom.solvers.multiview.two_view import hypotheses
 from ispom.types import Rig
 
 from .adjustment import LOSS_PX, adjust
-from .examination import Examination
 from .scene import CAMERAS, Observations, Scene
+from .stretch import Stretch
+from .tracking import Tracked
 
 KNOTS = 30
 """Most poses of a scene."""
@@ -23,9 +27,11 @@ SIGNIFICANT = 5.0
 """Median residual of a pure rotation over that of two views with parallax, between the first two views. A camera that
 only turned has about 2: one residual has two dimensions, the other one."""
 LEAST_NOISE_PX = 0.1
-"""Noise of a track from a frame to another, at least: corners are followed no better."""
+"""Noise of a track from a frame to another, at least: corners are tracked no better."""
 FIRST_VIEWS = 3
 """Pairs of frames from which a scene is tried."""
+PLANAR = 0.7
+"""Share of the inliers of an essential matrix that a homography explains, from which on the scene may be a plane."""
 REFINEMENTS = 2
 SURE_PX = 2.0
 """Error of an inlier while the scene grows."""
@@ -33,7 +39,7 @@ SURE_PX = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A scene, and everything that was seen of its points. Points with an even number are held out."""
+    """A scene, and all observations of its points. Points with an even number are held out."""
 
     scene: Scene
     seen: Observations
@@ -43,9 +49,9 @@ class Start:
     """(K,) main frames of the poses."""
 
 
-def start(seen: Examination) -> Start | None:
+def start(seen: Stretch, tracked: Tracked) -> Start | None:
     """Returns the first scene; None where the tracks are too few, or show no parallax."""
-    tracked, shots = seen.tracked, seen.main_shots
+    shots = seen.main_shots
     if len(shots) < 5:
         return None
     knots = _knots(seen)
@@ -57,7 +63,10 @@ def start(seen: Examination) -> Start | None:
     camera = seen.rig.camera(seen.main)
     rays = camera.normalise(uv.reshape(-1, 2)).reshape(uv.shape)
     candidates = [
-        grown for views in _first_views(rays, camera.fx) if (grown := _grow(rays, camera.fx, views)) is not None
+        grown
+        for a, b in _first_views(rays, camera.fx)
+        for b_from_a in _motions(rays[:, a], rays[:, b], camera.fx)
+        if (grown := _grow(rays, camera.fx, {a: Pose(), b: b_from_a.inverse()})) is not None
     ]
     if not candidates:
         return None
@@ -92,7 +101,7 @@ def start(seen: Examination) -> Start | None:
     return Start(scene, every, np.arange(len(rows)) % 2 == 0, knots)
 
 
-def _knots(seen: Examination) -> NDArray[np.int64]:
+def _knots(seen: Stretch) -> NDArray[np.int64]:
     """Returns the main frames whose poses are sought: two before and two after each pair, and others in even steps."""
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
     chosen = {0, len(times_ns) - 1}
@@ -111,7 +120,7 @@ def _observed(camera: str, uv: Array, times_s: Array) -> Observations:
 
 
 def _refined(
-    seen: Examination, knots: NDArray[np.int64], uv: Array, rays: Array, poses: list[Pose], points: Array
+    seen: Stretch, knots: NDArray[np.int64], uv: Array, rays: Array, poses: list[Pose], points: Array
 ) -> tuple[list[Pose], Array]:
     """Adjusts the scene by the main camera alone, and triangulates all tracks again."""
     camera, shots = seen.rig.camera(seen.main), seen.main_shots
@@ -130,13 +139,19 @@ def _refined(
     return poses, points
 
 
-def _grow(rays: Array, focal_px: float, views: tuple[int, int]) -> tuple[list[Pose], Array] | None:
-    """Returns world_from_camera of all frames, and points (P, 3), of normalised coordinates (P, K, 2)."""
-    a, b = views
-    b_from_a = _two_views(rays[:, a], rays[:, b], focal_px)
-    if b_from_a is None or significance(rays[:, a], rays[:, b], b_from_a, focal_px) < SIGNIFICANT:
-        return None
-    poses: dict[int, Pose] = {a: Pose(), b: b_from_a.inverse()}
+def _motions(a: Array, b: Array, focal_px: float) -> list[Pose]:
+    """Returns b_from_a, of normalised coordinates (P, 2): by the essential matrix, and by the homography where that
+    explains most of them, as of a plane. None without parallax."""
+    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
+    found = hypotheses(a[both], b[both], SURE_PX / 2 / focal_px)
+    poses = found.second_from_first if found.planar_share > PLANAR else found.second_from_first[: found.essential]
+    return [pose for pose in poses if significance(a, b, pose, focal_px) >= SIGNIFICANT]
+
+
+def _grow(rays: Array, focal_px: float, poses: dict[int, Pose]) -> tuple[list[Pose], Array] | None:
+    """Returns world_from_camera of all frames, and points (P, 3), from those of two frames and normalised coordinates
+    (P, K, 2)."""
+    a, b = sorted(poses)
     points = _triangulate(rays, poses, focal_px)
     policy = Policy(LOSS_PX / focal_px, SURE_PX * 1.5 / focal_px, SURE_PX * 1.5 / focal_px)
     order = sorted(set(range(rays.shape[1])) - {a, b}, key=lambda k: (max(a - k, k - b, 0), k))
@@ -167,47 +182,20 @@ def _first_views(rays: Array, focal_px: float) -> list[tuple[int, int]]:
     return [(a, b) for _, a, b in good[:: max(1, len(good) // FIRST_VIEWS)]][:FIRST_VIEWS]
 
 
-def _two_views(a: Array, b: Array, focal_px: float) -> Pose | None:
-    """Returns b_from_a with a distance of 1, of normalised coordinates (P, 2)."""
-    both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
-    a, b, eye = np.ascontiguousarray(a[both]), np.ascontiguousarray(b[both]), np.eye(3)
-    matrix, inliers = cv2.findEssentialMat(a, b, eye, cv2.RANSAC, 0.999, SURE_PX / 2 / focal_px)
-    if matrix is None or matrix.shape != (3, 3):
-        return None
-    good, rotation, shift, _ = cv2.recoverPose(matrix, a, b, eye, mask=inliers)
-    return Pose(np.asarray(rotation, float), np.asarray(shift, float).ravel()) if good >= LEAST_TRACKS // 2 else None
-
-
 def significance(a: Array, b: Array, b_from_a: Pose, focal_px: float) -> float:
     """Returns how many times better two views with parallax explain normalised coordinates (P, 2) than a rotation does:
-    the ratio of the median distances from the epipolar lines and from the turned points."""
+    the ratio of the median distances from the epipolar lines and from the rotated points."""
     both = np.isfinite(a[:, 0]) & np.isfinite(b[:, 0])
-    essential = skew(b_from_a.translation) @ b_from_a.rotation
-    away = epipolar_distances(a[both], b[both], essential)
+    away = np.abs(sampson_distance(b_from_a, a[both], b[both]))
     noise = max(float(np.median(away)), LEAST_NOISE_PX / focal_px)
     return float(np.median(rotation_residuals(a[both], b[both]))) / noise
 
 
-def epipolar_distances(a: Array, b: Array, essential: Array) -> Array:
-    """Returns how far (N,) normalised coordinates (N, 2) of two views are from each other's epipolar lines, with the
-    essential matrix (3, 3) of b from a."""
-    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
-    lines, back = u @ essential.T, v @ essential
-    lengths = np.sqrt((lines[:, :2] ** 2).sum(axis=1) + (back[:, :2] ** 2).sum(axis=1))
-    return np.asarray(np.abs((v * lines).sum(axis=1)) / np.maximum(lengths, 1e-12))
-
-
 def rotation_residuals(a: Array, b: Array) -> Array:
-    """Returns how far (N,) normalised coordinates `b` are from `a` after the best rotation, on the plane z = 1."""
-    u, v = (np.column_stack([x, np.ones(len(x))]) for x in (a, b))
-    u, v = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (u, v))
-    weights = np.ones(len(u))
-    error = np.zeros(len(u))
+    """Returns distances (N,) of normalised coordinates `b` from `a` after the best rotation, on the plane z = 1."""
+    error, weights = np.zeros(len(a)), np.ones(len(a))
     for _ in range(5):
-        left, _, right = np.linalg.svd((v * weights[:, None]).T @ u)
-        rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
-        turned = u @ rotation.T
-        error = np.linalg.norm(turned[:, :2] / turned[:, 2:] - b, axis=1)
+        error = lengths(rotate(dominant_rotation(a, b, 1.0, 1, weights), a) - b)
         weights = 1 / (np.median(error) ** 2 + error**2 + 1e-12)
     return error
 

@@ -1,26 +1,27 @@
-"""Corners followed through the main camera's frames and into the stereo pairs, by the doctor itself: no estimator uses
+"""Corners tracked through the main camera's frames and into the stereo pairs, by the doctor itself: no estimator uses
 these tracks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.cameras import resampling
+from ispom.features.klt import Klt
 from ispom.geometry import Array
-from ispom.types import Camera, Image
+from ispom.types import Image, TrackStatus
 
-from .examination import Examination, Shot
+from .stretch import Shot, Stretch
 
 MOST = 160
-"""Corners that are followed at a time."""
+"""Largest number of corners that are tracked at a time."""
 APART_PX = 8
-WINDOW = (15, 15)
-LEVELS = 3
-AGREE_PX = 0.4
-"""A corner that is followed forth and back comes back as near as this, or it is lost."""
+TRACKER = Klt(window_px=15, levels=3, iterations=30, max_forward_backward_px=0.4, border_px=2)
+FROM_LEFT = replace(TRACKER, levels=2)
+"""From the left into the right image, where the search starts near."""
 GUESSES = (0.01, 0.035, 0.07, 0.12, 0.18, -0.02, -0.05, -0.1)
 """Disparities from which the search in the right image starts, relative to its width; negative ones where left and
 right are exchanged."""
@@ -41,7 +42,7 @@ class Tracked:
     right: Array
     """(P, Q, 2)"""
     survived: NDArray[np.float64]
-    """(F - 1,) share of the corners that are followed from a frame to the next."""
+    """(F - 1,) share of the corners that are tracked from a frame to the next."""
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -49,8 +50,8 @@ class Tracked:
         return np.isfinite(self.uv[..., 0])
 
 
-def track(seen: Examination) -> Tracked:
-    """Follows corners; new ones are found where a frame has too few."""
+def track(seen: Stretch) -> Tracked:
+    """Tracks corners; new ones are detected where a frame has too few."""
     shots = seen.main_shots
     images = [evened(shot.images[seen.main]) for shot in shots]
     tracks: list[Array] = []
@@ -59,7 +60,8 @@ def track(seen: Examination) -> Tracked:
     for f, image in enumerate(images):
         if f and live:
             before = np.array([tracks[i][f - 1] for i in live], np.float32)
-            now, good = follow(images[f - 1], image, before, before)
+            now, status = TRACKER.track(images[f - 1], image, before)
+            good = status == TrackStatus.ALIVE
             survived.append(float(good.mean()))
             for i, uv in zip(np.array(live)[good].tolist(), now[good], strict=True):
                 tracks[i][f] = uv
@@ -93,25 +95,7 @@ def corners(image: Image, known: Array, count: int) -> Array:
     return np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
 
 
-def follow(a: Image, b: Image, uv: Array, start: Array, levels: int = LEVELS) -> tuple[Array, NDArray[np.bool_]]:
-    """Returns positions (N, 2) in `b` of those in `a`, searched from `start`, and which agree forth and back."""
-    if not len(uv):
-        return np.zeros((0, 2), np.float32), np.zeros(0, bool)
-    there, ok, _ = cv2.calcOpticalFlowPyrLK(
-        a, b, np.ascontiguousarray(uv, np.float32), np.array(start, np.float32), winSize=WINDOW, maxLevel=levels,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-    )  # fmt: skip
-    shift = np.asarray(uv, np.float32) - np.asarray(start, np.float32)
-    back, ok2, _ = cv2.calcOpticalFlowPyrLK(
-        b, a, there, there + shift, winSize=WINDOW, maxLevel=levels, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
-    )
-    height, width = b.shape
-    inside = (there > 2).all(axis=1) & (there[:, 0] < width - 3) & (there[:, 1] < height - 3)
-    close = np.linalg.norm(back - uv, axis=1) < AGREE_PX
-    return np.asarray(there, np.float32), (ok.ravel() == 1) & (ok2.ravel() == 1) & inside & close
-
-
-def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:
+def _in_pairs(seen: Stretch, uv: Array) -> tuple[Array, Array]:
     pairs = seen.pairs if seen.rig.has_stereo else ()
     left, right = np.full((2, len(uv), len(pairs), 2), np.nan)
     times_ns = np.array([shot.time_ns for shot in seen.main_shots])
@@ -128,42 +112,33 @@ def _in_pairs(seen: Examination, uv: Array) -> tuple[Array, Array]:
     return left, right
 
 
-def _in_left(seen: Examination, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _in_left(seen: Stretch, shot: Shot, pair: Shot, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Finds positions (N, 2) of the main camera in the left image.
 
-    The left image is resampled as the video camera would see it from there; where that is, does not depend on whether
-    the calibration is right, for the same one leads there and back.
+    The left image is resampled as the video camera would see it from there; the result does not depend on whether
+    the calibration is right, as the same one maps there and back.
     """
     if seen.main == "left":
         return uv, np.ones(len(uv), bool)
     video, left = seen.rig.camera("video"), seen.rig.camera("left")
     turn = (seen.rig.rig_from_left.inverse() @ seen.rig.rig_from_video).rotation
-    map_x, map_y = _resampling(video, left, turn)
-    warped = cv2.remap(pair.images["left"], map_x, map_y, cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
-    there, good = follow(evened(shot.images["video"]), evened(np.asarray(warped, np.uint8)), uv, uv)
+    maps = resampling(left, video, turn)
+    warped = cv2.remap(pair.images["left"], *maps, cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
+    warped = evened(np.asarray(warped, np.uint8))
+    there, status = TRACKER.track(evened(shot.images["video"]), warped, np.asarray(uv, np.float32))
     rays, valid = video.unproject(there)
-    return left.project(rays @ turn.T), good & valid
-
-
-def _resampling(video: Camera, left: Camera, left_from_video: Array) -> tuple[Array, Array]:
-    """Returns the pixels of the left image (H, W) that lie in the directions of those of the video camera."""
-    grid = np.stack(np.meshgrid(np.arange(video.width), np.arange(video.height)), axis=-1).reshape(-1, 2)
-    rays, valid = video.unproject(grid.astype(float))
-    at = np.where(valid[:, None], left.project(rays @ left_from_video.T), -1.0)
-    at = np.nan_to_num(at, nan=-1.0).astype(np.float32).reshape(video.height, video.width, 2)
-    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+    return left.project(rays @ turn.T), (status == TrackStatus.ALIVE) & valid
 
 
 def _in_right(left: Image, right: Image, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Finds positions of the left image in the right one: of several starts, the one whose patch is most similar."""
-    best = np.full(len(uv), np.inf)
+    best, uv = np.full(len(uv), np.inf), np.asarray(uv, np.float32)
     found, good = np.zeros((len(uv), 2), np.float32), np.zeros(len(uv), bool)
     for guess in GUESSES:
-        start = np.asarray(uv, np.float32) - np.array([guess * left.shape[1], 0], np.float32)
-        there, agree = follow(left, right, uv, start, 2)
-        error = np.where(agree, _difference(left, right, uv, there), np.inf)
+        there, status = FROM_LEFT.track(left, right, uv, uv - np.array([guess * left.shape[1], 0], np.float32))
+        error = np.where(status == TrackStatus.ALIVE, _difference(left, right, uv, there), np.inf)
         better = error < best - 1e-6
-        best[better], found[better], good[better] = error[better], there[better], agree[better]
+        best[better], found[better], good[better] = error[better], there[better], True
     return found, good
 
 

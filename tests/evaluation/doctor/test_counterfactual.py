@@ -7,8 +7,8 @@ from dataclasses import asdict
 import pytest
 
 from ispom.evaluation.doctor.diagnose import diagnose
+from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.finding import Diagnosis
 from ispom.sequences import open_sequence
 
 

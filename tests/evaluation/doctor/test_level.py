@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from ispom.evaluation.doctor.counterfactual import Figure
-from ispom.evaluation.doctor.examination import Examination, Shot, examination
+from ispom.evaluation.doctor.examination import Examination, examination
+from ispom.evaluation.doctor.stretch import Shot
 from ispom.evaluation.doctor.suspects.calibration import recorded
 from ispom.evaluation.doctor.suspects.level import unlevel
 from ispom.sequences import open_sequence

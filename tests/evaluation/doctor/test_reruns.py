@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.doctor.diagnose import with_reruns
-from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked, Suspect
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Finding, Ranked, Suspect
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.geometry import Pose
 from ispom.settings import alternatives

@@ -10,10 +10,9 @@ import pytest
 
 PROGRAM = """
 from ispom.evaluation.doctor.examination import examination
-from ispom.evaluation.doctor.start import start
 from ispom.sequences import open_sequence
 
-found = start(examination(open_sequence("sim:tiny?fault=darkness"), 0, 49))
+found = examination(open_sequence("sim:tiny?fault=darkness"), 0, 49).start
 print(None if found is None else [found.scene.positions.tolist(), found.scene.points.tolist()])
 """
 DIAGNOSIS = """

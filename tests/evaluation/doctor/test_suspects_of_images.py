@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.evaluation.doctor.examination import Examination, Shot, examination
+from ispom.evaluation.doctor.examination import Examination, examination
+from ispom.evaluation.doctor.stretch import Shot
 from ispom.evaluation.doctor.suspects.cover import covered
 from ispom.evaluation.doctor.suspects.images import blur, darkness, edge_width_px, exposure_jumps, haze, low_texture
 from ispom.evaluation.doctor.suspects.lens import fixed_edges, on_lens

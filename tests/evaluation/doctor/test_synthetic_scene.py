@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ispom.evaluation.doctor import counterfactual
-from ispom.evaluation.doctor.adjustment import Promise, placed
+from ispom.evaluation.doctor.adjustment import Promise, placed, uncertainties
 from ispom.evaluation.doctor.counterfactual import Outcome
 from ispom.evaluation.doctor.examination import Examination
 from ispom.evaluation.doctor.finding import Finding
@@ -144,6 +144,26 @@ def test_what_is_known_of_a_baseline_is_less_in_a_far_scene() -> None:
         found = counterfactual.tested(base, ("baseline_percent",)).change.perturbation.baseline_percent
         assert abs(found) < 4 * known[-1]
     assert known[1] > 3 * known[0]
+
+
+def test_the_uncertainty_of_a_baseline_is_that_of_a_linear_fit() -> None:
+    """Of exact observations: by difference quotients of all unknowns, without any damping. It was understated by half,
+    for damping held the distances of the points."""
+    world, seen, points = scene(), start().seen, 40
+    seen = seen.select(seen.point < points)
+    exact = replace(seen, uv=seen.uv - predicted(world, RIG, Change(), seen, derivatives=False).residuals)
+
+    def residuals(step: np.ndarray) -> np.ndarray:
+        moves = np.concatenate([step[6 * KNOTS : -1].reshape(-1, 3), np.zeros((POINTS - points, 3))])
+        moved = world.moved(step[: 6 * KNOTS].reshape(-1, 6), moves)
+        return predicted(moved, RIG, change_of(BASELINE, step[-1:]), exact, derivatives=False).residuals.ravel()
+
+    ends = 1e-4 * np.eye(6 * KNOTS + 3 * points + 1)[6:]
+    jacobian = np.column_stack([(residuals(end) - residuals(-end)) / 2e-4 for end in ends])
+    scale = 1 / np.linalg.norm(jacobian, axis=0)
+    linear = NOISE_PX * scale[-1] / abs(np.linalg.qr(jacobian * scale, mode="r")[-1, -1])
+    (sigma,) = uncertainties(world, RIG, seen, BASELINE, Change())
+    assert sigma == pytest.approx(linear, rel=0.3)
 
 
 @pytest.mark.parametrize(("sigma", "silent"), [(1.0, False), (4.0, True)])

@@ -19,7 +19,8 @@ from ispom_app.session.branches.state import Branches
 from ispom_app.session.state import FeatureState, State
 
 from ispom.evaluation.doctor.diagnose import with_reruns
-from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Finding, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.plausibility.doubt import Doubt

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ispom_app.features.doctor.job import without_harmless
 
-from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Finding, Ranked
 from ispom.evaluation.doctor.suspects import SUSPECTS
 
 BY_KEY = {suspect.key: suspect for suspect in SUSPECTS}

@@ -8,7 +8,8 @@ from ispom_app.features.doctor.text import lines, plain
 from ispom_app.features.doctor.view import view_of
 
 from ispom.evaluation.doctor.diagnose import with_reruns
-from ispom.evaluation.doctor.finding import Diagnosis, Finding, Ranked
+from ispom.evaluation.doctor.diagnosis import Diagnosis
+from ispom.evaluation.doctor.finding import Finding, Ranked
 from ispom.evaluation.doctor.reruns import Outcome, Reruns, Trial, Tried
 from ispom.evaluation.doctor.suspects import SUSPECTS
 from ispom.plausibility.doubt import Doubt

@@ -1,7 +1,7 @@
-"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks say what that explains.
+"""Suspects of the calibration and the clock: each frees a few numbers, and held-out tracks judge them.
 
 A number is a cause where held-out tracks are better with it, its interval excludes zero, and it is plausible. Its
-interval is as wide as the normal equations say (each track as one measurement), as two halves of the tracks differ, and
+interval is as wide as by the normal equations (each track as one measurement), as two halves of the tracks differ, and
 as the number moves where the others of its group are free, too: a lens that fits badly in a corner is explained by many
 numbers, and none of them is then known.
 """
@@ -9,15 +9,14 @@ numbers, and none of them is then known.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-
-from ispom.types import Rig
 
 from ..counterfactual import Crossed, Figure, crossed, figures_of
 from ..examination import Examination
 from ..finding import Finding, Suspect
+from ..groups import group_of, has
 
 GAIN = 0.05
 """Share of the cost of the held-out tracks that a cause explains at least; healthy recordings reach three quarters of
@@ -37,14 +36,14 @@ MAJORITY = 4.0
 """How many more tracks are better than are worse, over the standard error, at least: 8 and more for simulated faults, 1
 by chance."""
 LEAST_TRACKS = 50
-"""Fewer held-out tracks say nothing."""
+"""With fewer held-out tracks there is no finding."""
 WEAK = 0.9
 """Most that the strength is where something speaks against the cause."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """How a number of the calibration is said, and how much it can change."""
+    """The words and the unit of a number of the calibration, and how much it can change."""
 
     words: str
     unit: str
@@ -85,48 +84,6 @@ NUMBERS: Mapping[str, Number] = {
     "clock_ms": Number("clock of the video camera", "ms", 300),
 }
 
-LENS = ("k1", "k2")
-CENTRE = ("video_centre_x_px", "video_centre_y_px")
-PAIR_CENTRE = ("pair_centre_x_px", "pair_centre_y_px")
-TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
-RIGHT = ("right_x_deg", "right_y_deg", "right_z_deg")
-SHIFT = ("shift_x_m", "shift_y_m", "shift_z_m")
-
-
-MAIN = ("video_focal_percent", *CENTRE, *LENS)
-OTHERS: Mapping[str, tuple[str, ...]] = {
-    "video_focal_percent": (*MAIN, *TURN),
-    "video_centre_x_px": (*MAIN, *TURN),
-    "k1": (*MAIN, *TURN, "pair_focal_percent", *PAIR_CENTRE, *RIGHT),
-    "aspect_percent": ("video_focal_percent", "pair_focal_percent", *CENTRE, *PAIR_CENTRE, *LENS),
-    "line_delay_us": ("clock_ms", *TURN),
-    "clock_ms": ("line_delay_us", *TURN),
-    "pair_focal_percent": (*PAIR_CENTRE, *RIGHT, *LENS),
-    "pair_centre_x_px": ("pair_focal_percent", *RIGHT, *LENS),
-    "right_x_deg": ("pair_focal_percent", *PAIR_CENTRE, *LENS),
-    "baseline_percent": (),
-    "turn_x_deg": (*SHIFT, *CENTRE, "clock_ms"),
-    "shift_x_m": (*TURN, *CENTRE, "clock_ms"),
-}
-"""By the first number of a suspect: what may be wrong instead. For a camera, its lens and where it looks; for a mount,
-the camera's centre and clock, too. The lenses of all cameras are never free together: where all are wrong alike, the
-path of a car looks right. The baseline and a turned mount trade places too slowly for a fit of both."""
-
-
-def group_of(names: tuple[str, ...], rig: Rig) -> tuple[str, ...]:
-    """Returns these numbers and those that may be wrong instead, as far as the rig has them."""
-
-    def had(name: str) -> bool:
-        if name in LENS or name.startswith(("line", "aspect")):  # of the main camera
-            return not (_video(rig) and names[0].startswith(("pair", "right")))
-        if name.startswith("video"):
-            return _video(rig)
-        if name.startswith(("pair", "right")):
-            return _pair(rig) and not (_video(rig) and names == ("k1",))
-        return _both(rig)
-
-    return tuple(dict.fromkeys((*names, *(name for name in OTHERS[names[0]] if had(name)))))
-
 
 @dataclass(frozen=True)
 class Limits:
@@ -136,13 +93,11 @@ class Limits:
     promise: float = PROMISE
 
 
-def freed(
-    key: str, least: Mapping[str, float], possible: Callable[[Rig], bool], limits: Limits, seen: Examination
-) -> Finding | None:
+def freed(key: str, least: Mapping[str, float], limits: Limits, seen: Examination) -> Finding | None:
     """Frees these numbers. A change smaller than `least` in all of them explains nothing that matters. Where the tracks
-    know none of them within its `least`, and nothing is explained, they say nothing."""
+    determine none of them within its `least`, and nothing is explained, there is no finding."""
     names = tuple(least)
-    if not possible(seen.rig) or seen.baseline is None:
+    if not has(seen.rig, names[0]) or seen.baseline is None:
         return None
     promise = seen.promises[names]
     unknown = all(SURE * sigma >= limit for sigma, limit in zip(promise.sigmas, least.values(), strict=True))
@@ -210,7 +165,7 @@ def recorded(name: str, figure: Figure, seen: Examination) -> Figure:
     return Figure(seen.recorded_px(camera, figure.value), seen.recorded_px(camera, figure.sigma))
 
 
-def said(name: str, figure: Figure) -> str:
+def with_uncertainty(name: str, figure: Figure) -> str:
     """Returns a number with its uncertainty, such as "focal length of the video camera -2.9 % (+-0.4)"."""
     number = NUMBERS[name]
     unit = f" {number.unit}" if number.unit else ""
@@ -218,8 +173,8 @@ def said(name: str, figure: Figure) -> str:
 
 
 def sentence(outcome: Crossed, figures: Mapping[str, Figure]) -> str:
-    """Returns what the held-out tracks say."""
-    changes = ", ".join(said(name, figure) for name, figure in figures.items())
+    """Returns a sentence about the held-out tracks with and without the changes."""
+    changes = ", ".join(with_uncertainty(name, figure) for name, figure in figures.items())
     return (
         f"With {changes}, {outcome.tracks} tracks that had no part in the fit cost {100 * outcome.gain:.0f} % less "
         f"({outcome.z:.0f} standard errors); their median error goes from {outcome.before_px:.2f} to "
@@ -227,35 +182,14 @@ def sentence(outcome: Crossed, figures: Mapping[str, Figure]) -> str:
     )
 
 
-def _video(rig: Rig) -> bool:
-    return rig.video is not None
-
-
-def _pair(rig: Rig) -> bool:
-    return rig.has_stereo
-
-
-def _both(rig: Rig) -> bool:
-    return _video(rig) and _pair(rig)
-
-
-def _any(rig: Rig) -> bool:
-    return True
-
-
-_FREED: list[tuple[tuple[str, ...], Callable[[Rig], bool]]] = []
-
-
 def _suspect(
     key: str,
     name: str,
     remedy: str,
-    possible: Callable[[Rig], bool],
     limits: Limits = Limits(),
     **least: float,
 ) -> Suspect:
-    _FREED.append((tuple(least), possible))
-    examine = partial(freed, key, least, possible, limits)
+    examine = partial(freed, key, least, limits)
     return Suspect(key, name, "counterfactual", remedy, examine)
 
 
@@ -266,21 +200,18 @@ CALIBRATION = (
         "clock",
         "the clocks of the video camera and the pair differ",
         "Correct the time stamps by the stated delay, or run with `--integrated.estimate-clock`.",
-        _both,
         clock_ms=2.0,
     ),
     _suspect(
         "video-focal",
         "the focal length of the video camera is wrong",
         f"{RECALIBRATE} A zoom, a crop or a resized video changes it, too.",
-        _video,
         video_focal_percent=0.3,
     ),
     _suspect(
         "video-centre",
         "the principal point of the video camera is wrong",
         f"{RECALIBRATE} A cropped or stabilised video changes it, too.",
-        _video,
         video_centre_x_px=0.8,
         video_centre_y_px=0.8,
     ),
@@ -288,23 +219,20 @@ CALIBRATION = (
         "aspect",
         "fx and fy do not fit each other, as of squeezed images",
         "Give the images in the shape that the camera took, or correct fy by the stated share, or calibrate again.",
-        _any,
         aspect_percent=1.0,
     ),
-    _suspect("distortion", "the distortion of the lens is wrong", RECALIBRATE, _any, k1=0.01),
+    _suspect("distortion", "the distortion of the lens is wrong", RECALIBRATE, k1=0.01),
     _suspect(
         "rolling-shutter",
         "the line delay of the rolling shutter is wrong",
         "State the line delay in the calibration, or use a camera with a global shutter; turn the camera more slowly.",
-        _any,
         line_delay_us=4.0,
     ),
-    _suspect("pair-focal", "the focal length of the pair is wrong", RECALIBRATE, _pair, pair_focal_percent=0.3),
+    _suspect("pair-focal", "the focal length of the pair is wrong", RECALIBRATE, pair_focal_percent=0.3),
     _suspect(
         "pair-centre",
         "the principal point of the pair is wrong",
         RECALIBRATE,
-        _pair,
         pair_centre_x_px=0.8,
         pair_centre_y_px=0.8,
     ),
@@ -312,7 +240,6 @@ CALIBRATION = (
         "baseline",
         "the baseline of the pair is wrong",
         "Measure the distance of the two cameras again, or calibrate the pair with a target of known size.",
-        _both,
         Limits(BASELINE_GAIN, BASELINE_PROMISE),
         baseline_percent=10.0,
     ),
@@ -320,7 +247,6 @@ CALIBRATION = (
         "pair-turned",
         "the right camera has turned since the pair was calibrated",
         "Fasten the cameras to each other, and calibrate the pair again.",
-        _pair,
         right_x_deg=0.02,
         right_y_deg=0.02,
         right_z_deg=0.05,
@@ -329,7 +255,6 @@ CALIBRATION = (
         "mount-turned",
         "the orientation of the video camera on the rig is wrong",
         MOUNT,
-        _both,
         turn_x_deg=0.1,
         turn_y_deg=0.1,
         turn_z_deg=0.1,
@@ -338,14 +263,8 @@ CALIBRATION = (
         "mount-shifted",
         "the position of the video camera on the rig is wrong",
         MOUNT,
-        _both,
         shift_x_m=0.02,
         shift_y_m=0.02,
         shift_z_m=0.02,
     ),
 )
-
-
-def subsets(rig: Rig) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Returns the sets of numbers that this rig has, and the group of each."""
-    return {names: group_of(names, rig) for names, possible in _FREED if possible(rig)}

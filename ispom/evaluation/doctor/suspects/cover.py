@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.types import Image
 
-from ..examination import Examination, Shot
+from ..examination import Examination
 from ..finding import Finding, Suspect
+from ..stretch import Shot
 from .lens import fixed_edges
 
 BLOCK_PX = 20

@@ -12,17 +12,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.solvers.multiview.essential import relative_pose, sampson_distance
 from ispom.types import Camera, Rig
 
 from ..counterfactual import baseline
 from ..examination import Examination
 from ..finding import Finding, Suspect
-from ..start import epipolar_distances, rotation_residuals, triangulate
+from ..start import rotation_residuals, triangulate
 
 LEAST_TRACKS = 30
 MOVING_PX = 2.0
@@ -180,11 +180,8 @@ def _two_views(a: Array, b: Array, chosen: NDArray[np.int64], focal_px: float, o
         return rotation_residuals(a, b)
     if len(chosen) < LEAST_EVEN:
         return np.full(len(a), np.nan)
-    u, v = np.ascontiguousarray(a[chosen]), np.ascontiguousarray(b[chosen])
-    matrix, _ = cv2.findEssentialMat(u, v, np.eye(3), cv2.RANSAC, 0.999, INLIER_PX / focal_px)
-    if matrix is None or matrix.shape != (3, 3):
-        return np.full(len(a), np.nan)
-    return epipolar_distances(a, b, np.asarray(matrix, float))
+    most = relative_pose(a[chosen], b[chosen], INLIER_PX / focal_px)
+    return np.full(len(a), np.nan) if most is None else np.abs(sampson_distance(most.second_from_first, a, b))
 
 
 def _normalised(camera: Camera, uv: Array) -> Array:
