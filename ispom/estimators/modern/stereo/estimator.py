@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, require_frame
 from ispom.estimators.modern.second_motion import Follow
+from ispom.estimators.modern.stereo.height import height_prior
 from ispom.estimators.modern.stereo.keyframe import exchanged_since, keyframe_tests, new_points, start_obstacles
 from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
@@ -79,6 +80,9 @@ class ModernStereoConfig:
     """Least number of inliers with which a frame is localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Number of lost frames in a row that are tolerated; the next one starts a new segment at the predicted pose."""
+    height_sigma_m: Annotated[float, Range(0, 10)] = 0.0
+    """For a ground vehicle: prior standard deviation of the change of height between keyframes, along the rig's y axis.
+    0: no such prior."""
     iterations: Annotated[int, Range(1, 30)] = 10
     """Most iterations of the optimisation at each keyframe; a wrong calibration needs nearly all of them."""
 
@@ -239,6 +243,7 @@ class ModernStereo:
             iterations=c.iterations,
             relocalise=c.relocalise,
             follow=c.follow,
+            make_families=(partial(height_prior, sigma_m=c.height_sigma_m),) if c.height_sigma_m else (),
         )
 
     @cached_property

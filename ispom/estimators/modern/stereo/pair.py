@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +18,7 @@ from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
 from ispom.solvers.localisation import PoseFit
+from ispom.solvers.window.problem import PoseFamily
 from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
 
 
@@ -43,6 +46,8 @@ class Setup:
     iterations: int
     relocalise: bool
     follow: Follow
+    make_families: tuple[Callable[[Setup, Any], PoseFamily], ...] = ()
+    """Each makes a further residual family of the window, from the keyframes of a state.StereoMap."""
     front_end: FrontEnd = KLT
     """Its descriptors are used for relocalisation and loops."""
 
@@ -50,6 +55,10 @@ class Setup:
     def left_from_rig(self) -> Pose:
         """Returns the pose of the rig's frame in the left camera."""
         return self.rig_from_left.inverse()
+
+    def families(self, world: Any) -> tuple[PoseFamily, ...]:
+        """Returns the window's further residual families, from the keyframes of a state.StereoMap."""
+        return tuple(make(self, world) for make in self.make_families)
 
     @property
     def rolls(self) -> bool:

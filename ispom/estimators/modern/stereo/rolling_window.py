@@ -30,9 +30,10 @@ from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
 from ispom.numerics.twist import twist_of
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, PAIR
-from ispom.solvers.window.adjustment import Window, as_inverse_depths
+from ispom.solvers.window.adjustment import as_inverse_depths
 from ispom.solvers.window.observation import MIN_DEPTH
 from ispom.solvers.window.prior import POSE, Prior
+from ispom.solvers.window.problem import PoseFamily, Window
 
 MOTION_ITERATIONS, MOTION_TOLERANCE = 8, 1e-3
 """Largest number of steps, and the relative decrease of the cost that ends them: bundle adjustment follows."""
@@ -64,8 +65,9 @@ def with_rolling_covariance(setup: Setup, world: StereoMap) -> StereoMap:
 
 def rolling_with_frame_covariance(setup: Setup, world: StereoMap, key: KeyFrame) -> StereoMap:
     """See `window.with_frame_covariance`."""
+    families = setup.families(world)  # not of this frame, which was localised without them
     both = replace(world, keys=(*world.keys, key.only(world.places(key.ids) >= 0)))
-    return replace(world, keys=both.keys, newest=_newest(setup, world, _covariance(setup, both)))
+    return replace(world, keys=both.keys, newest=_newest(setup, world, _covariance(setup, both, families)))
 
 
 def rolling_without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
@@ -76,7 +78,10 @@ def rolling_without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
     """
     past, rest = split_at_oldest(world)
     expected = motion_priors(world.keys, setup.baseline_m)
-    hessian, right = _Joint.of(setup, replace(world, keys=past), expected).without_motions(first_poses=1)
+    window, _, _ = packed(setup, world)
+    leaving = tuple(family.of_first_pose(window) for family in window.families)
+    joint = _Joint.of(setup, replace(world, keys=past), expected, families=leaving)
+    hessian, right = joint.without_motions(first_poses=1)
     poses = [k.left_from_world for k in past[1:]]
     rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     return replace(world, keys=rest, prior=Prior(rotations, translations, world.extra, hessian, -right))
@@ -110,9 +115,10 @@ def _shaken(rates: Array, seconds: Array, usual: Array) -> Array:
     return np.sqrt(np.repeat(square, 3))
 
 
-def _covariance(setup: Setup, world: StereoMap) -> Array:
-    """Returns the covariance, see `StereoMap.covariance`."""
-    hessian, _ = _Joint.of(setup, world, motion_priors(world.keys, setup.baseline_m)).without_motions()
+def _covariance(setup: Setup, world: StereoMap, families: Families = None) -> Array:
+    """Returns the covariance, see `StereoMap.covariance` and `_Joint.of`."""
+    expected = motion_priors(world.keys, setup.baseline_m)
+    hessian, _ = _Joint.of(setup, world, expected, families=families).without_motions()
     free = np.append(np.ones(len(hessian) - PAIR, bool), setup.extra_sigma > 0)
     inside, found = np.ix_(free, free), np.zeros_like(hessian)
     scale = 1 / np.sqrt(hessian.diagonal()[free])
@@ -128,12 +134,10 @@ def _newest(setup: Setup, world: StereoMap, known: Array) -> Array:
 
 def _cost(setup: Setup, world: StereoMap, expected: list[MotionPrior]) -> float:
     """Returns the cost whose normal equations are `_Joint`; the cost of observations beyond the limit is constant."""
-    variance = world.variance_factor(setup.noise)  # residuals are in units of the loss width
-    moves = [(prior.motion - key.motion) / prior.sigma for key, prior in zip(world.keys, expected, strict=True)]
-    made, _, _ = packed(setup, world)
-    cost = cauchy_cost(np.minimum(made.squared_errors, setup.limit**2), setup.noise.width)
-    cost += 0.5 * variance * float((np.array(moves) ** 2).sum())
-    return cost if made.prior is None else cost + made.prior.cost(made.shift)
+    window, _, _ = packed(setup, world)
+    cost = cauchy_cost(np.minimum(window.squared_errors, setup.limit**2), setup.noise.width)
+    cost += _MotionFamily(expected, world.variance_factor(setup.noise)).cost(world)
+    return cost + sum(term.cost(window) for term in window.terms)
 
 
 def _stepped(setup: Setup, world: StereoMap, expected: list[MotionPrior], damping: float) -> StereoMap:
@@ -151,6 +155,29 @@ def _stepped(setup: Setup, world: StereoMap, expected: list[MotionPrior], dampin
     points = (joint.inverse @ (joint.side - joint.rows @ step)[:, :, None])[:, :, 0]
     xyz[joint.used] += as_inverse_depths(joint.window, points)
     return replace(world, keys=keys, xyz=xyz, extra=world.extra + extra)
+
+
+@dataclass(frozen=True, eq=False)
+class _MotionFamily:
+    """The prior of the keyframes' motions as a residual family; residuals are in units of the loss width."""
+
+    expected: list[MotionPrior]
+    variance: float
+    """Variance of the image points' noise relative to the squared loss width."""
+
+    def cost(self, world: StereoMap) -> float:
+        moves = [(prior.motion - k.motion) / prior.sigma for k, prior in zip(world.keys, self.expected, strict=True)]
+        return 0.5 * self.variance * float((np.array(moves) ** 2).sum())
+
+    def add(self, world: StereoMap, hessian: Array, right: Array) -> None:
+        """Adds the second derivatives and the negative gradient by the keyframes' unknowns."""
+        for c, (key, prior) in enumerate(zip(world.keys, self.expected, strict=True)):
+            here, information = MOTION_UNKNOWNS * c + np.arange(POSE, MOTION_UNKNOWNS), self.variance * prior.sigma**-2
+            hessian[here, here] += information
+            right[here] += information * (prior.motion - key.motion)
+
+
+Families = tuple[PoseFamily, ...] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +203,14 @@ class _Joint:
     """(M, 3, D) blocks between the points and the other unknowns."""
 
     @staticmethod
-    def of(setup: Setup, world: StereoMap, expected: list[MotionPrior], damping: float = 0.0) -> _Joint:
+    def of(
+        setup: Setup, world: StereoMap, expected: list[MotionPrior], damping: float = 0.0, families: Families = None
+    ) -> _Joint:
         """Builds the equations with the prior `expected` of each keyframe's motion, from points that at least two
-        keyframes observe. `damping` raises the points' diagonal entries by this share."""
+        keyframes observe. `damping` raises the points' diagonal entries by this share; `families` replace those of the
+        window."""
         made, used, origin = packed(setup, world)
+        made = made if families is None else replace(made, families=families)
         first, points = MOTION_UNKNOWNS * len(world.keys), len(used)
         pair, size = np.arange(first, first + PAIR), first + PAIR
         hessian, right = REGULARISATION * np.eye(size), np.zeros(size)
@@ -206,16 +237,14 @@ class _Joint:
             own[point] += turned @ np.swapaxes(turned, 1, 2)
             side[point] += (turned @ error[:, :, None])[:, :, 0]
             rows[point[:, None, None], np.arange(3)[:, None], here] += turned @ jacobian
-        variance = world.variance_factor(setup.noise)
-        for c, (key, prior) in enumerate(zip(world.keys, expected, strict=True)):
-            here, information = MOTION_UNKNOWNS * c + np.arange(POSE, MOTION_UNKNOWNS), variance * prior.sigma**-2
-            hessian[here, here] += information
-            right[here] += information * (prior.motion - key.motion)
-        if made.prior is not None:
-            of_poses = MOTION_UNKNOWNS * np.arange(len(made.prior.rotations))[:, None] + np.arange(POSE)
-            here = np.concatenate([of_poses.ravel(), pair])
-            hessian[np.ix_(here, here)] += made.prior.hessian
-            right[here] -= made.prior.gradient + made.prior.hessian @ made.shift
+        _MotionFamily(expected, world.variance_factor(setup.noise)).add(world, hessian, right)
+        poses = MOTION_UNKNOWNS * np.arange(len(world.keys))[:, None] + np.arange(POSE)
+        here = np.concatenate([poses.ravel(), pair])
+        by_terms, by_terms_right = np.zeros((len(here), len(here))), np.zeros(len(here))
+        for term in made.terms:
+            term.add(made, by_terms, by_terms_right)
+        hessian[np.ix_(here, here)] += by_terms
+        right[here] += by_terms_right
         inverse = np.linalg.inv(own * (1 + damping * np.eye(3)) + REGULARISATION * np.eye(3))
         carried, flat = (inverse @ rows).reshape(-1, size), rows.reshape(-1, size)
         reduced = hessian - flat.T @ carried

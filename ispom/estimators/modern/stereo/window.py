@@ -21,9 +21,10 @@ from ispom.numerics.vectors import matrix, plus, times, vector
 from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.window import WindowProblem
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, drift_of, fill_ideal_column, lens_removed
-from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
+from ispom.solvers.window.adjustment import Adjusted, adjust, marginalise
 from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import Sandwich
+from ispom.solvers.window.problem import Window
 
 KEPT_FRAMES = 2
 """Number of newest keyframes whose observations of a point stay when its older ones are marginalised."""
@@ -96,8 +97,10 @@ def with_frame_covariance(setup: Setup, world: StereoMap, key: KeyFrame) -> Ster
     A track's errors in window and frame are correlated: the sum of the covariances of the newest keyframe and of the
     relative pose would be a tenth to a third too small.
     """
+    families = setup.families(world)  # not of this frame, which was localised without them
     world = replace(world, keys=(*world.keys, key.only(world.places(key.ids) >= 0)))
     window, used, _ = packed(setup, world)
+    window = replace(window, families=families)
     return replace(world, newest=WindowCovariance.of(window, world.ids[used], setup.noise.width).newest)
 
 
@@ -130,6 +133,7 @@ def packed(setup: Setup, world: StereoMap) -> tuple[Window, NDArray[np.int64], N
         setup.extra_sigma,
         arrays.factors,
         world.prior,
+        families=setup.families(world),
     )
     return window, arrays.used, arrays.origin
 
