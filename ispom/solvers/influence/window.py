@@ -24,6 +24,7 @@ from ispom.solvers.window.adjustment import Equations, Window, adjust
 from ispom.solvers.window.covariance import inverse_curvature
 from ispom.solvers.window.kernels import OWN_CURVATURE
 from ispom.solvers.window.prior import POSE, Prior
+from ispom.solvers.window.problem import MarginalPrior
 from ispom.solvers.window.scores import score_changes, track_scores
 from ispom.types import FrameName
 
@@ -35,7 +36,7 @@ AGAIN, ENOUGH = 15, 1e-7
 """The same of a part that is left out from the solution on."""
 LEAST_VIEWS = 2
 """Keyframes that must see a point that takes part."""
-PRIOR = "earlier keyframes"
+PRIOR = MarginalPrior.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,8 @@ class WindowProblem:
     def parts(self) -> tuple[Part, ...]:
         tracks = [Part("track", tracks=(int(i),)) for i in self.ids]
         frames = [Part("frame", time_ns=t) for t in self.times_ns[self._anchors : -1]]
-        return (*tracks, *frames, *[Part("prior", PRIOR)] * (self.solved.prior is not None))
+        priors = [Part("prior", PRIOR)] * (self.solved.prior is not None)
+        return (*tracks, *frames, *priors, *[Part("prior", family.name) for family in self.solved.families])
 
     @property
     def _anchors(self) -> int:
@@ -110,8 +112,10 @@ class WindowProblem:
 
     def _without(self, window: Window, part: Part) -> Window:
         """Returns the window without the part."""
-        if part.kind == "prior":
+        if part.kind == "prior" and part.name == PRIOR:
             return replace(window, prior=_gauge_alone(window))
+        if part.kind == "prior":
+            return replace(window, families=tuple(f for f in window.families if f.name != part.name))
         if part.kind == "frame":
             keep = window.cameras != self.times_ns.index(part.time_ns or 0)
         else:

@@ -1,4 +1,4 @@
-"""Windowed bundle adjustment over one camera or a rectified pair, with a prior for what has left the window.
+"""Windowed bundle adjustment over one camera or a rectified pair, with priors and other residual families.
 
 Uses the Schur complement over the points (Triggs et al. 2000), the Cauchy loss and Levenberg's damping; marginalisation
 is as in Leutenegger et al. 2015, section 3.5. It can also estimate corrections of the camera's or pair's calibration.
@@ -7,90 +7,25 @@ is as in Leutenegger et al. 2015, section 3.5. It can also estimate corrections 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.errors import required
 from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
-from ispom.solvers.right_camera import without_lens
 from ispom.solvers.window.kernels import FIXED_WEIGHTS, Eliminated, Reduced, padded, point_steps, reduce_points
-from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
-from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
+from ispom.solvers.window.observation import robust_cost
+from ispom.solvers.window.prior import POSE, Prior, Sandwich
+from ispom.solvers.window.problem import Window
 
 FIXED = 1e30
 """Information of a correction that is fixed: a standard deviation of 1e-15, below the rounding of all other numbers. So
 it takes no step, and its rows and columns stay in covariances and priors, whose unknowns are numbered alike in all."""
 FARTHEST = 10.0
 """Largest factor by which one step may increase the depth of a point."""
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """Poses, points and observations to optimise. Image coordinates are normalised (on the plane z = 1)."""
-
-    rotations: Array
-    """(C, 3, 3) camera_from_world, oldest first."""
-    translations: Array
-    """(C, 3) camera_from_world."""
-    points: Array
-    """(M, 3) xyz_in_world."""
-    cameras: NDArray[np.int64]
-    """(K,) pose of each observation; the observations are sorted by point, those of a point by pose."""
-    owners: NDArray[np.int64]
-    """(K,) point of each observation."""
-    seen: Array
-    """(K, 3) x, y in the (left) camera, x in the right one; NaN where there is none."""
-    baseline: float = 0.0
-    """Baseline of the pair; 0 for one camera."""
-    extra: Array = field(default_factory=lambda: np.zeros(LENS))
-    """(E,) corrections. For one camera those of focal length f and radial distortion k: seen = x (1 + f + k |x|^2).
-    For a pair those of both cameras, and of the right one (see right_camera.TERMS): the left camera sees
-    x (1 + k |x|^2 + k2 |x|^4) by the first two, and `factors` @ `extra` is added to the right x."""
-    extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
-    """(E,) prior standard deviations; 0 fixes a correction."""
-    factors: Array = field(default_factory=lambda: np.zeros((0, LENS)))
-    """(K, S) Jacobian of a pair's right x by its first S corrections (see right_camera.by_column). The others do not
-    change the right x, and only the prior contains them. Empty for one camera."""
-    prior: Prior | None = None
-    fixed: int = 0
-    """Number of first poses that are fixed."""
-
-    def __post_init__(self) -> None:
-        # Stacked transposes have another memory layout, for which all kernels would be compiled again.
-        object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
-
-    @cached_property
-    def observed(self) -> Observed:
-        """Returns the arrays for the compiled kernels, with a pair's observations corrected."""
-        seen = self.seen
-        if self.baseline:
-            seen = without_lens(seen, self.extra)
-            seen[:, 2] -= self.factors @ self.extra[: self.shown]
-        return Observed(
-            self.rotations, self.translations, self.points, self.cameras, self.owners, seen,
-            self.factors, self.baseline, self.extra,
-        )  # fmt: skip
-
-    @property
-    def shown(self) -> int:
-        """Returns S, the number of first corrections that observations depend on."""
-        return self.factors.shape[1] if self.baseline else len(self.extra)
-
-    @cached_property
-    def squared_errors(self) -> Array:
-        """Returns the squared reprojection errors (K,) over both images; inf behind the camera."""
-        return squared_errors(self.observed)
-
-    @cached_property
-    def shift(self) -> Array:
-        """Returns the change (6 P + E,) since the linearisation of the prior. Raises ValueError without a prior."""
-        return required(self.prior, "the window has no prior").shifted(self.rotations, self.translations, self.extra)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +57,8 @@ def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float 
 
 
 def total_cost(window: Window, scale: float) -> float:
-    """Returns half the robust sum of squares, in units of the squared loss scale `scale`, plus the priors' cost."""
-    cost = float(robust_cost(window.squared_errors, scale))
-    if window.prior is not None:
-        return cost + window.prior.cost(window.shift)
-    free = window.extra_sigma > 0
-    return cost + 0.5 * float(((window.extra[free] / window.extra_sigma[free]) ** 2).sum())
+    """Returns half the robust sum of squares, in units of the squared loss scale `scale`, plus the terms' cost."""
+    return float(robust_cost(window.squared_errors, scale)) + sum(term.cost(window) for term in window.terms)
 
 
 def covariance(window: Window, scale: float) -> Array:
@@ -138,7 +69,8 @@ def covariance(window: Window, scale: float) -> Array:
 def marginalise(
     window: Window, points: NDArray[np.bool_], scale: float, sandwich: Callable[[Window], Sandwich] | None = None
 ) -> Prior:
-    """Marginalises pose 0 and the points of the mask (M,) with all their observations.
+    """Marginalises pose 0, the residuals of families that depend on it, and the points of the mask (M,) with all their
+    observations.
 
     Returns the prior on the other poses and the corrections. `sandwich`, if given, computes the sandwich of a window
     over poses and corrections, which the prior then keeps.
@@ -152,6 +84,7 @@ def marginalise(
         owners=number[window.owners[gone]],
         seen=window.seen[gone],
         factors=window.factors[gone] if window.baseline else window.factors,
+        families=tuple(family.of_first_pose(window) for family in window.families),
     )
     equations = Equations.of(part, scale)
     h, g, a = equations.symmetric, -equations.right, slice(0, POSE)
@@ -200,32 +133,15 @@ class Equations:
         matrix[poses:last, :poses] = side[:, :, :shown].reshape(poses, shown).T
         matrix[poses:last, poses:last] = reduced.corner[:, :shown]
         right[:poses], right[poses:last] = -reduced.by_poses.ravel(), -reduced.by_corrections
-        _add_priors(window, matrix, right)
+        for term in window.terms:
+            term.add(window, matrix, right)
+        matrix[poses:, poses:] += np.diag(np.where(window.extra_sigma > 0, 0.0, FIXED))
         return Equations(matrix, right, eliminated)
 
     @property
     def symmetric(self) -> Array:
         """Returns the matrix (6 C + E, 6 C + E) with both triangles."""
         return np.tril(self.matrix) + np.tril(self.matrix, -1).T
-
-
-def _add_priors(window: Window, matrix: Array, right: Array) -> None:
-    """Adds the priors, at the current values, to the normal equations of all poses and corrections."""
-    first, prior = POSE * len(window.rotations), window.prior
-    if prior is not None:
-        p = POSE * len(prior.rotations)
-        gradient = prior.gradient + prior.hessian @ window.shift
-        matrix[:p, :p] += prior.hessian[:p, :p]
-        matrix[first:, :p] += prior.hessian[p:, :p]
-        matrix[first:, first:] += prior.hessian[p:, p:]
-        right[:p] -= gradient[:p]
-        right[first:] -= gradient[p:]
-    for i, sigma in enumerate(window.extra_sigma, first):
-        if sigma <= 0:
-            matrix[i, i] += FIXED
-        elif prior is None:
-            matrix[i, i] += sigma**-2
-            right[i] -= window.extra[i - first] / sigma**2
 
 
 def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, Array]:

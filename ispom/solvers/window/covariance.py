@@ -75,18 +75,15 @@ class WindowCovariance:
         size, curvature, last = len(equations.right), equations.symmetric, POSE * len(window.rotations)
         scores = track_scores(window.observed, equations.eliminated, len(window.extra), scale)
         pending, scatter = PendingScores.none(size), np.zeros((size, size))
-        if prior is not None:
-            known = POSE * len(prior.rotations)
-            at = np.concatenate([np.arange(known), np.arange(last, size)])
-            sandwich = prior.sandwich or Sandwich(prior.hessian, prior.hessian)
-            curvature[np.ix_(at, at)] += sandwich.curvature - prior.hessian
-            scatter[np.ix_(at, at)] = sandwich.scatter
-            if sandwich.pending is not None:
-                earlier = np.zeros((len(sandwich.pending.ids), size))
-                earlier[:, at] = sandwich.pending.scores
-                place = places(ids, sandwich.pending.ids)
-                scores[place[place >= 0]] += earlier[place >= 0]
-                pending = PendingScores(sandwich.pending.ids[place < 0], earlier[place < 0])
+        for term in window.terms:
+            term.add_sandwich(window, curvature, scatter)
+        if prior is not None and prior.sandwich is not None and prior.sandwich.pending is not None:
+            earlier = np.zeros((len(prior.sandwich.pending.ids), size))
+            at = np.concatenate([np.arange(POSE * len(prior.rotations)), np.arange(last, size)])
+            earlier[:, at] = prior.sandwich.pending.scores
+            place = places(ids, prior.sandwich.pending.ids)
+            scores[place[place >= 0]] += earlier[place >= 0]
+            pending = PendingScores(prior.sandwich.pending.ids[place < 0], earlier[place < 0])
         return WindowCovariance(window, scale, ids, equations.eliminated, curvature, scores, pending, scatter)
 
     @cached_property

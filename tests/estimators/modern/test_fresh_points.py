@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.key_frame import Current, extended
-from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
+from ispom.estimators.modern.stereo.localise import LocalisedFrame
+from ispom.estimators.modern.stereo.map import extend_map
+from ispom.estimators.modern.stereo.pair import PairPoints, StereoImages, TrackingResult
+from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import K1, PAIR, TERMS, by_column
@@ -40,8 +41,8 @@ def test_fresh_points_have_the_pose_and_the_pair_that_the_adjustment_found() -> 
         thought = Pose(translation=np.array([0.01, 0.02, -0.03]) * (i > 0)) @ pose
         old, new = (nothing, ids[:FRESH]) if i == 0 else (observed(xyz, pose, ids[:FRESH], k1), ids[:0])
         new = ids[FRESH:] if i == 3 else new
-        now = Current(NewPair(i * 10**8, image, image), thought, old, np.zeros(12))
-        state, now, _ = extended(setup, state, now, observed(xyz, pose, new, k1), TrackingResult.nothing())
+        frame = LocalisedFrame(StereoImages(i * 10**8, image, image), thought, old, np.zeros(12))
+        state, _, _ = extend_map(setup, state, frame, observed(xyz, pose, new, k1), TrackingResult.nothing())
     found = state.map
     assert abs(found.extra[K1] - k1) < 0.003, dict(zip(TERMS, found.extra, strict=True))
     fresh = found.places(ids[FRESH:])

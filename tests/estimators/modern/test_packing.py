@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.modern.stereo.packing import pack
+from ispom.estimators.modern.stereo.window import pack
 from ispom.geometry import so3_exp
 from ispom.solvers.right_camera import LAG, PAIR, by_column, drift, without_errors
 

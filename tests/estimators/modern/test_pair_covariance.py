@@ -8,15 +8,23 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_pair
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
+from ispom.estimators.modern.stereo.window import with_frame_covariance
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust
 from ispom.solvers.window.prior import anchored
+from ispom.types import Camera, Rig
 from tests.estimators.modern.test_noise import flown
 
-ERROR, SCALE, BASELINE = 1e-3, 5e-3, 0.3
+ERROR, SCALE, BASELINE, FX = 1e-3, 5e-3, 0.3, 100.0
+SETUP = (
+    ModernStereoConfig(self_calibration=False, loss_px=SCALE * FX)
+    .build(Rig.stereo(Camera(640, 480, FX, FX, 319.5, 239.5), BASELINE))
+    ._setup
+)
 KINDS = {
     "alike": {"new": ERROR, "step": 0.0, "disparity": ERROR},
     "walk": {"new": 0.3 * ERROR, "step": ERROR, "disparity": 0.3 * ERROR},
@@ -71,7 +79,7 @@ def test_it_is_that_of_the_errors(kind: str) -> None:
         owners, seen, true = whole.owners[mine], whole.seen[mine], Pose(whole.rotations[last], whole.translations[last])
         pose = located(done.points[np.searchsorted(ids, owners)], seen, true)
         pair = KeyFrame(last, pose, owners, seen, np.zeros(12), np.zeros((len(owners), 2)))
-        covariance = newest_covariance(with_pair(world, pair, BASELINE, np.zeros(PAIR), SCALE))
+        covariance = with_frame_covariance(SETUP, world, pair).newest_covariance
         assert covariance is not None
         off = (pose @ true.inverse()).log()
         nees.append(off @ np.linalg.solve(covariance, off))

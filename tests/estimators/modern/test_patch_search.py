@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
-from ispom.estimators.modern.stereo.patch_search import track_from_prediction
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
+from ispom.estimators.modern.stereo.pair import PairPoints, StereoImages
+from ispom.estimators.modern.stereo.predict import LastPair
+from ispom.estimators.modern.stereo.state import KeyFrame, ModernStereoState, StereoMap
+from ispom.estimators.modern.stereo.track import Expected, search_patches
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
 from tests.estimators.modern.waved_card import FX, SIZE, WALLS, drawn
@@ -34,10 +34,11 @@ def seen_again(predicted: Pose, now: Image) -> tuple[Array, Array, NDArray[np.ui
     seen = points.seen_by(CAMERA)
     xyz = np.column_stack([seen[:, :2], np.ones(140)]) * WALL_M
     world = StereoMap((KeyFrame(0, Pose(), ids, seen, np.zeros(12), points.slants),), ids, xyz)
-    first, pair = NewPair(0, image(Pose()), image(Pose())), NewPair(100_000_000, now, now)
+    first, pair = StereoImages(0, image(Pose()), image(Pose())), StereoImages(100_000_000, now, now)
     last = LastPair(first.left, first.left, first.half, points)
-    found = track_from_prediction(SETUP, last, world, pair, predicted.apply(xyz), predicted)
-    return None if found is None else (CAMERA.project(NOW.apply(xyz)), *found)
+    expected = Expected(predicted, predicted.apply(xyz))
+    found = search_patches(SETUP, ModernStereoState(last, world), pair, expected)
+    return None if found is None else (CAMERA.project(NOW.apply(xyz)), found.uv, found.status)
 
 
 @pytest.mark.parametrize("off_px", [0.0, 1.0, 5.0])

@@ -15,10 +15,10 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.recognise import _intersected, at_middle
 from ispom.estimators.modern.monocular.tracks import Followed
 from ispom.estimators.modern.rolling import steady
-from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.pair import NewPair
-from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.estimators.modern.stereo.loop import described_points
+from ispom.estimators.modern.stereo.pair import StereoImages
+from ispom.estimators.modern.stereo.state import StereoMap
 from ispom.features.sift import SIFT
 from ispom.geometry import Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
@@ -59,8 +59,8 @@ def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -
 def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -> None:
     view, wide = camera(readout_s), texture(320 + DISPARITY_PX)
     setup = ModernStereoConfig().build(Rig.stereo(view, 0.5))._setup
-    new = NewPair(0, np.ascontiguousarray(wide[:, :320]), np.ascontiguousarray(wide[:, DISPARITY_PX:]))
-    sight = of_pair._sight(setup, StereoMap(), new, steady(np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4])))
+    new = StereoImages(0, np.ascontiguousarray(wide[:, :320]), np.ascontiguousarray(wide[:, DISPARITY_PX:]))
+    sight = described_points(setup, StereoMap(), new, steady(np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4])))
     points, known = sight.xyz, np.isfinite(sight.xyz[:, 2])
     assert known.sum() > 100
     np.testing.assert_allclose(points[known, :2] / points[known, 2:], sight.x[known], atol=2e-5)

@@ -9,9 +9,14 @@ import pytest
 
 from ispom.estimators.modern.rolling import late_s, steady
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.rolling_window import adjusted, with_motions, with_pair, without_oldest
-from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_key
+from ispom.estimators.modern.stereo.map import optimise
+from ispom.estimators.modern.stereo.pair import Setup
+from ispom.estimators.modern.stereo.rolling_window import (
+    rolling_with_frame_covariance,
+    rolling_without_oldest,
+    with_motions,
+)
+from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
@@ -83,14 +88,14 @@ def found(seed: int, pair_at: float | None = None) -> tuple[Pose, Array | None]:
         key = KeyFrame(round(t * 1e9), way.at(t), ids, seen, mean, np.zeros((len(ids), 2)), exposed_s(seen))
         if k == KEYS:
             located = with_motions(made, replace(world, keys=(*world.keys, key.only(world.places(ids) >= 0)))).keys[-1]
-            return located.left_from_world, newest_covariance(with_pair(made, world, located))
-        world = with_key(world, key, made.extra_sigma, made.settling_s)
+            return located.left_from_world, rolling_with_frame_covariance(made, world, located).newest_covariance
+        world = world.with_key(made, key)
         new = ids[world.places(ids) < 0]
         world = with_motions(made, world.with_points(new, xyz[new]))
-        world, _ = adjusted(made, world)
+        world, _ = optimise(made, world)
         while len(world.keys) > WINDOW:
-            world = without_oldest(made, world)
-    return world.keys[-1].left_from_world, newest_covariance(world)
+            world = rolling_without_oldest(made, world)
+    return world.keys[-1].left_from_world, world.newest_covariance
 
 
 @pytest.mark.parametrize("pair_at", [None, pytest.param((KEYS - 0.5) * INTERVAL_S, marks=pytest.mark.slow)])

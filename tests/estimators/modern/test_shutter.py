@@ -10,9 +10,8 @@ import pytest
 
 from ispom.estimators.modern.rolling import late_s, steady
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
-from ispom.estimators.modern.stereo.motion_priors import motion_priors
-from ispom.estimators.modern.stereo.rolling_window import with_motions
-from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.pair import Setup
+from ispom.estimators.modern.stereo.rolling_window import motion_priors, with_motions
 from ispom.estimators.modern.stereo.shutter import (
     MotionPrior,
     pair_at_middle,
@@ -21,7 +20,7 @@ from ispom.estimators.modern.stereo.shutter import (
     refined_motion,
     row_times,
 )
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
+from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
 from ispom.solvers.right_camera import BOTH_K1, COLUMNS, PAIR, ROLL, by_column

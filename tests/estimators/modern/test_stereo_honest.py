@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.geometry import Pose
 from ispom.types import Frame, Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import run

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.locate import located
-from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.estimators.modern.stereo.localise import PoseProblem
+from ispom.estimators.modern.stereo.predict import LastPair
+from ispom.estimators.modern.stereo.state import ModernStereoState, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig
 
@@ -37,7 +37,8 @@ def test_a_road_that_looks_the_same_everywhere_does_not_lead_astray(off: tuple[f
     seen += NOISE_PX / CAMERA.fx * rng.standard_normal(seen.shape)
     world = StereoMap(ids=np.arange(len(xyz)), xyz=xyz)
     last = LastPair(left_from_world=Pose(), time_ns=0)
-    found, _ = located(SETUP, last, world, np.arange(len(xyz)), seen, wrong, 333_000_000)
+    problem = PoseProblem(SETUP, ModernStereoState(last, world), np.arange(len(xyz)), seen, 333_000_000)
+    found, _ = problem.solved(wrong)
     assert found is not None
     assert np.linalg.norm((found.camera_from_world @ TRUE.inverse()).translation) < 0.02
     assert found.inliers[:FAR].all() and not found.inliers[FAR:].any()

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
-from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.other_motion import other_motion
 from ispom.estimators.modern.stereo.pair import PairPoints, TrackingResult
-from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
+from ispom.estimators.modern.stereo.predict import LastPair
+from ispom.estimators.modern.stereo.state import KeyFrame, ModernStereoState, StereoMap
 from ispom.geometry import Pose
 from ispom.solvers.localisation import fit_pose
 from ispom.types import Camera, Decision, Frame, Rig, Step, TrackStatus

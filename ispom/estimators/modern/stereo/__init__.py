@@ -1,1 +1,8 @@
-"""The modern stereo method; the file names are its steps."""
+"""The stereo method. Its steps, one file each, in the order of `estimator.py`:
+
+`predict`, `track` (left image), `localise` (match the right image, estimate the pose), `recover`, `other_motion`,
+`keyframe`, `map` (with `window`, or `rolling_window`), `report`, `loop`. `pair` and `state` hold the data.
+
+Constants have their reason beside them; `tests/accuracy/constants.md` has what half and twice the value do to the error
+(`python -m tests.accuracy.constants` measures it again).
+"""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated
 
 import numpy as np
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, require_frame
 from ispom.estimators.modern.second_motion import Follow
-from ispom.estimators.modern.stereo import checks
-from ispom.estimators.modern.stereo.conclude import as_step, next_state
-from ispom.estimators.modern.stereo.exchanged import exchanged, exchanged_since
-from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
-from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.height import height_prior
+from ispom.estimators.modern.stereo.keyframe import exchanged_since, keyframe_tests, new_points, start_obstacles
+from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
+from ispom.estimators.modern.stereo.map import extend_map
 from ispom.estimators.modern.stereo.other_motion import with_other_motion
-from ispom.estimators.modern.stereo.pair import NewPair, TrackingResult
-from ispom.estimators.modern.stereo.relocate import recover
-from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.pair import Setup, StereoImages, TrackingResult
+from ispom.estimators.modern.stereo.predict import LastPair
+from ispom.estimators.modern.stereo.recover import count_loss, relocalise
+from ispom.estimators.modern.stereo.report import as_step, next_state
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.track import track_and_locate
+from ispom.estimators.modern.stereo.track import track
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
@@ -30,7 +30,7 @@ from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Measurement, PairSigma, Rig, Status, Step, Trajectory
+from ispom.types import Measurement, PairSigma, Rig, Status, Step, Trajectory
 
 
 @dataclass(frozen=True)
@@ -80,18 +80,21 @@ class ModernStereoConfig:
     """Least number of inliers with which a frame is localised."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Number of lost frames in a row that are tolerated; the next one starts a new segment at the predicted pose."""
+    height_sigma_m: Annotated[float, Range(0, 10)] = 0.0
+    """For a ground vehicle: prior standard deviation of the change of height between keyframes, along the rig's y axis.
+    0: no such prior."""
     iterations: Annotated[int, Range(1, 30)] = 10
     """Most iterations of the optimisation at each keyframe; a wrong calibration needs nearly all of them."""
 
-    def pair_sigma(self, focal_px: float, told: PairSigma | None = None) -> Array:
+    def pair_sigma(self, focal_px: float, calibrated: PairSigma | None = None) -> Array:
         """Returns the prior standard deviations (E,) of the corrections, in the order of right_camera.TERMS.
 
-        0 fixes a correction. The settings are in pixels of images with focal length `focal_px`; `told`, from the
-        calibration, replaces them.
+        0 fixes a correction. The settings are in pixels of images with focal length `focal_px`; `calibrated`, from
+        the calibration, replaces them.
         """
         if not self.self_calibration:
             return np.zeros(PAIR)
-        sigma = told or PairSigma(
+        sigma = calibrated or PairSigma(
             self.offset_sigma_px,
             self.turn_sigma_deg,
             self.focal_sigma,
@@ -128,16 +131,16 @@ class ModernStereo:
         poses = Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
         return corrected(state.loops, poses)
 
-    def step(self, state: ModernStereoState, exposure: Measurement) -> tuple[ModernStereoState, Step]:
+    def step(self, state: ModernStereoState, measurement: Measurement) -> tuple[ModernStereoState, Step]:
         """Tracks and localises one frame; at a keyframe also adds points and optimises the window."""
         last_ns = None if state.last.left is None else state.last.time_ns
-        exposure = self._size.reduced(require_frame(exposure, STEREO, last_ns, self.rig))
-        watch, new = Stopwatch(), NewPair.of(exposure)
-        outcome = self._advance(state, new, watch)
-        after, step = outcome.after, as_step(self._setup, exposure, outcome)
+        measured = self._size.reduced(require_frame(measurement, STEREO, last_ns, self.rig))
+        watch, images = Stopwatch(), StereoImages.of(measured)
+        outcome = self._advance(state, images, watch)
+        after, step = outcome.state, as_step(self._setup, measured, outcome)
         watch.lap("conclude")
         if self.config.loops:
-            after, step = with_loops(self._setup, state, outcome, new, step)
+            after, step = with_loops(self._setup, state, outcome, images, step)
             watch.lap("loops")
         return after, self._size.enlarged(replace(step, seconds=watch.seconds))
 
@@ -145,57 +148,70 @@ class ModernStereo:
         """See LeavesOut."""
         return state.without_tracks(ids)
 
-    def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
-        """Runs the steps of the algorithm on one frame."""
+    def _advance(self, earlier: ModernStereoState, images: StereoImages, watch: Stopwatch) -> Outcome:
+        """Runs the steps of the algorithm on one frame. `earlier` is the state before it."""
         setup = self._setup
-        before, sighting, decisions = track_and_locate(setup, state, new)
-        watch.lap("track")
-        state = replace(state, database=before.database)
-        wrong = exchanged_since(setup, new, sighting)
-        if wrong is not None:
-            before, sighting, decisions = state, TrackingResult.nothing(), (*decisions, wrong)
-        if state.map.keys and sighting.inliers < setup.min_inliers:
-            before, sighting, restart = recover(setup, before, sighting)
-            decisions += restart
-            if not restart:
-                return Outcome(before, Status.LOST, sighting, decisions)
-        sighting, tests, moved = with_other_motion(setup, before, new, sighting)
-        watch.lap("other motion")
-        outcome = self._located(state, before, new, sighting, (*decisions, *tests), watch)
-        return replace(outcome, other_motion=moved)
 
-    def _located(
-        self,
-        state: ModernStereoState,
-        before: ModernStereoState,
-        new: NewPair,
-        sighting: TrackingResult,
-        decisions: tuple[Decision, ...],
-        watch: Stopwatch,
-    ) -> Outcome:
-        """Makes a localised frame a keyframe if needed, and extends the map. Tracking started from `before`."""
-        setup = self._setup
-        status = Status.INITIALISING if sighting.located is None else Status.TRACKING
-        now = Current.of(before, new, sighting)
-        tests = key_frame_tests(setup, before.map, now.points)
-        decisions += tests
-        if before.map.keys and not any(test.passed for test in tests):
-            after = next_state(setup, before, before, now, sighting, is_key=False)
-            return Outcome(after, status, sighting, decisions, before)
-        fresh = new_points(setup, before, now)
-        why_not = () if before.map.keys else _no_start(setup, new, len(fresh))
-        if why_not:
+        # 1. Predict the pose, track the points into both images, and localise the frame by them.
+        predicted = earlier.last.predicted(images.time_ns)
+        state, tracked, decisions = track(setup, earlier, images, predicted)
+
+        # 2. If tracking failed, relocalise at earlier keyframes.
+        if decisions and not decisions[-1].passed:
+            state, tracked, decision = relocalise(setup, state, images, tracked)
+            decisions = *decisions, decision
+        watch.lap("track")
+        earlier = replace(earlier, database=state.database)  # has the descriptors that were computed
+        exchanged = exchanged_since(setup, images, tracked)
+        if exchanged is not None:
+            state, tracked, decisions = earlier, TrackingResult.nothing(), (*decisions, exchanged)
+
+        # 3. If that failed, the frame is lost, or starts a new segment.
+        if earlier.map.keys and tracked.inliers < setup.min_inliers:
+            state, restart = count_loss(setup, state)
+            if restart is None:
+                return Outcome(state, Status.LOST, tracked, decisions)
+            tracked, decisions = TrackingResult.nothing(), (*decisions, restart)
+
+        # 4. Choose between two rigid motions.
+        tracked, tests, other_motion = with_other_motion(setup, state, images, tracked)
+        decisions = *decisions, *tests
+        watch.lap("other motion")
+
+        # 5. Decide whether the frame becomes a keyframe.
+        frame, tracked_points = LocalisedFrame.of(state, images, tracked), state.last.points
+        status = Status.INITIALISING if tracked.located is None else Status.TRACKING
+        tests = keyframe_tests(setup, state.map, frame.points)
+        decisions = *decisions, *tests
+        is_first = not state.map.keys
+        if not is_first and not any(test.passed for test in tests):
+            state = next_state(setup, state, frame, tracked, is_key=False)
+            return Outcome(state, status, tracked, decisions, tracked_points, other_motion=other_motion)
+
+        # 6. Detect new points.
+        new = new_points(setup, state, frame)
+        obstacles = start_obstacles(setup, images, len(new)) if is_first else ()
+        if obstacles:
             # No map can start here, so the earlier state remains the best one to localise from.
-            status = Status.LOST if state.map.keys else Status.INITIALISING
-            waiting = replace(state, lost_pairs=before.lost_pairs)
-            return Outcome(waiting, status, sighting, (*decisions, *why_not))
+            status = Status.LOST if earlier.map.keys else Status.INITIALISING
+            state = replace(earlier, lost_pairs=state.lost_pairs)
+            return Outcome(state, status, tracked, (*decisions, *obstacles), other_motion=other_motion)
         watch.lap("new points")
-        grown, now, adjustment = extended(setup, before, now, fresh, sighting)
+
+        # 7. Extend the map by the keyframe, and optimise the window.
+        state, frame, optimisation = extend_map(setup, state, frame, new, tracked)
         watch.lap("adjust")
-        after = next_state(setup, before, grown, now, sighting, is_key=True)
-        restarted = bool(state.map.keys) and not before.map.keys
-        decisions += adjustment
-        return Outcome(after, status, sighting, decisions, before, len(fresh), key_frame=True, restarted=restarted)
+        return Outcome(
+            next_state(setup, state, frame, tracked, is_key=True),
+            status,
+            tracked,
+            (*decisions, *optimisation),
+            tracked_points,
+            len(new),
+            keyframe=True,
+            restarted=is_first and bool(earlier.map.keys),
+            other_motion=other_motion,
+        )
 
     @cached_property
     def _size(self) -> TrackedSize:
@@ -203,8 +219,9 @@ class ModernStereo:
 
     @property
     def _pair_sigma(self) -> Array:
-        told = self.rig.pair_sigma
-        return self.config.pair_sigma((self._size.tracked if told is None else self.rig.camera("left")).fx, told)
+        calibrated = self.rig.pair_sigma
+        camera = self._size.tracked if calibrated is None else self.rig.camera("left")
+        return self.config.pair_sigma(camera.fx, calibrated)
 
     @cached_property
     def _setup(self) -> Setup:
@@ -226,15 +243,9 @@ class ModernStereo:
             iterations=c.iterations,
             relocalise=c.relocalise,
             follow=c.follow,
+            make_families=(partial(height_prior, sigma_m=c.height_sigma_m),) if c.height_sigma_m else (),
         )
 
     @cached_property
     def _left_from_rig(self) -> Pose:
         return self.rig.rig_from_left.inverse()
-
-
-def _no_start(setup: Setup, new: NewPair, count: int) -> tuple[Decision, ...]:
-    """Returns why a frame with `count` new points cannot start a map; empty if it can."""
-    wrong = exchanged(setup, new)
-    few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting for the next pair")
-    return (wrong,) if wrong is not None else (few,) if few.failed else ()

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,13 +16,12 @@ from ispom.estimators.modern.second_motion import (
     preferred,
     second_motion_decision,
 )
-from ispom.estimators.modern.stereo.pair import NewPair, TrackingResult
-from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.localise import localise, match_right
+from ispom.estimators.modern.stereo.pair import Setup, StereoImages, TrackingResult
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.track import located_by
 from ispom.geometry import Pose
 from ispom.solvers.localisation import PoseFit, resect
-from ispom.types import Decision, Tracks
+from ispom.types import Decision, Tracks, TrackStatus
 
 SAMPLES = 110
 """Number of samples of four points: if half of the points are inliers (fewer do not count), one sample has only inliers
@@ -28,7 +29,7 @@ with a probability of 99.9 %."""
 
 
 def with_other_motion(
-    setup: Setup, state: ModernStereoState, new: NewPair, tracked: TrackingResult
+    setup: Setup, state: ModernStereoState, images: StereoImages, tracked: TrackingResult
 ) -> tuple[TrackingResult, tuple[Decision, ...], Tracks | None]:
     """Localises the frame by the motion to follow; returns the decisions and the tracks of the other motion as well.
 
@@ -52,8 +53,11 @@ def with_other_motion(
     test = preferred(setup.follow, other_side, own_side, (setup.camera.width, setup.camera.height))
     if not test.passed:
         return tracked, (*tests, test), _tracks(state, tracked, explained)
-    again = located_by(setup, state, new, tracked, left_from_world, others)
-    return again, (*tests, test), _tracks(state, tracked, own)
+    status = tracked.status.copy()
+    status[part], status[others] = TrackStatus.REPROJECTION, TrackStatus.ALIVE
+    followed = match_right(setup, state, images, replace(tracked, status=status), left_from_world)
+    followed = localise(setup, state, images, followed, left_from_world)
+    return followed, (*tests, test), _tracks(state, tracked, own)
 
 
 def other_motion(

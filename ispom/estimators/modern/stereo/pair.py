@@ -1,22 +1,88 @@
-"""Data of tracking in stereo frames: images, points alive, and tracking results."""
+"""The camera and settings of the stereo method, and what it handles in one frame: images, points, tracks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.second_motion import Follow
+from ispom.features.front_ends import KLT
 from ispom.features.images import as_bright, factor_of, halved
-from ispom.geometry import Array
+from ispom.features.interfaces import FrontEnd
+from ispom.geometry import Array, Pose
+from ispom.numerics.robust import Noise
 from ispom.solvers.localisation import PoseFit
+from ispom.solvers.window.problem import PoseFamily
 from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
 
 
 @dataclass(frozen=True, eq=False)
-class NewPair:
+class Setup:
+    """The rig and the settings in the units of the computation; see ModernStereoConfig for their meaning."""
+
+    camera: Camera
+    """The left camera; the right one has the same parameters."""
+    baseline_m: float
+    rig_from_left: Pose
+    noise_px: Noise
+    """Prior noise of a track [px]."""
+    max_error_px: float
+    extra_sigma: Array
+    """(E,) prior standard deviations of the corrections (see right_camera.TERMS); 0 fixes one."""
+    settling_s: float
+    """See state.StereoMap.with_key."""
+    max_tracks: int
+    window: int
+    min_parallax_px: float
+    min_share: float
+    min_inliers: int
+    max_lost_pairs: int
+    iterations: int
+    relocalise: bool
+    follow: Follow
+    make_families: tuple[Callable[[Setup, Any], PoseFamily], ...] = ()
+    """Each makes a further residual family of the window, from the keyframes of a state.StereoMap."""
+    front_end: FrontEnd = KLT
+    """Its descriptors are used for relocalisation and loops."""
+
+    @cached_property
+    def left_from_rig(self) -> Pose:
+        """Returns the pose of the rig's frame in the left camera."""
+        return self.rig_from_left.inverse()
+
+    def families(self, world: Any) -> tuple[PoseFamily, ...]:
+        """Returns the window's further residual families, from the keyframes of a state.StereoMap."""
+        return tuple(make(self, world) for make in self.make_families)
+
+    @property
+    def rolls(self) -> bool:
+        """Returns whether both cameras have a rolling shutter."""
+        return self.camera.line_delay_s != 0.0
+
+    @cached_property
+    def noise(self) -> Noise:
+        """Returns the prior noise of a track in normalised units."""
+        return self.noise_px.times(1 / self.camera.fx)
+
+    @property
+    def limit(self) -> float:
+        """Returns the largest reprojection error of an inlier, normalised."""
+        return self.max_error_px / self.camera.fx
+
+    @property
+    def self_calibration(self) -> bool:
+        """Returns whether any correction of the calibration is estimated."""
+        return bool(self.extra_sigma.any())
+
+
+@dataclass(frozen=True, eq=False)
+class StereoImages:
     """The grey images of one frame, the right one as bright as the left one."""
 
     time_ns: int
@@ -24,10 +90,10 @@ class NewPair:
     right: Image
 
     @staticmethod
-    def of(exposure: Frame) -> NewPair:
+    def of(frame: Frame) -> StereoImages:
         """Converts a stereo frame to grey images of equal brightness."""
-        left = as_grey(exposure.left)
-        return NewPair(exposure.time_ns, left, as_bright(as_grey(exposure.right), left))
+        left = as_grey(frame.left)
+        return StereoImages(frame.time_ns, left, as_bright(as_grey(frame.right), left))
 
     @cached_property
     def half(self) -> Image:
@@ -38,6 +104,13 @@ class NewPair:
     def halves(self) -> tuple[Image, Image]:
         """Returns the left and the right image, at half size if they are large."""
         return (self.half, halved(self.right)) if factor_of(self.left) == 2 else (self.left, self.right)
+
+
+def seen_by(camera: Camera, uv: NDArray[np.float32], disparity_px: NDArray[np.float32]) -> Array:
+    """Returns observations (N, 3) of points at `uv` (N, 2) [px]: normalised x, y in the left image, x in the right one
+    or NaN."""
+    x = camera.normalise(uv)
+    return np.column_stack([x, x[:, 0] - disparity_px / camera.fx])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +141,7 @@ class PairPoints:
 
     def seen_by(self, camera: Camera) -> Array:
         """Returns observations (N, 3): normalised x, y in the left image, x in the right one or NaN."""
-        x = camera.normalise(self.uv)
-        return np.column_stack([x, x[:, 0] - self.disparity_px / camera.fx])
+        return seen_by(camera, self.uv, self.disparity_px)
 
     def select(self, keep: NDArray[np.bool_]) -> PairPoints:
         """Returns the points of the mask `keep` (N,)."""
@@ -78,7 +150,7 @@ class PairPoints:
 
 @dataclass(frozen=True, eq=False)
 class TrackingResult:
-    """The result of tracking the last frame's points into this one."""
+    """The last frame's points (N,) in this frame, and the pose that they give."""
 
     uv: NDArray[np.float32]
     """(N, 2) [px] in the left image."""
@@ -87,30 +159,41 @@ class TrackingResult:
     slants: Array
     """(N, 2) slants; 0 where not found in the right image."""
     status: NDArray[np.uint8]
+    """(N,) TrackStatus."""
     place: NDArray[np.int64]
     """(N,) indices in the map, or -1."""
     located: PoseFit | None
+    """The pose; None before localisation, and if it failed."""
     took_part: NDArray[np.int64]
-    """(K,) indices of the points that `located` was estimated from."""
+    """(K,) indices of the points that are alive in the left image, from which `located` is estimated."""
     lower: NDArray[np.float32]
     """(K,) vertical disparities, normalised, positive if lower on the right; NaN where not found."""
     motion: Array | None = None
     """(12,) motion of left_from_world during the exposure of a rolling shutter, see rolling.steady."""
     relocated: bool = False
     """Whether descriptors localised the frame; the motion since the last frame is then unknown."""
+    as_predicted: bool = False
+    """Whether enough points were found where the motion model predicts them."""
 
     @staticmethod
     def nothing() -> TrackingResult:
         """Returns the result without any points."""
-        empty, none = np.zeros(0, np.int64), PairPoints()
-        return TrackingResult(
-            none.uv, none.disparity_px, none.slants, empty.astype(np.uint8), empty, None, empty, none.disparity_px
-        )
+        return TrackingResult.in_left(PairPoints().uv, np.zeros(0, np.uint8), np.zeros(0, np.int64))
+
+    @staticmethod
+    def in_left(uv: NDArray[np.float32], status: NDArray[np.uint8], place: NDArray[np.int64]) -> TrackingResult:
+        """Returns the result of tracking in the left image only."""
+        unknown, none = np.full(len(uv), np.nan, np.float32), np.zeros(0, np.int64)
+        return TrackingResult(uv, unknown, np.zeros((len(uv), 2)), status, place, None, none, none.astype(np.float32))
 
     def alive(self, points: PairPoints) -> PairPoints:
         """Returns the tracked points that are alive, at their current positions."""
         keep = self.status == TrackStatus.ALIVE
         return PairPoints(points.ids[: len(keep)][keep], self.uv[keep], self.disparity_px[keep], self.slants[keep])
+
+    def better(self, other: TrackingResult) -> TrackingResult:
+        """Returns the one of the two with more inliers; this one if equal, unless it has no tracks."""
+        return self if len(self.status) and self.inliers >= other.inliers else other
 
     @property
     def inliers(self) -> int:

@@ -1,8 +1,12 @@
-"""Tracks the last localised frame's points into a new one: from predictions, from last positions, by descriptors."""
+"""Tracks the last frame's points into a new one: where the motion model predicts them, else near their last positions.
+
+Points are found by patches of the newest keyframe, warped by the map, so that no drift accumulates between frames.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,220 +14,298 @@ from numpy.typing import NDArray
 from ispom.errors import required
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
-from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.locate import located
-from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, TrackingResult
-from ispom.estimators.modern.stereo.patch_search import realigned, track_from_prediction
-from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognised
-from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.localise import localise, match_right
+from ispom.estimators.modern.stereo.pair import Setup, StereoImages, TrackingResult
 from ispom.estimators.modern.stereo.shutter import points_at_middle, points_at_rows
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.features.images import as_bright, has_contrast
+from ispom.features.images import as_bright
 from ispom.features.klt import Klt
-from ispom.features.row_search import PointSearch
+from ispom.features.patches import align, warps_of
+from ispom.features.slanted import slanted_warps
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import common
 from ispom.numerics.twist import twist_of
-from ispom.types import Decision, Image, TrackStatus
+from ispom.types import Check, Decision, Image, TrackStatus
 
-ENOUGH_SHARE = 0.3
-"""Share of the last frame's points that must be inliers; with fewer, the next way of tracking is tried."""
-SURE = 2
-"""Number of inliers, relative to the least number, that a pose by descriptors needs, as no prediction supports it. With
-fewer points, which may be close together or far away, a frame was 4 m off after 30 m."""
-NEAREST_BASELINES = 0.2
-"""Least depth [baselines] from which disparities are predicted; nearer points and those behind the camera get it."""
+MIN_INLIER_SHARE = 0.3
+"""Share of the last frame's points that must be inliers; with fewer, the next attempt is made."""
 UNGUIDED, GUIDED = Klt(levels=5), Klt(levels=2, max_forward_backward_px=np.inf)
 """Tracking without and with predictions. The latter has no backward check, as the keyframe's patch checks the
 result."""
+MIN_CORRELATION = 0.7
+"""Least normalised correlation of a match with its patch; below it the match is wrong."""
+MAX_SHIFT_PX = 1.5
+"""Largest correction [px] of a tracked position by alignment with its patch."""
+PREDICTION_SEARCH_PX = 8.0
+"""Largest distance [px] of a match from its prediction: alignment at half size converges from 4 px of its pixels."""
+MIN_PREDICTED_SHARE = 0.7
+"""Least share of the points predicted in the image that is found there; with fewer, all are tracked instead."""
+BORDER_PX = Klt().border_px
 
 
-def track_and_locate(
-    setup: Setup, state: ModernStereoState, new: NewPair
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One way to find the last frame's points in the left image; the frame is then localised by them."""
+
+    runs: Callable[[Setup, TrackingResult], bool]
+    """Whether the attempt is made, by the result of the attempt before it."""
+    find: Callable[
+        [Setup, ModernStereoState, StereoImages, Pose, TrackingResult], tuple[ModernStereoState, TrackingResult]
+    ]
+    """Takes the predicted pose and the result of the attempt before; returns the state, which it may correct, and the
+    localised frame."""
+    check: Check | None = None
+    """The check of the best result up to here, which ends the attempts; None: the next one is made in any case."""
+
+
+def track(
+    setup: Setup, state: ModernStereoState, images: StereoImages, predicted: Pose
 ) -> tuple[ModernStereoState, TrackingResult, tuple[Decision, ...]]:
-    """Tracks the last frame's points and localises: from predictions, else from last positions, else by descriptors.
+    """Tracks the last frame's points and localises the frame, by the first of ATTEMPTS that finds enough inliers.
 
-    Relocalisation changes the state: its window then contains the matched keyframe and the points shared with it.
+    Returns the state, the best result, and the checks, of which the last one passed if the frame is localised.
     """
-    last, world = state.last, state.map
-    predicted = last.predicted(new.time_ns)
-    sighting, as_predicted = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
-    if last.left is None:
-        return state, sighting, ()
-    if setup.rolls and last.motion_s <= 0 and sighting.located is not None:
-        state, sighting = _begun(setup, state, sighting, sighting.located.camera_from_world, new)
-        last, world = state.last, state.map
-    if setup.rolls or not as_predicted:
-        sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
-    wanted = max(setup.min_inliers, int(np.ceil(ENOUGH_SHARE * len(last.points))))
-    guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
-    if guided.passed:
-        return state, sighting, (guided,)
-    sighting = _better(sighting, _looked_again(setup, last, world, new, predicted))
-    nearby = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
-    if nearby.passed:
-        return state, sighting, (guided, nearby)
-    if not setup.relocalise or not has_contrast(new.left, last.left):
-        why = (
-            "the image has too little contrast for descriptors"
-            if setup.relocalise
-            else "relocalisation is switched off"
-        )
-        # After a loss, few points may match another window of the same facade, which no other check detects.
-        needed = wanted if state.lost_pairs else setup.min_inliers
-        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, needed, why)
-        return state, sighting if nothing.passed else TrackingResult.nothing(), (guided, nearby, nothing)
-    state, found = recognised(setup, state, new)
-    if found is not None:
-        joint = joined(setup, state, found)
-        again = _rejoined(setup, joint, found, new)
-        if again.inliers >= max(SURE * setup.min_inliers, sighting.inliers + 1):
-            state, sighting = joint, again
-    return state, sighting, (guided, nearby, checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers))
+    best = latest = TrackingResult.nothing()
+    decisions = list[Decision]()
+    if state.last.left is None:
+        return state, best, ()
+    for attempt in ATTEMPTS:
+        if attempt.runs(setup, latest):
+            state, latest = attempt.find(setup, state, images, predicted, latest)
+            best = best.better(latest)
+        if attempt.check is not None:
+            decisions.append(attempt.check.of(best.inliers, needed_inliers(setup, state)))
+            if decisions[-1].passed:
+                break
+    return state, best, tuple(decisions)
 
 
-def located_by(
-    setup: Setup, state: ModernStereoState, new: NewPair, seen: TrackingResult, pose: Pose, of: NDArray[np.int64]
-) -> TrackingResult:
-    """Localises the frame by some of its points (M,) only, from `pose`; the tracks of the others end as outliers."""
-    status = seen.status.copy()
-    status[seen.took_part] = TrackStatus.REPROJECTION
-    status[of] = TrackStatus.ALIVE
-    return replace(_sighted(setup, state.last, state.map, new, pose, seen.uv, status), relocated=seen.relocated)
+def needed_inliers(setup: Setup, state: ModernStereoState) -> int:
+    """Returns the number of inliers with which no further attempt is made to localise a frame."""
+    return max(setup.min_inliers, int(np.ceil(MIN_INLIER_SHARE * len(state.last.points))))
 
 
-def _begun(
-    setup: Setup, state: ModernStereoState, sighting: TrackingResult, pose: Pose, new: NewPair
+# The attempts
+
+
+def find_at_predictions(
+    setup: Setup, state: ModernStereoState, images: StereoImages, predicted: Pose, latest: TrackingResult
 ) -> tuple[ModernStereoState, TrackingResult]:
-    """Corrects the first frame for its motion during the exposure, known since the second frame.
+    """Finds the points where the motion model predicts them; near their last positions before a motion is known."""
+    last = state.last
+    if not len(last.points):
+        return state, latest
+    is_guided = last.motion_s > 0
+    expected = Expected.of(setup, state, predicted, steady(last.rate))
+    tracked = search_patches(setup, state, images, expected) if is_guided else None
+    as_predicted = tracked is not None
+    if tracked is None:
+        tracked = _tracked_by_klt(setup, state, images.left, expected if is_guided else None)
+        tracked = realigned(setup, state, images.left, tracked, expected)
+    tracked = match_right(setup, state, images, tracked, predicted, is_guided)
+    tracked = localise(setup, state, images, tracked, predicted)
+    if setup.rolls and last.motion_s <= 0 and tracked.located is not None:
+        return _with_first_motion(setup, state, images, tracked, tracked.located.camera_from_world)
+    return state, replace(tracked, as_predicted=as_predicted)
 
-    `pose` is that of the second frame. Returns the state with points at the time of the first frame's middle row, and
-    the second frame localised by them.
+
+def find_at_last_positions(
+    setup: Setup, state: ModernStereoState, images: StereoImages, predicted: Pose, latest: TrackingResult
+) -> tuple[ModernStereoState, TrackingResult]:
+    """Finds the points near their last positions."""
+    if not len(state.last.points):
+        return state, TrackingResult.nothing()
+    expected = Expected.of(setup, state, predicted, steady(state.last.rate))
+    tracked = _tracked_by_klt(setup, state, images.left, None)
+    tracked = realigned(setup, state, images.left, tracked, expected)
+    tracked = match_right(setup, state, images, tracked, predicted)
+    return state, localise(setup, state, images, tracked, predicted)
+
+
+def find_at_projections(
+    setup: Setup, state: ModernStereoState, images: StereoImages, predicted: Pose, latest: TrackingResult
+) -> tuple[ModernStereoState, TrackingResult]:
+    """Finds all points where the latest pose, and the motion during the exposure, project them.
+
+    The latest result compared patches warped by a wrong prediction: its positions are biased, and many points are
+    missing.
+    """
+    if latest.located is None:
+        return state, latest
+    motion = steady(state.last.rate) if latest.motion is None else latest.motion
+    expected = Expected.of(setup, state, latest.located.camera_from_world, motion)
+    tracked = realigned(setup, state, images.left, projected(setup, state, expected), expected)
+    tracked = match_right(setup, state, images, tracked, expected.left_from_world)
+    return state, localise(setup, state, images, tracked, expected.left_from_world, motion)
+
+
+ATTEMPTS = (
+    Attempt(lambda setup, latest: True, find_at_predictions),
+    Attempt(lambda setup, latest: setup.rolls or not latest.as_predicted, find_at_projections, checks.GUIDED_POINTS),
+    Attempt(lambda setup, latest: True, find_at_last_positions),
+    Attempt(lambda setup, latest: True, find_at_projections, checks.NEARBY_POINTS),
+)
+"""The attempts, in order. If all fail, descriptors are compared, see recover.relocalise."""
+
+
+def _with_first_motion(
+    setup: Setup, state: ModernStereoState, images: StereoImages, tracked: TrackingResult, pose: Pose
+) -> tuple[ModernStereoState, TrackingResult]:
+    """Corrects the first frame for its motion during the exposure, known since the second frame, which has `pose`.
+
+    Returns the state with points at the time of the first frame's middle row, and the second frame localised by them.
     """
     last, (key, *others) = state.last, state.map.keys
-    seconds = (new.time_ns - last.time_ns) * 1e-9
+    seconds = (images.time_ns - last.time_ns) * 1e-9
     motion = steady(twist_of(pose @ last.left_from_world.inverse()) / seconds)
     near = points_at_middle(setup.camera, key.left_from_world.apply(state.map.xyz), motion - key.motion)
     xyz = key.left_from_world.inverse().apply(near)
     world = replace(state.map, xyz=xyz, keys=(replace(key, motion=motion), *others))
-    last = replace(last, motion=pose @ last.left_from_world.inverse(), motion_s=seconds)
-    again = _sighted(setup, last, world, new, pose, sighting.uv, sighting.status)
-    return replace(state, map=world), again
+    state = replace(state, map=world)
+    moving = replace(state, last=replace(last, motion=pose @ last.left_from_world.inverse(), motion_s=seconds))
+    tracked = match_right(setup, moving, images, tracked, pose)
+    return state, localise(setup, moving, images, tracked, pose)
 
 
-def _better(first: TrackingResult, second: TrackingResult) -> TrackingResult:
-    """Returns the result with more inliers; the first one if equal."""
-    return second if second.inliers > first.inliers else first
+# Where points are expected, and how they are found in the left image
 
 
-def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: NewPair) -> TrackingResult:
-    """Localises by the points shared with a keyframe, then also by tracked points, searched at their projections."""
-    last, world, count = state.last, state.map, len(state.last.points) - len(found.points)
-    uv = np.concatenate([last.points.uv[:count], found.uv])
-    status = np.full(len(uv), TrackStatus.LOST, np.uint8)
-    status[count:] = TrackStatus.ALIVE
-    first = _sighted(setup, last, world, new, found.left_from_world, uv, status)
-    if first.located is None:
-        return first
-    pose, place = first.located.camera_from_world, world.places(last.points.ids)
-    near = pose.apply(world.xyz[place])
-    expected, status = _projected(setup, world, near)
-    status[(place < 0) | (np.arange(len(status)) >= count)] = TrackStatus.LOST
-    uv, status = realigned(setup, last, world, new.left, expected, status, near, pose)
-    uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
-    return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """The expected pose of a frame, and the last frame's points as seen from there."""
+
+    left_from_world: Pose
+    near: Array
+    """(N, 3) in the left camera; for a rolling shutter at the times of their rows."""
+
+    @staticmethod
+    def of(setup: Setup, state: ModernStereoState, left_from_world: Pose, motion: Array) -> Expected:
+        """Returns the points as seen from a pose, with the `motion` (12,) during the exposure, see rolling.steady."""
+        xyz = state.map.xyz[state.map.places(state.last.points.ids)]
+        return Expected(left_from_world, points_at_rows(setup.camera, left_from_world.apply(xyz), motion))
 
 
-def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> TrackingResult:
-    """Tracks from the last positions, then searches all points where that pose projects them."""
-    first, _ = _follow(setup, last, world, new, predicted, guided=False)
-    return _better(first, _where_located(setup, last, world, new, first))
+def search_patches(
+    setup: Setup, state: ModernStereoState, images: StereoImages, expected: Expected
+) -> TrackingResult | None:
+    """Finds the keyframe's patches near their expected positions in the left image; None if too few are found.
 
-
-def _where_located(
-    setup: Setup, last: LastPair, world: StereoMap, new: NewPair, first: TrackingResult
-) -> TrackingResult:
-    """Searches all points where the pose, and the motion during the exposure, project them.
-
-    The first result compared patches warped by a wrong prediction: its positions are biased, and many points are
-    missing.
+    Patches are aligned at half size first, which takes half the time of tracking from the last image, and also follows
+    points that grow near the sides.
     """
-    if first.located is None:
-        return first
-    pose, place = first.located.camera_from_world, world.places(last.points.ids)
-    motion = steady(last.rate) if first.motion is None else first.motion
-    near = points_at_rows(setup.camera, pose.apply(world.xyz[place]), motion)
-    uv, status = _projected(setup, world, near)
-    uv, status = realigned(setup, last, world, new.left, uv, status, near, pose)
-    return _sighted(setup, last, world, new, pose, uv, status, motion=motion)
+    last, world = state.last, state.map
+    if last.key_left is None or last.key_half is None:
+        return None
+    patches = _Patches.of(setup, state, expected)
+    start = world.left(setup.camera).project(expected.near[patches.of_point])
+    inside = _inside(images.left, start)
+    start[~inside] = 0.0  # no patch is there
+    coarse, score = align(last.key_half, patches.uv / 2, images.half, start / 2, patches.warps, bends=2 * patches.bends)
+    good = (score > MIN_CORRELATION) & _within(2 * coarse, start, PREDICTION_SEARCH_PX)
+    start = np.where(good[:, None], 2 * coarse, start)
+    found, score = align(last.key_left, patches.uv, images.left, start, patches.warps, bends=patches.bends)
+    good = inside & (score > MIN_CORRELATION) & _within(found, start, MAX_SHIFT_PX)
+    if good.sum() < MIN_PREDICTED_SHARE * inside.sum():
+        return None
+    uv, status = last.points.uv.copy(), np.full(len(last.points), TrackStatus.LOST, np.uint8)
+    uv[patches.of_point[good]] = found[good]
+    status[patches.of_point[good]] = TrackStatus.ALIVE
+    status[patches.of_point[~inside]] = TrackStatus.OUT_OF_IMAGE
+    return TrackingResult.in_left(uv, status, world.places(last.points.ids))
 
 
-def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Projects points (N, 3) in the left camera: returns positions (N, 2) [px] and TrackStatus (N,)."""
-    uv = world.left(setup.camera).in_image(near)
+def projected(setup: Setup, state: ModernStereoState, expected: Expected) -> TrackingResult:
+    """Returns the points at their projections into the left image."""
+    uv = state.map.left(setup.camera).in_image(expected.near)
     inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
-    return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
+    uv = np.where(inside[:, None], uv, 0.0).astype(np.float32)
+    return TrackingResult.in_left(uv, status, state.map.places(state.last.points.ids))
 
 
-def _follow(
-    setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool
-) -> tuple[TrackingResult, bool]:
-    """Tracks in the left image, from predictions or from last positions, then in the right image, and localises.
-
-    Also returns whether the predictions led to enough points.
-    """
-    points, place = last.points, world.places(last.points.ids)
-    if last.left is None or not len(points):
-        return TrackingResult.nothing(), False
-    near = points_at_rows(setup.camera, predicted.apply(world.xyz[place]), steady(last.rate))
-    found = track_from_prediction(setup, last, world, new, near, predicted) if guided else None
-    as_predicted = found is not None
-    if found is None:
-        uv, status = _tracked(setup, last, world, new.left, near if guided else None)
-        found = realigned(setup, last, world, new.left, uv, status, near, predicted)
-    return _sighted(setup, last, world, new, predicted, *found, guided), as_predicted
-
-
-def _sighted(
-    setup: Setup,
-    last: LastPair,
-    world: StereoMap,
-    new: NewPair,
-    predicted: Pose,
-    uv: NDArray[np.float32],
-    status: NDArray[np.uint8],
-    guided: bool = False,
-    motion: Array | None = None,
+def realigned(
+    setup: Setup, state: ModernStereoState, left: Image, tracked: TrackingResult, expected: Expected
 ) -> TrackingResult:
-    """Matches the points alive at `uv` (N, 2) [px] of the left image in the right one, and localises by both."""
-    points, place = last.points, world.places(last.points.ids)
-    near = predicted.apply(world.xyz[place])
-    alive = np.flatnonzero(status == TrackStatus.ALIVE)
-    disparity, slants = np.full(len(points), np.nan, np.float32), np.zeros((len(points), 2))
-    depth = np.maximum(near[alive, 2], NEAREST_BASELINES * setup.baseline_m)
-    expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
-    matches = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
-    disparity[alive], slants[alive] = matches.disparity_px, matches.slants
-    seen = PairPoints(points.ids[alive], uv[alive], matches.disparity_px).seen_by(setup.camera)
-    found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns, motion)
-    if found is not None:
-        status[alive[~found.inliers]] = TrackStatus.REPROJECTION
-    return TrackingResult(
-        uv, disparity, slants, status, place, found, alive, matches.lower_px / setup.camera.fy, motion
-    )
+    """Aligns tracked positions with the keyframe's patches, as chains of small steps drift, most at rest.
+
+    Points that no longer resemble their patch are lost.
+    """
+    last = state.last
+    if last.key_left is None:
+        return tracked
+    patches = _Patches.of(setup, state, expected)
+    alive = tracked.status[patches.of_point] == TrackStatus.ALIVE
+    which = patches.of_point[alive]
+    start, warps = tracked.uv[which], patches.warps[alive]
+    found, score = align(last.key_left, patches.uv[alive], left, start, warps, bends=patches.bends[alive])
+    good = (score > MIN_CORRELATION) & _within(found, start, MAX_SHIFT_PX)
+    uv, status = tracked.uv.copy(), tracked.status.copy()
+    uv[which[good]] = found[good]
+    status[which[~good]] = TrackStatus.LOST
+    return replace(tracked, uv=uv, status=status)
 
 
-def _tracked(
-    setup: Setup, last: LastPair, world: StereoMap, left: Image, near: Array | None
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Tracks into the left image: positions (N, 2) [px] and TrackStatus (N,), starting from the projections of `near`
-    (N, 3) in the camera, or from the last positions."""
+def _tracked_by_klt(setup: Setup, state: ModernStereoState, left: Image, expected: Expected | None) -> TrackingResult:
+    """Tracks the points from the last left image, starting at their expected or at their last positions."""
+    last, world = state.last, state.map
     before, uv = required(last.left, "no frame was localised yet"), last.points.uv
-    if near is None:
+    if expected is None:
         # Tracking from predictions may have failed because the exposure changed.
-        return UNGUIDED.track(before, as_bright(left, before), uv)
-    expected = world.left(setup.camera).project(near).astype(np.float32)
-    behind = ~np.isfinite(expected).all(1)
-    expected[behind] = uv[behind]
-    return GUIDED.track(before, left, uv, expected)
+        uv, status = UNGUIDED.track(before, as_bright(left, before), uv)
+    else:
+        start = world.left(setup.camera).project(expected.near).astype(np.float32)
+        behind = ~np.isfinite(start).all(1)
+        start[behind] = uv[behind]
+        uv, status = GUIDED.track(before, left, uv, start)
+    return TrackingResult.in_left(uv, status, world.places(last.points.ids))
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """Patches of K points that the newest keyframe observed."""
+
+    of_point: NDArray[np.int64]
+    """(K,) indices of the last frame's points."""
+    uv: NDArray[np.float32]
+    """(K, 2) [px] in the keyframe's left image."""
+    warps: Array
+    """(K, 2, 2) pixels of the keyframe per pixel of the image."""
+    bends: Array
+    """(K, 2) see patches.align."""
+
+    @staticmethod
+    def of(setup: Setup, state: ModernStereoState, expected: Expected) -> _Patches:
+        """Returns patches warped to the expected pose: others would drift."""
+        key, camera = state.map.keys[-1], setup.camera
+        old, new = common(key.ids, state.last.points.ids)
+        xy = key.seen[old, :2]
+        start = camera.project(np.column_stack([xy, np.ones(len(old))])).astype(np.float32)
+        way = expected.left_from_world @ key.left_from_world.inverse()
+        depth = way.inverse().apply(expected.near[new])[:, 2]
+        return _Patches(new, start, *warps_from(setup, way, xy, depth, key.slants[old]))
+
+
+def warps_from(setup: Setup, way: Pose, xy: Array, depth: Array, slants: Array) -> tuple[Array, Array]:
+    """Returns the warps and bends (see patches.align) from an image back to a left image.
+
+    In the left image points are at normalised `xy` (N, 2) and `depth` (N,) on surfaces with `slants` (N, 2); `way` is
+    image_from_left.
+    """
+    warps, bends, known = slanted_warps(setup.camera, way, xy, depth, slants, setup.baseline_m)
+    back = way.inverse()
+    near = way.apply(np.column_stack([xy, np.ones(len(xy))])[~known] * depth[~known, None])
+    warps[~known], bends[~known] = warps_of(setup.camera, back.rotation[None], back.translation[None], near)
+    return warps, bends
+
+
+def _within(a: Array, b: Array, limit: float) -> NDArray[np.bool_]:
+    """Returns a mask (N,) of the positions (N, 2) that differ by less than `limit`."""
+    apart = a - b
+    return np.einsum("ni,ni->n", apart, apart) < limit**2
+
+
+def _inside(image: Image, uv: Array) -> NDArray[np.bool_]:
+    """Returns a mask (N,) of the positions (N, 2) [px] inside the image and off its border; NaN is outside."""
+    height, width = image.shape
+    last = (width - 1 - BORDER_PX, height - 1 - BORDER_PX)
+    return np.asarray(((uv >= BORDER_PX) & (uv <= last)).all(axis=1))

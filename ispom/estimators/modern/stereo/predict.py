@@ -17,7 +17,7 @@ from ispom.types import Image
 COASTING_S = 2.0
 """Time [s] for which a lost camera is predicted to keep its motion, or one interval between frames if longer; then it
 is predicted to rest."""
-CHANGE = 0.5
+MOTION_CHANGE = 0.5
 """Standard deviation of a motion from the predicted one, relative to it: the rig may stop (2 sigma)."""
 REST_BASELINES, REST_RAD = 0.1, 0.05
 """Standard deviation of a motion from one frame to the next if none is predicted: in baselines, as larger rigs move
@@ -34,7 +34,7 @@ and roads shake with some 1 to 4 Hz."""
 def motion_sigma(way: Pose, baseline_m: float) -> Array:
     """Returns the standard deviations (6,) of a motion from this predicted one; they are not zero at rest."""
     moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(twist_of(way)[3:]))
-    return np.repeat([CHANGE * moved + REST_BASELINES * baseline_m, CHANGE * turned + REST_RAD], 3)
+    return np.repeat([MOTION_CHANGE * moved + REST_BASELINES * baseline_m, MOTION_CHANGE * turned + REST_RAD], 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class LastPair:
         """Returns the rate (6,) of left_from_world, a left twist (rho [m/s], phi [rad/s]) per second."""
         return twist_of(self.motion) / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
-    def believed_motion(self, time_ns: int, baseline_m: float) -> MotionPrior:
+    def motion_prior(self, time_ns: int, baseline_m: float) -> MotionPrior:
         """Returns the prior of left_from_world's motion at a time: the last motion, with `motion_sigma`."""
         seconds = self.motion_s if self.motion_s > 0 else max(self._since_s(time_ns), 1e-3)
         sigma = motion_sigma(self.motion, baseline_m) / seconds
