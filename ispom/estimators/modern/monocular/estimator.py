@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated
 
@@ -10,20 +10,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimator import VIDEO, require_frame
-from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular.agreement import with_agreement
-from ispom.estimators.modern.monocular.before_gap import remembered
-from ispom.estimators.modern.monocular.begin import begin
-from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
-from ispom.estimators.modern.monocular.loop import corrected, with_loops
-from ispom.estimators.modern.monocular.motion_model import coasted
-from ispom.estimators.modern.monocular.other_motion import with_other_motion
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.conclude import (
+    as_step,
+    close_loops,
+    correct_by_loops,
+    detect_new_corners,
+    next_state,
+)
+from ispom.estimators.modern.monocular.initialise import initialise
+from ispom.estimators.modern.monocular.keyframe import (
+    add_frame,
+    add_keyframe,
+    keep_frame_before_gap,
+    keyframe_tests,
+)
+from ispom.estimators.modern.monocular.localise import (
+    MIN_DESCRIBED,
+    MIN_INLIER_SHARE,
+    MIN_LOCATED,
+    localise,
+    without_outliers,
+)
+from ispom.estimators.modern.monocular.map import Map, TracksInMap
+from ispom.estimators.modern.monocular.recover import (
+    recover,
+    relocalise,
+)
 from ispom.estimators.modern.monocular.setup import LOSS, Setup
-from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
-from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
-from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, updated_coordinates
-from ispom.estimators.modern.monocular.wide_start import with_matched_features
-from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.monocular.shutter import correct_by_motion
+from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
+from ispom.estimators.modern.monocular.track import (
+    track,
+    with_corrected_coordinates,
+)
+from ispom.estimators.modern.monocular.tracks import NewImage
+from ispom.estimators.modern.monocular.verify_map import check_agreement, check_other_motion
 from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
@@ -32,7 +54,7 @@ from ispom.numerics.robust import Noise
 from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
+from ispom.types import Decision, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
 
 
 @dataclass(frozen=True)
@@ -78,10 +100,10 @@ class ModernMonocularConfig:
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
     """Prior standard deviation of the radial distortion k1."""
 
-    def lens_sigma(self, told: LensSigma | None = None) -> Array:
-        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. `told` by the
-        calibration, they replace the settings."""
-        sigma = told or LensSigma(self.focal_sigma, self.radial_sigma)
+    def lens_sigma(self, calibrated: LensSigma | None = None) -> Array:
+        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. Those of
+        the calibration replace the settings."""
+        sigma = calibrated or LensSigma(self.focal_sigma, self.radial_sigma)
         return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
     def build(self, rig: Rig) -> ModernMonocular:
@@ -105,35 +127,31 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = state.start.held if state.start is not None else ()
-        return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
+        return correct_by_loops(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
         """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
         corners."""
         exposure = self._size.reduced(require_frame(exposure, VIDEO, rig=self.rig))
         setup, watch = self._setup, Stopwatch()
-        state = remembered(setup, state, exposure.time_ns)
-        new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
-        for sight in updated_coordinates(setup.camera, state.live, new.followed):
-            state = state.with_updated_coordinates(*sight)
+        state = keep_frame_before_gap(setup, state, exposure.time_ns)
+        image = track(setup, state, exposure.time_ns, as_grey(exposure.image))
+        state = with_corrected_coordinates(setup, state, image.tracked)
         watch.lap("track")
         if state.map is None:
-            state, found = found_after_loss(setup, state, new)
-            if found is None:
-                state, new = with_matched_features(setup, state, new)
-            outcome = begin(setup, state, new) if found is None else found
+            state, image, outcome = initialise(setup, state, image)
             watch.lap("start")
         else:
-            state, outcome = track_map(setup, state, state.map, new, watch)
-            outcome = with_other_motion(setup, state, outcome, new)
-            state, outcome = with_agreement(setup, state, outcome, new)
+            state, outcome = _track_with_map(setup, state, state.map, image, watch)
+            outcome = check_other_motion(setup, state, outcome, image)
+            state, outcome = check_agreement(setup, state, outcome, image)
             watch.lap("other motion")
-        fresh = corners_for(setup, outcome, new.grey)
-        after = next_state(setup, state, outcome, new, fresh)
+        new_uv = detect_new_corners(setup, outcome, image.grey)
+        after = next_state(setup, state, outcome, image, new_uv)
         watch.lap("new points")
-        step = as_step(setup, state, after, outcome, exposure, fresh, watch.seconds)
+        step = as_step(setup, state, after, outcome, exposure, new_uv, watch.seconds)
         if self.config.loops:
-            after, step = with_loops(setup, state, after, outcome, new, step)
+            after, step = close_loops(setup, state, after, outcome, image, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
 
@@ -166,15 +184,40 @@ class ModernMonocular:
         )
 
 
-def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Image) -> NewImage:
-    """Tracks all features into the new image; with a map, starts from the positions that the motion model predicts."""
-    live = state.live
-    if state.map is None:
-        nowhere = np.full((len(live.ids), 3), np.nan)
-        return NewImage(time_ns, grey, None, follow(setup.front_end, setup.camera, live, time_ns, grey, None), nowhere)
-    predicted, lens = coasted(state.recent, time_ns), Lens(setup.camera, state.map.extra)
-    late = late_px(setup.camera, live.uv, live.speed)
-    scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
-    expected = projected(lens, scene, predicted, live.uv - late) + late
-    followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.outlier_tracks.expected)
-    return NewImage(time_ns, grey, predicted, followed, scene)
+def _track_with_map(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, watch: Stopwatch
+) -> tuple[ModernMonocularState, Outcome]:
+    """Localises the frame, or recovers if that fails; makes it a keyframe if a check requires it.
+
+    Also returns the state used, which has more tracks if the frame was relocalised by descriptors.
+    """
+    tracks = TracksInMap(setup, state.live, local_map)
+    localisation, relocalisation = localise(tracks, image), None
+    decisions = tuple[Decision, ...]()
+    if not localisation.has_enough_inliers or localisation.count < MIN_INLIER_SHARE * tracks.count:
+        state, relocalisation, described = relocalise(tracks, state, image, localisation)
+        decisions = (described,)
+    if relocalisation is not None:
+        state, local_map, localisation = relocalisation.state, relocalisation.map, relocalisation.localisation
+    elif localisation.has_enough_inliers:
+        recent = (*state.rolling_tracks, state.live.rolling_tracks)
+        localisation, local_map = correct_by_motion(tracks, recent, image.time_ns, localisation)
+    watch.lap("locate")
+    least, enough = MIN_LOCATED if relocalisation is None else MIN_DESCRIBED, localisation.has_enough_inliers
+    decisions = (*decisions, checks.POSE_POINTS.of(localisation.count, least, passed=enough))
+    if not enough:
+        return state, recover(setup, state, image, localisation.tracked, decisions)
+    frame, outcome = without_outliers(TracksInMap(setup, state.live, local_map), image, localisation, decisions)
+    if relocalisation is not None and relocalisation.segment != state.segment:
+        outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
+    tests = keyframe_tests(setup, local_map, frame)
+    outcome = replace(outcome, decisions=(*decisions, *tests))
+    watch.lap("locate")
+    # The points of a relocalised frame are new to the map: only its optimisation gives the covariance of the pose.
+    if relocalisation is None and not any(test.passed for test in tests):
+        outcome = add_frame(setup, state, outcome, frame, localisation)
+        watch.lap("locate")
+    else:
+        outcome = add_keyframe(setup, state, outcome, frame)
+        watch.lap("key frame")
+    return state, outcome
