@@ -12,8 +12,8 @@ from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
-from ispom.sequences.own_sensors import AUTO
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
+from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
 
 
