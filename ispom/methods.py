@@ -20,19 +20,16 @@ from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.estimators.paper.stereo import StereoConfig
 from ispom.estimators.survey import found
 from ispom.registry import Registry
+from ispom.sensors import SENSOR_KINDS
 from ispom.types import Kind, Rig
 
 Variant = Literal["modern", "paper"]
 """A short way to choose methods: `paper` the `.paper` ones, `modern` the built-in others."""
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
-SENSORS: Mapping[Kind, str] = {
+CAMERAS: Mapping[Kind, str] = {
     "video": "a video camera",
     "stereo": "a left and a right camera",
     "cameras": "several cameras with names of their own",
-    "imu": "an IMU",
-    "gnss": "a GNSS antenna",
-    "wheel": "a wheel odometer",
-    "laser": "a laser scanner",
 }
 TRANSFER, PER_UNIT = "scale transfer factor", "m per unit"
 BUILT_IN = (
@@ -105,7 +102,7 @@ REGISTRY = Registry(
     "ispom.methods",
     Method,
     "method",
-    (*BUILT_IN, *SURVEY),
+    lambda: (*BUILT_IN, *found()),
     "install the package that adds it, or name its program by --external",
 )
 """Entry points of this group name a Method, or a function that gives one."""
@@ -145,7 +142,8 @@ def possible_methods(rig: Rig) -> tuple[str, ...]:
 def require_sensors(method_names: Iterable[str], rig: Rig) -> None:
     """Raises InputError where the rig lacks a sensor that one of the methods requires."""
     for name in method_names:
-        if missing := [SENSORS.get(kind, f"a sensor {kind}") for kind in method(name).missing(rig)]:
+        phrases = {**CAMERAS, **{kind.name: kind.phrase for kind in SENSOR_KINDS.items().values()}}
+        if missing := [phrases.get(kind, f"a sensor {kind}") for kind in method(name).missing(rig)]:
             need = " and ".join(missing)
             raise InputError(f"{name} needs {need}, which this sequence lacks: choose other --methods")
 

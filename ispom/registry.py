@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Generic, Protocol, TypeVar
@@ -28,9 +28,17 @@ class Registry(Generic[Item]):
     fails, or whose name is taken, is skipped, and `faults` says so. Entry points are loaded at the first use.
     """
 
-    def __init__(self, group: str, kind: type[Item], word: str, built_in: Iterable[Item], hint: str = "") -> None:
-        """`word` is what messages call the kind, `hint` ends the message about an unknown name."""
-        self.group, self.word, self.built_in = group, word, tuple(built_in)
+    def __init__(
+        self,
+        group: str,
+        kind: type[Item],
+        word: str,
+        built_in: Iterable[Item] | Callable[[], Iterable[Item]],
+        hint: str = "",
+    ) -> None:
+        """`word` is what messages call the kind, `hint` ends the message about an unknown name. A function `built_in`
+        is called again after a value was added to any registry: its values depend on those of another one."""
+        self.group, self.word, self._built_in = group, word, built_in
         self._kind, self._hint = kind, hint
         self._added: list[Item] = []
         self._items: Mapping[str, Item] | None = None
@@ -80,11 +88,15 @@ class Registry(Generic[Item]):
         return self._faults
 
     def refresh(self) -> None:
-        """Looks for entry points again at the next use."""
-        self._items = None
+        """Looks for entry points again at the next use, as all registries do."""
+        for registry in _REGISTRIES:
+            registry._items = None
+
+    def _first(self) -> Iterable[Item]:
+        return self._built_in() if callable(self._built_in) else self._built_in
 
     def _load(self) -> tuple[Mapping[str, Item], tuple[str, ...]]:
-        items, skipped = {item.name: item for item in self.built_in}, []
+        items, skipped = {item.name: item for item in self._first()}, []
         for entry in sorted(entry_points(group=self.group), key=lambda e: e.name):
             try:
                 loaded = entry.load()

@@ -11,8 +11,8 @@ import tyro
 from ispom.calibration.opening import open_guessed
 from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.methods import Config, Variant, names, registry
-from ispom.sequences.own_sensors import AUTO
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
+from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
 
 

@@ -1,7 +1,7 @@
 """Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; the pose of a laser; and the uncertainty.
 
 `video_sigma` and `pair_sigma` hold the standard deviations of those names. Any other entry is another sensor by
-name: `sensor` is its kind (imu, gnss, wheel, laser, or camera), `rig_from_NAME` its pose, the rest its noise.
+name: `sensor` is its kind (camera, or one of `ispom.sensors`), `rig_from_NAME` its pose, the rest its noise.
 """
 
 from __future__ import annotations
@@ -18,18 +18,8 @@ from ispom.geometry import Pose
 from ispom.io.camera import CAMERA_KEYS, INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.values import CAMERAS, is_sensor_name
-from ispom.types import (
-    Camera,
-    CameraSensor,
-    GnssAntenna,
-    Imu,
-    LaserScanner,
-    LensSigma,
-    PairSigma,
-    Rig,
-    Sensor,
-    WheelOdometer,
-)
+from ispom.sensors import SENSOR_KINDS
+from ispom.types import Camera, CameraSensor, LensSigma, PairSigma, Rig, Sensor
 
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
@@ -37,7 +27,6 @@ MAX_SHARE = 0.1
 """Largest other deviations, as in the methods' settings: with more there is no useful start."""
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 """Those that only a rig.yaml has."""
-OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
 LEAST_NOISE, MAX_NOISE = 1e-12, 1e3
 
 
@@ -64,7 +53,7 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
         perhaps = ", ".join(("laser", *SIGMAS))
         raise InputError(
             f"{path} must hold entries called video, left or right, perhaps {perhaps}, or sensors that name their kind "
-            f"in `sensor` ({', '.join(('camera', *OTHERS))}), and no others: correct it"
+            f"in `sensor` ({', '.join(('camera', *SENSOR_KINDS.names()))}), and no others: correct it"
         )
     entries: dict[str, Any] = {}
     for name, entry in content.items():
@@ -76,22 +65,20 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
 
 def _is_sensor(name: Any, entry: Any) -> bool:
     """Checks for an entry that is a sensor by its kind."""
-    return is_sensor_name(name) and isinstance(entry, dict) and entry.get("sensor") in ("camera", *OTHERS)
+    return is_sensor_name(name) and isinstance(entry, dict) and entry.get("sensor") in ("camera", *SENSOR_KINDS.names())
 
 
 def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
     """Returns a sensor that is none of the usual cameras, of its entry. Raises InputError that names what is wrong."""
     kind = entry.get("sensor", name)
-    if name in OTHERS and kind != name:
+    if name in SENSOR_KINDS.names() and kind != name:
         raise InputError(f"{path}: {name} is the name of another kind of sensor than {kind}: choose another name")
     values = {key: value for key, value in entry.items() if key not in ("sensor", f"rig_from_{name}")}
     if kind == "camera":
         camera, pose = _camera(path, name, {k: v for k, v in entry.items() if k != "sensor"}, True)
         return CameraSensor(camera=camera, rig_from_sensor=pose)
-    pose, noises = (
-        _pose(path, name, entry),
-        [field.name for field in fields(OTHERS[kind]) if field.name != "rig_from_sensor"],
-    )
+    sensor = SENSOR_KINDS.get(kind).sensor
+    pose, noises = _pose(path, name, entry), [f.name for f in fields(sensor) if f.name != "rig_from_sensor"]
     if unknown := [str(key) for key in values if key not in noises]:
         known = ", ".join((f"rig_from_{name}", *noises))
         raise InputError(f"{path}: {name}.{unknown[0]} is not known, as it has {known}: correct it")
@@ -99,7 +86,7 @@ def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
         key: finite_numbers(path, f"{name}.{key}", [value], 1, LEAST_NOISE, MAX_NOISE)[0]
         for key, value in values.items()
     }
-    return OTHERS[kind](rig_from_sensor=pose, **noise)
+    return sensor(rig_from_sensor=pose, **noise)
 
 
 def _other_entry(name: str, sensor: Sensor) -> dict[str, Any]:

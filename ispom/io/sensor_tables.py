@@ -4,13 +4,12 @@ Columns are separated by commas, or by white space where the first line has no c
 of an IMU `gx gy gz` [rad/s] and `ax ay az` [m/s^2]; of GNSS `x y z` [m] east, north and up, or `lat lon height`
 (degrees, metres above the ellipsoid), perhaps `sigma` or `sigma_x sigma_y sigma_z` [m]; of a wheel `distance` [m] since
 the row before, perhaps `turn` [rad]. A file with other names is read with a mapping of the usual to its own.
-`imu0/data.csv` of EuRoC is read as it is.
+`imu0/data.csv` of EuRoC is read as it is; NMEA and KITTI's oxts are read as tables with these names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
@@ -19,13 +18,19 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.geometry import Array
+from ispom.io.files import is_folder
+from ispom.io.kitti import read_oxts_values
+from ispom.io.nmea import read_gga
 from ispom.io.rows import numbers, read_text
-from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, time_ns
+from ispom.io.values import LARGEST, MAX_TIME_S, time_ns
+from ispom.sensors.kind import Table
 
 TIMES = {"time_ns": 1, "time_s": 10**9}
-IMU = ("gx", "gy", "gz", "ax", "ay", "az")
-LOCAL, GEODETIC = ("x", "y", "z"), ("lat", "lon", "height")
-SIGMAS = ("sigma_x", "sigma_y", "sigma_z")
+NMEA_SUFFIXES = (".nmea", ".nma")
+OXTS = {"lat": 0, "lon": 1, "height": 2, "ax": 11, "ay": 12, "az": 13, "gx": 17, "gy": 18, "gz": 19}
+"""Columns of a line of KITTI's oxts: position, and accelerations and rates about the unit's x, y, z."""
+OXTS_ACCURACY, LEAST_ACCURACY_M = 23, 0.01
+"""The column of the position's accuracy, and the standard deviation of a fix that states less."""
 EUROC = {
     "time_ns": "#timestamp [ns]",
     **{f"g{a}": f"w_RS_S_{a} [rad s^-1]" for a in "xyz"},
@@ -34,24 +39,18 @@ EUROC = {
 """Columns of EuRoC's `imu0/data.csv` by the usual names."""
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Numbers by the names of their columns."""
-
-    path: Path
-    times_ns: NDArray[np.int64]
-    """(N,) strictly increasing."""
-    columns: Mapping[str, Array]
-
-    def stacked(self, names: tuple[str, ...]) -> Array:
-        """Returns columns (N, K). Raises InputError for one that the file lacks."""
-        if missing := [name for name in names if name not in self.columns]:
-            known = ", ".join(self.columns) or "none but the time"
-            raise InputError(f"{self.path} has no column {missing[0]} (it has {known}): name it in `columns`")
-        return np.stack([self.columns[name] for name in names], axis=1)
-
-    def has(self, names: tuple[str, ...]) -> bool:
-        return all(name in self.columns for name in names)
+def read_measurements(path: Path, columns: Mapping[str, str] | None = None) -> Table:
+    """Reads a table, NMEA, or a folder of KITTI's oxts. Raises InputError that names what is wrong."""
+    if is_folder(path):
+        times_ns, rows = read_oxts_values(path)
+        named = {name: rows[:, i] for name, i in OXTS.items()}
+        return Table(path, times_ns, {**named, "sigma": np.maximum(rows[:, OXTS_ACCURACY], LEAST_ACCURACY_M)})
+    if not path.name.lower().endswith(NMEA_SUFFIXES):
+        return read_table(path, columns)
+    stamps, fixes = read_gga(path)
+    values = np.array([[f.latitude_deg, f.longitude_deg, f.height_m, *f.sigma_m] for f in fixes])
+    names = ("lat", "lon", "height", "sigma_x", "sigma_y", "sigma_z")
+    return Table(path, np.array(stamps, np.int64), dict(zip(names, values.T, strict=True)))
 
 
 def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
@@ -112,21 +111,3 @@ def _at_once(
     if late or values.shape[1] != columns or not (np.diff(times) > 0).all() or not (abs(others) <= LARGEST).all():
         return None
     return times, others
-
-
-def gnss_sigma(table: Table, default_m: float | None) -> Array:
-    """Returns standard deviations (N, 3) [m] of a GNSS table.
-
-    Raises InputError where neither the table nor the default has them, or one is not positive.
-    """
-    if table.has(SIGMAS):
-        sigma = table.stacked(SIGMAS)
-    elif table.has(("sigma",)):
-        sigma = np.repeat(table.stacked(("sigma",)), 3, axis=1)
-    elif default_m is not None:
-        sigma = np.full((len(table.times_ns), 3), default_m)
-    else:
-        raise InputError(f"{table.path} has no column sigma: add it, or give `sigma_m` [m] of the fixes")
-    for end in (sigma.min(), sigma.max()):
-        number(f"{table.path}: a standard deviation", end, LEAST_SIGMA, MOST_SIGMA)
-    return sigma

@@ -12,8 +12,6 @@ from ispom.types.rig import POSE_PREFIX, SIGMA_SUFFIX
 
 LARGEST = 1e15
 """No length, angle or intrinsic is larger; squares and cubes of it are still numbers."""
-LEAST_SIGMA, MOST_SIGMA = 1e-12, 1e9
-"""Standard deviations whose squares, and their inverses, are still numbers."""
 MAX_TIME_S = 4_600_000_000
 """No time is farther from zero (in 2115, counted since 1970): any two have a difference in 64 bits of nanoseconds."""
 

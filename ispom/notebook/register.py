@@ -1,4 +1,5 @@
-"""What a notebook adds to ISPOM, for its own process: a method, a format, a camera model or a front end."""
+"""What a notebook adds to ISPOM, for its own process: a method, a format, a kind of sensor, a camera model
+or a front end."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from typing import Any
 from ispom.errors import InputError
 
 REGISTRIES = (
+    "ispom.sensors:SENSOR_KINDS",
     "ispom.methods:REGISTRY",
     "ispom.sequences.format:FORMATS",
     "ispom.cameras:CAMERA_MODELS",
@@ -16,7 +18,7 @@ REGISTRIES = (
 
 
 def register(item: Any) -> None:
-    """Adds a Method, Format, CameraModel or FrontEnd under its name, for this process.
+    """Adds a Method, Format, SensorKind, CameraModel or FrontEnd under its name, for this process.
 
     `ispom.run` and all else find it then. One that was registered before under that name is replaced, as when a cell
     runs again. Raises InputError where the name is that of a built-in value or of an installed package, and for
@@ -27,4 +29,6 @@ def register(item: Any) -> None:
         registry = getattr(import_module(module), name)
         if registry.takes(item):
             return registry.add(item, replace=True)
-    raise InputError(f"a {type(item).__name__} cannot be registered: give a Method, Format, CameraModel or FrontEnd")
+    raise InputError(
+        f"a {type(item).__name__} cannot be registered: give a Method, Format, SensorKind, CameraModel or FrontEnd"
+    )

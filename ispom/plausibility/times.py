@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.plausibility.doubt import Doubt
 
-RATES_HZ = {"imu": (1.1, 20_000.0), "gnss": (0.022, 200.0), "wheel": (0.2, 5_000.0)}
-"""Slowest and fastest rates that a file of each kind may have. Outside of them, another unit explains the times better:
-IMUs of 10 to 2,000 Hz, receivers of 0.1 to 20 Hz and wheels of 1 to 500 Hz reach them in a wrong unit only."""
-USUAL_HZ = {"imu": (9.5, 4_000.0), "gnss": (0.1, 100.0), "wheel": (0.5, 1_000.0)}
-"""Rates that sensors of each kind usually have: a unit must lead into them to be named."""
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of the measurements of a kind of sensor, lowest and highest [Hz]."""
+
+    possible_hz: tuple[float, float]
+    """What a file may have. Outside of them, another unit explains the times better: IMUs of 10 to 2,000 Hz, receivers
+    of 0.1 to 20 Hz and wheels of 1 to 500 Hz reach these limits in a wrong unit only."""
+    usual_hz: tuple[float, float]
+    """A unit must lead into these to be named."""
+
+
+ANY_RATE = Rates((0.0, np.inf), (0.0, np.inf))
 UNITS = (
     ((1e-3, "milliseconds in time_s"), (1e-6, "microseconds in time_s"), (1e-9, "nanoseconds in time_s")),
     (
@@ -27,16 +37,18 @@ BARE = 0.1
 """Share of the images' time without measurements at which those outside are worth a sentence."""
 
 
-def time_doubts(where: str, kind: str, times_ns: NDArray[np.int64], frames_ns: NDArray[np.int64]) -> tuple[Doubt, ...]:
+def time_doubts(
+    where: str, rates: Rates, times_ns: NDArray[np.int64], frames_ns: NDArray[np.int64]
+) -> tuple[Doubt, ...]:
     """Returns doubts about the times (N,) of a sensor's measurements [ns], with those of the images (M,)."""
     if len(times_ns) < 2 or not len(frames_ns):
         return ()
     outside = _outside(times_ns, frames_ns)
     between_s = float(np.median(np.diff(times_ns))) * 1e-9
-    slowest, fastest = RATES_HZ[kind]
+    slowest, fastest = rates.possible_hz
     if not slowest <= 1 / between_s <= fastest:
         units = UNITS[0] if 1 / between_s < slowest else UNITS[1]
-        low, high = USUAL_HZ[kind]
+        low, high = rates.usual_hz
         likely = next((words for factor, words in units if low <= 1 / (between_s * factor) <= high), None)
         what = f"this looks like {likely}" if likely else "no such sensor has this rate"
         return (

@@ -33,12 +33,12 @@ from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, 
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import chapters_in, join_line, looks_like_video_folder, open_video_folder
 from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
-from ispom.sequences.own_sensors import AUTO, NONE, OwnSensor, with_own_sensors
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
-from ispom.sequences.readings import with_doubts
+from ispom.sequences.recorded_sensors import AUTO, NONE, RecordedSensor, with_recorded_sensors
 from ispom.sequences.recording import Recording
+from ispom.sequences.sensor_doubts import with_doubts
 from ispom.sequences.stream import scaled_calibrations
 from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
 from ispom.types import FRAME_KINDS, Found, Measurement, Sequence
@@ -107,7 +107,7 @@ def open_sequence(
     the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
     pose: it is then that of the rig. With `scale_calibration`, a calibration for images of another size of the same
     shape is scaled to the images. Other sensors are those that lie in or beside the source ("auto"), those of the file
-    `sensors` (see `sequences.sensors`), or none ("none", or None). `topics` names those of a bag: left=TOPIC and
+    `sensors` (see `sequences.sensors_yaml`), or none ("none", or None). `topics` names those of a bag: left=TOPIC and
     right=TOPIC, or video=TOPIC. `cache_dir` replaces the user's cache folder, where images of simulations are kept.
     """
     policy.check(source)
@@ -121,7 +121,7 @@ def open_sequence(
         raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")
     calibration = None if camera is None else expanded(camera)
     choice = NONE if sensors is None else Path(sensors)
-    own: tuple[OwnSensor, ...] = ()
+    own: tuple[RecordedSensor, ...] = ()
     if source.startswith("sim:"):
         from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
@@ -156,14 +156,14 @@ def open_sequence(
     return prefetched(replace(sequence, notes=tuple(map(_as_text, sequence.notes))))
 
 
-def _with_sensors(sequence: Sequence, own: tuple[OwnSensor, ...], choice: Path) -> Sequence:
+def _with_sensors(sequence: Sequence, own: tuple[RecordedSensor, ...], choice: Path) -> Sequence:
     """With the other sensors of a file, or those of its own that can be used, or none."""
     if choice in (AUTO, Path()):  # nothing is written in the page's field
-        return with_own_sensors(sequence, own)
+        return with_recorded_sensors(sequence, own)
     if choice == NONE:
         why = "is not used, as --sensors is none"
         return sequence.with_found(Found(each.sensor.kind, each.where, False, why) for each in own)
-    from ispom.sequences.sensors import with_sensors
+    from ispom.sequences.sensors_yaml import with_sensors
 
     return with_sensors(sequence, expanded(choice), own)
 

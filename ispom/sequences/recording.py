@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.sequences.own_sensors import OwnSensor
+from ispom.sequences.recorded_sensors import RecordedSensor
 from ispom.types import Camera, Found, Guess, Image, LensSigma, PairSigma, Trajectory
 
 Side = Literal["left", "right"]
@@ -44,5 +44,5 @@ class Recording:
     """Where the camera has no calibration; its note comes before the others."""
     found: tuple[Found, ...] = ()
     """What lies in or beside it, but for the sensors: used or not."""
-    sensors: tuple[OwnSensor, ...] = ()
+    sensors: tuple[RecordedSensor, ...] = ()
     """The other sensors that lie in or beside it, with their poses in the left camera."""

@@ -53,7 +53,7 @@ POSES = (
 )
 """Files of poses; `pose` is a folder with a matrix for each image, as ScanNet has it."""
 OTHERS = ("depth", "confidence")
-"""What is named where it is there, as it is not used; the files of other sensors are in `sensors_beside`."""
+"""What is named where it is there, as it is not used; the files of other sensors are in `sensor_discovery`."""
 IMU, IMU_TABLES = "imu.yaml", ("imu.csv", "imu.txt", "imu0.csv", "imu0/data.csv")
 """What an IMU's noise and its measurements are called."""
 

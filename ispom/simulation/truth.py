@@ -1,4 +1,4 @@
-"""Ground truth of the simulated cameras: depth, flow and visibility of every pixel, with moving things; laser scans.
+"""Ground truth of the simulated cameras: depth, flow and visibility of every pixel, with moving things.
 
 truth = Truth(rendered_source("sim:city?vehicles=6", seed=0))
 depth = truth.depth("left", time_ns)
@@ -7,7 +7,6 @@ flow, visible = truth.flow("video", time_ns, "left", later_ns)
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +17,7 @@ from ispom.simulation.motions import motion_of
 from ispom.simulation.places.meshes import MeshPlace
 from ispom.simulation.rendering.scene import NOTHING, Scene
 from ispom.simulation.source import Source
-from ispom.solvers.trajectory.continuous import poses_at
-from ispom.types import Camera, FrameName, TimedPoints, Trajectory
+from ispom.types import Camera, FrameName
 
 SAME = 1e-4
 """Share of its distance by which a point may lie behind what a ray to it hits."""
@@ -100,49 +98,3 @@ def _lengths(scene: Scene | MeshPlace, hits: NDArray[np.int32], origin: Array, d
     normal = np.cross(second - first, third - first)
     out[some] = ((first - origin) * normal).sum(axis=1) / (directions[some] * normal).sum(axis=1)
     return out
-
-
-SAMPLE_NS = 2_000_000
-"""Interval of the true poses that a spline joins: a shake of 4 Hz is exact to 1e-9 m."""
-NEAREST_M = 0.3
-
-
-@dataclass(frozen=True)
-class Profiler:
-    """A laser profiler on the rig. Profiles are rotations about its z axis; the beam starts along x and passes y
-    (down)."""
-
-    points_hz: float = 30_000.0
-    profiles_hz: float = 100.0
-    reach_m: float = 30.0
-    """Points farther away are skipped."""
-    noise_m: float = 0.005
-    """Standard deviation of a range."""
-    rig_from_laser: Pose = Pose.from_rotvec(np.radians([2.0, -3.0, 1.0]), np.array([0.05, -0.12, -0.1]))
-
-    def scan(
-        self, scene: Scene | MeshPlace, pose_at: Callable[[int], Pose], start_ns: int, end_ns: int, seed: int
-    ) -> TimedPoints:
-        """Returns all points within a time, for a platform at pose_at(time_ns) (world_from_rig) in a scene."""
-        count = int((end_ns - start_ns) * 1e-9 * self.points_hz)
-        times_ns = start_ns + np.rint(np.arange(count) * 1e9 / self.points_hz).astype(np.int64)
-        angles = 2 * np.pi * self.profiles_hz * np.arange(count) / self.points_hz
-        beams = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
-        path = true_path(pose_at, start_ns, end_ns).moved(right=self.rig_from_laser)
-        poses = poses_at(path, times_ns, "spline")
-        directions = np.einsum("nij,nj->ni", poses.rotations, beams)
-        hits = scene.caster.hits(poses.translations, directions.astype(np.float32))
-        seen = hits != NOTHING
-        first, second, third = np.moveaxis(scene.triangles[hits].astype(float), 1, 0)
-        normal = np.cross(second - first, third - first)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ranges = ((first - poses.translations) * normal).sum(axis=1) / (directions * normal).sum(axis=1)
-        seen &= (ranges > NEAREST_M) & (ranges < self.reach_m)
-        noise = np.random.default_rng([seed, 5]).normal(0, self.noise_m, count)
-        return TimedPoints(times_ns[seen], (ranges[seen] + noise[seen])[:, None] * beams[seen])
-
-
-def true_path(pose_at: Callable[[int], Pose], start_ns: int, end_ns: int) -> Trajectory:
-    """world_from_rig, densely."""
-    times_ns = np.arange(start_ns, end_ns + SAMPLE_NS, SAMPLE_NS)
-    return Trajectory.of([(t, pose_at(t)) for t in times_ns.tolist()])

@@ -10,7 +10,8 @@ const method = (label, more = {}) => ({ label, colour: label, keyFrames: [], los
 const rowOf = (label, indices) => ({
   matches: { sign: "row", label, help: `Frames at which ${label} is true`, marks: indices.map((at) => ({ at })) },
 });
-const axisOf = (more) => ({ times: [0, 33], kinds: "vs", methods: [method("Stereo")], computed: 2, marks: {}, ...more });
+const SENSORS = { i: "IMU", g: "GNSS", w: "Wheels", l: "Laser", b: "Barometer", o: "Others" };
+const axisOf = (more) => ({ times: [0, 33], kinds: "vs", sensors: SENSORS, methods: [method("Stereo")], computed: 2, marks: {}, ...more });
 
 // What is drawn: rectangles [x, y, width, height, fill].
 function drawn(axis, width, place) {
@@ -100,4 +101,10 @@ test("whatever kinds of marks come are drawn by their signs", () => {
     .map(([, , , , fill]) => fill);
   assert.equal(fills.filter((fill) => fill === "red").length, 6);
   assert.equal(fills.filter((fill) => fill === "--accent").length, 2);
+});
+
+test("a sensor of any registered kind has a row by its label", () => {
+  const axis = axisOf({ times: [0, 33, 66], kinds: "vbv" });
+  const rows = [...Array(heightOf(axis)).keys()].map((y) => laneAt(axis, y));
+  assert.ok(rows.some((text) => text.startsWith("Barometer: ")));
 });

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from ispom.geometry import Pose
-from ispom.sequences.readings import readings_of
+from ispom.sequences.sensor_doubts import readings_of
 from ispom.types import Sequence, is_stereo
 
 START_S = 1_317_042_145

@@ -24,9 +24,11 @@ from ispom.plausibility.imu import imu_doubts
 from ispom.plausibility.mounts import far_doubts, order_doubts
 from ispom.plausibility.times import time_doubts
 from ispom.plausibility.wheel import still_doubts, wheel_doubts
+from ispom.sensors import SENSOR_KINDS
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.feature_table import open_feature_table
-from ispom.sequences.sensors import with_sensors
+from ispom.sequences.sensor_doubts import file_kinds
+from ispom.sequences.sensors_yaml import with_sensors
 from ispom.types import Camera, Imu
 from tests import doubles
 from tests.io.test_nmea import sentence
@@ -170,8 +172,8 @@ def test_no_values_are_too_much_for_the_doubts(a: np.ndarray, b: np.ndarray, ste
         wheel_doubts("x", times_ns, a[1:, 0], b[1:, 0])
         still_doubts("x", 0 * a[:, 0], a, sigma)
         mirrored_doubts("x", times_ns, a, sigma, (times_ns, a, b))
-        for kind in ("imu", "gnss", "wheel"):
-            time_doubts("x", kind, times_ns, times_ns[:2] + 5)
+        for kind in file_kinds():
+            time_doubts("x", SENSOR_KINDS.get(kind).rates, times_ns, times_ns[:2] + 5)
         pose = doubles.pose_at(0)
         far_doubts("x", "imu", pose)
         order_doubts("x", "imu", pose)

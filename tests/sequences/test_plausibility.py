@@ -17,10 +17,10 @@ from ispom.features.pair_look import FILM_IMAGES, with_look
 from ispom.geometry import Array, so3_exp
 from ispom.plausibility import DOUBTS, Doubt
 from ispom.plausibility.doubt import keys_of
+from ispom.sensors.gnss import local_of
 from ispom.sequences import open_sequence
-from ispom.sequences.readings import frames_ns_of, mount_doubts, readings_of, sensor_doubts
-from ispom.sequences.sensor_files import local_of
-from ispom.sequences.sensors import with_sensors
+from ispom.sequences.sensor_doubts import frames_ns_of, mount_doubts, readings_of, sensor_doubts
+from ispom.sequences.sensors_yaml import with_sensors
 from ispom.types import FRAME_KINDS, Frame, GnssFix, Rig, Sequence
 from tests import doubles
 

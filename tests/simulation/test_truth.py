@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
+from ispom.sensors.laser import Profiler
 from ispom.simulation.motions import Flight
 from ispom.simulation.places.city import build_city
 from ispom.simulation.rendering.renderer import Renderer, View
 from ispom.simulation.rendering.scene import Scene
 from ispom.simulation.source import Source
-from ispom.simulation.truth import Profiler, Truth
+from ispom.simulation.truth import Truth
 from ispom.types import TimedPoints
 
 SOURCE = Source(2, False, 0.4, vehicles=12, people=12)

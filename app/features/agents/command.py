@@ -12,8 +12,8 @@ from ispom.errors import InputError
 from ispom.io.files import confined, expanded, is_folder
 from ispom.io.whole import append_to_file
 from ispom.methods import in_order
-from ispom.sequences.own_sensors import AUTO, NONE
 from ispom.sequences.policy import SourcePolicy
+from ispom.sequences.recorded_sensors import AUTO, NONE
 from ispom.types import Sequence
 
 from ...engine import warmup

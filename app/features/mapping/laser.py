@@ -17,9 +17,9 @@ from ispom.io.files import expanded
 from ispom.io.timed_points import read_timed_points
 from ispom.reconstruction.model import Surface
 from ispom.reconstruction.registration import Registered, registered, world_from_own
+from ispom.sensors.laser import Profiler
 from ispom.sequences.formats.simulated import rendered_source
 from ispom.simulation.motions import motion_of
-from ispom.simulation.truth import Profiler
 from ispom.solvers.trajectory.continuous import Between
 from ispom.types import TimedPoints, Trajectory
 

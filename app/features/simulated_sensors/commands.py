@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ispom.errors import InputError
+from ispom.sensors.simulated import SimulatedSensor
 from ispom.settings import check
 from ispom.simulation.scenario.scenario import scenario_of_words, with_sensors
-from ispom.simulation.scenario.sensors import SimulatedSensor
 
 from ...session.branches.branches import differences
 from ...session.branches.service import BranchService

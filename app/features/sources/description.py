@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ispom.errors import printable
 from ispom.methods import possible_methods
-from ispom.sequences.readings import READ, Readings, frames_ns_of, readings_of
+from ispom.sensors.kind import Readings
+from ispom.sequences.sensor_doubts import file_kinds, frames_ns_of, readings_of
 from ispom.types import Camera, Found, Kind, Sequence, Trajectory
 
 from ...engine.options import Options
@@ -57,7 +58,7 @@ def described(sequence: Sequence) -> list[str]:
     for name, sensor in rig.sensors.items():
         if name not in ("video", "left", "right"):
             what = _rate(sequence.times_ns[kinds == sensor.kind], "measurements")
-            if sensor.kind in READ:
+            if sensor.kind in file_kinds():
                 what = _measured(readings.get(name))
             lines += _camera(name, rig.camera(name), what) if name in rig.cameras else [_line(name, what)]
     lines.append(_line("span", _span(sequence.times_ns)))

@@ -13,7 +13,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import Places, confined, exists, expanded, is_below
 from ispom.methods import Config
 from ispom.sequences.address import is_address, is_device, without_secrets
-from ispom.sequences.own_sensors import AUTO, NONE
+from ispom.sequences.recorded_sensors import AUTO, NONE
 from ispom.types import Measurement, Rig, Sequence, Trajectory
 
 from ...engine.history.record import ExposureRecord

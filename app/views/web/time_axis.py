@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from string import ascii_letters
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from ispom.sensors import SENSOR_KINDS
 from ispom.types import Status
 
 from ...engine.history.series import Series
@@ -21,8 +23,17 @@ from ...session.registry import modules
 from ...session.state import State
 from .news import Look, News
 
-CODES = {"video": "v", "stereo": "s", "cameras": "c", "imu": "i", "gnss": "g", "wheel": "w", "laser": "l"}
-"""Letters of the kinds in the page's axis; `o` for those of packages."""
+FRAMES, OTHER = {"video": "v", "stereo": "s", "cameras": "c"}, "o"
+"""Letters of the kinds of frames in the page's axis, and of measurements of no registered kind."""
+
+
+def sensor_letters() -> dict[str, str]:
+    """Returns the letters of the registered kinds of sensors: each of its name, or else any that is free."""
+    found = dict(FRAMES, other=OTHER)
+    for name in SENSOR_KINDS.names():
+        letters = (letter for letter in (*name, *ascii_letters) if letter.isalpha())
+        found[name] = next((letter for letter in letters if letter not in found.values()), OTHER)
+    return {name: found[name] for name in SENSOR_KINDS.names()}
 
 
 @dataclass(frozen=True)
@@ -71,6 +82,8 @@ class AxisNews(News):
     def __init__(self) -> None:
         self._run: tuple[CurrentRun | None, bool] = (None, False)
         """And whether an open question of a lesson covers what its methods did."""
+        self._letters: Mapping[str, str] = {}
+        """By the kind of measurement."""
         self._marks: list[Marks] = []
         self._read = self._computed = 0
         """Frames whose times and results the page has."""
@@ -92,6 +105,9 @@ class AxisNews(News):
             self._run = (run, covers)
             self._marks = [kind() for module in modules("axis") for kind in module.MARKS]
             self._read = self._computed = self._sent_events = 0
+            self._letters = FRAMES | sensor_letters()
+            labels = {letter: SENSOR_KINDS.get(name).label for name, letter in sensor_letters().items()}
+            news["sensors"] = {**labels, OTHER: "Others"}
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
         news |= self._exposures(run) | self._results(run, methods)
         news |= {} if covers else self._events(run)
@@ -106,7 +122,7 @@ class AxisNews(News):
         times_ms = (sequence.times_ns[start : self._read] - sequence.times_ns[0]) // 1_000_000
         return {
             "times_ms": times_ms.tolist(),
-            "kinds": "".join(CODES.get(kind, "o") for kind in sequence.kinds[start : self._read]),
+            "kinds": "".join(self._letters.get(kind, OTHER) for kind in sequence.kinds[start : self._read]),
         }
 
     def _results(self, run: CurrentRun, methods: tuple[str, ...]) -> dict[str, Any]:

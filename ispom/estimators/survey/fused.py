@@ -1,9 +1,11 @@
 """Images fused with other sensors: the schemes of the paper's Table 2, as a factor graph over a window.
 
-1. Nodes: every `node_s` seconds, and at each fix, the graph has a pose (`fused_links`: what was measured in between).
+1. Nodes: every `node_s` seconds, and at each fix, the graph has a pose. Each kind of sensor (`ispom.sensors`) makes
+   observations of what it measured there or in between.
 2. Start: scale, gravity and heading from the first metres (`fused_start`).
 3. Graph: relative poses of the visual method (loose coupling) with a scale that changes slowly, preintegrated IMU,
-   positions of the antenna, wheels, matched scans (`fused_graph`); Forster et al. 2017, Dellaert and Kaess 2017.
+   positions of the antenna, wheels, matched scans, and whatever other kinds of sensors have factors (`fused_graph`);
+   Forster et al. 2017, Dellaert and Kaess 2017.
 4. What leaves the window stays as a prior; the same without each sensor shows how much it contributes.
 
 Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
@@ -18,31 +20,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
-from types import MappingProxyType
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method, require_frame
-from ispom.estimators.survey.fused_checks import (
-    CHECKS,
-    FITS,
-    GAINS,
-    LOCATED,
-    MAX_FIT,
-    MIN_GAIN,
-    SLIP,
-    START_SIGMA,
-    STARTED,
-)
-from ispom.estimators.survey.fused_graph import GAUGE, Graph
+from ispom.estimators.survey.fused_checks import LOCATED, MAX_FIT, MIN_GAIN, START_SIGMA, STARTED, checks_of
+from ispom.estimators.survey.fused_graph import Graph
+from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
-from ispom.estimators.survey.fused_settings import OTHERS, SCHEMES, FusedSettings
+from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, fix_checks, started
-from ispom.estimators.survey.fused_values import Noise, revised_nodes
+from ispom.estimators.survey.fused_values import Noise, Prior, revised_nodes
+from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
+from ispom.sensors import SENSOR_KINDS
+from ispom.sensors.fusion import Node, motion_in_rig
+from ispom.sensors.kind import SensorKind
 from ispom.settings import checked
+from ispom.solvers.influence.problem import report_problem
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Kind, Landmarks, Measurement, Rig, Status, Step, Trajectory
 
@@ -65,29 +63,38 @@ class FusedConfig(FusedSettings):
         return Fused(rig, checked(self), "fused", "video")
 
 
+def usable_kinds(tightly: bool = False) -> dict[Kind, SensorKind]:
+    """Returns the kinds of sensors besides images that `fused` can use, by name, or those that `fused.tight` can."""
+    kinds = SENSOR_KINDS.items()
+    return {name: k for name, k in kinds.items() if k.measures is not None and (k.tightly or not tightly)}
+
+
 class Fused:
     """An Integrator of a visual method, which it calls `visual`."""
 
-    others: Mapping[Kind, str] = MappingProxyType(OTHERS)
-    """The sensors besides the images, each with its name."""
+    tightly = False
+    """Whether only those kinds of sensors take part that are coupled tightly."""
 
     def __init__(self, rig: Rig, config: FusedConfig, name: str, kind: Kind) -> None:
-        known = frozenset(kind for kind in self.others if rig.has(kind))
+        self._usable = usable = usable_kinds(self.tightly)
+        known = frozenset(kind for kind in usable if rig.has(kind))
         self._sensors = known if config.scheme == "auto" else SCHEMES[config.scheme]
-        if missing := [self.others[k] for k in self.others if k in self._sensors - known]:
+        if missing := [kind.phrase for kind in usable.values() if kind.name in self._sensors - known]:
             raise InputError(
                 f"{name}: scheme {config.scheme} needs {' and '.join(missing)}, which this sequence lacks: add it by "
                 f"--sensors FILE.yaml, or choose --{name}.scheme auto"
             )
-        for module, needed in (("gtsam", True), ("small_gicp", "laser" in self._sensors)):
-            if needed and find_spec(module) is None:
+        kinds = [kind for kind in usable.values() if kind.name in self._sensors]
+        for module in ("gtsam", *(module for kind in kinds for module in kind.needs)):
+            if find_spec(module) is None:
                 raise InputError(f"{name} needs {module}, of the extra `fusion`: run pip install 'ispom[fusion]'")
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
         noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
         self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
         frames = self._camera_from_rig, self._graph.rig_from_body
-        self._collector = Collector(rig, self._sensors, *frames, 0.01 * config.slip_percent)
+        self._collector = Collector(rig, kinds, *frames, 0.01 * config.slip_percent)
+        self._checks = checks_of(kinds)
 
     def start(self) -> FusedState:
         """See Integrator."""
@@ -98,7 +105,7 @@ class Fused:
     ) -> tuple[FusedState, Step]:
         """See Integrator. Other measurements wait for the next frame."""
         watch = Stopwatch()
-        if measurement.kind in OTHERS:
+        if measurement.kind in self._usable:
             state = self._collector.waiting(state, measurement)
             status = Status.INITIALISING if state.prior is None else Status.TRACKING
             watch.lap("wait")
@@ -128,13 +135,17 @@ class Fused:
         onto = world_from_rig @ self._camera_from_rig.inverse()
         return replace(visual.landmarks, xyz_in_world=onto.apply(xyz))
 
+    def _in_rig(self, relative: Pose, log_scale: float) -> Pose:
+        """Returns a motion of the camera in the unit of the images as one of the rig [m]."""
+        return motion_in_rig(relative, log_scale, self._camera_from_rig)
+
     def _due(self, state: FusedState, time_ns: int, sighted: bool) -> bool:
         """Checks that the frame becomes a node."""
         if not state.nodes or state.prior is None:
             first = not state.nodes or time_ns - state.nodes[-1].time_ns >= 1e9 * self._config.node_s
-            return sighted and (first or bool(state.fixes))
+            return sighted and (first or self._collector.needs_node(state))
         since_s = (time_ns - state.nodes[-1].time_ns) * 1e-9
-        return since_s >= self._config.node_s or (bool(state.fixes) and since_s >= SOONEST_S)
+        return since_s >= self._config.node_s or (since_s >= SOONEST_S and self._collector.needs_node(state))
 
     def _between(self, state: FusedState, time_ns: int, sighted: bool) -> tuple[FusedState, Step]:
         """A frame between two nodes: its pose comes from the last node and the images."""
@@ -146,7 +157,7 @@ class Fused:
         state = replace(state, frames=state.frames.appended((time_ns, last.number, relative)))
         if state.prior is None or state.covariance is None:
             return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1),))
-        moved = self._collector.in_rig(relative, last.log_scale)
+        moved = self._in_rig(relative, last.log_scale)
         along = moved.inverse().adjoint
         length, seconds = float(np.linalg.norm(moved.translation)), (time_ns - last.time_ns) * 1e-9
         covariance = along @ state.covariance @ along.T + self._graph.noise.covariance(length, seconds)
@@ -157,8 +168,8 @@ class Fused:
     def _waiting_for_start(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
         """Adds a node, and starts the graph once enough was measured."""
         if state.fresh:
-            state = replace(state, nodes=(), walls=None)
-        state, node, _ = self._collector.next_node(state, time_ns)
+            state = replace(state, nodes=())
+        state, node = self._collector.next_node(state, time_ns)
         state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
@@ -171,34 +182,35 @@ class Fused:
             missing = fix_checks(nodes, self._config.start_m) if "gnss" in self._sensors else ()
             decisions += tuple(check for check in missing if not check.passed)
             return replace(state, nodes=nodes), Step(time_ns, Status.INITIALISING, decisions=decisions)
-        prior = self._graph.first_prior(
-            start.nodes[0],
-            self._graph.first_covariance(start.nodes[0].local_from_rig, self._config.tilt_deg),
-            start.scale_sigma,
-        )
+        covariance = self._graph.first_covariance(start.nodes[0].local_from_rig, np.radians(self._config.tilt_deg))
+        prior = self._graph.first_prior(start.nodes[0], covariance, s=start.scale_sigma)
         waiting = replace(state, nodes=nodes)
-        nodes, misfits = self._graph.optimised(start.nodes, prior)
-        certain = START_SIGMA.of(self._graph.uncertainty(nodes, prior)[1], WORST_SCALE)
+        nodes, misfits = self._optimised(start.nodes, prior)
+        certain = START_SIGMA.of(self._graph.uncertainty(nodes, prior).by_letter["s"], WORST_SCALE)
         watch.lap("optimise")
         if self._sensors and not certain.passed:
             count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
             return waiting, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
-        state = replace(state, nodes=nodes, prior=prior, first=prior, walls=None)
+        state = replace(state, nodes=nodes, prior=prior, first=prior)
         return self._reported(state, decisions, misfits, watch)
 
     def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
         """Adds a node to the graph, and estimates the window."""
-        state, node, apart = self._collector.next_node(state, time_ns)
-        sources = sum(each is not None for each in (node.visual, node.inertial, node.wheel, node.laser))
-        decisions = [LOCATED.of(sources, 1)]
-        if apart is not None:
-            decisions.append(SLIP.of(apart, 0.01 * self._config.slip_percent))
+        state, node = self._collector.next_node(state, time_ns)
+        decisions = [LOCATED.of(node.motion_sources, 1)]
+        decisions += [each for link in node.relative.values() for each in getattr(link, "decisions", ())]
         watch.lap("measure")
         assert state.prior is not None
-        nodes, misfits = self._graph.optimised(revised_nodes((*state.nodes, node), dict(state.seen)), state.prior)
+        nodes, misfits = self._optimised(revised_nodes((*state.nodes, node), dict(state.seen)), state.prior)
         watch.lap("optimise")
         state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
         return self._reported(state, tuple(decisions), misfits, watch)
+
+    def _optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
+        """Returns the most likely nodes, and the misfits by sensor."""
+        found, misfits = self._graph.optimised(nodes, prior)
+        report_problem(lambda: GraphProblem(self._graph, nodes, found, prior))
+        return found, misfits
 
     def _reported(
         self, state: FusedState, decisions: tuple[Decision, ...], misfits: Mapping[str, float], watch: Stopwatch
@@ -207,7 +219,7 @@ class Fused:
         nodes, prior, settled = state.nodes, state.prior, state.settled
         assert prior is not None
         last = nodes[-1]
-        covariance, scale_sigma, gains = self._graph.uncertainty(nodes, prior)
+        uncertainty = self._graph.uncertainty(nodes, prior)
         revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
         while len(nodes) > self._config.window:
             prior = self._graph.reduced(nodes, prior)
@@ -215,22 +227,25 @@ class Fused:
             settled = settled.appended(leaving)
             nodes = tuple(others)
         watch.lap("marginalise")
-        fits = [FITS[sensor].of(value, MAX_FIT) for sensor, value in misfits.items()]
-        gain = [GAINS[sensor].of(value, MIN_GAIN) for sensor, value in gains.items()]
-        located = not last.blind or state.covariance is None
-        state = replace(state, nodes=nodes, prior=prior, settled=settled, covariance=covariance)
+        located = last.motion_sources > 0 or state.covariance is None
+        state = replace(state, nodes=nodes, prior=prior, settled=settled, covariance=uncertainty.covariance)
         return state, Step(
             last.time_ns,
             Status.TRACKING if located else Status.LOST,
             "rig",
             WORLD_FROM_LOCAL @ last.local_from_rig if located else None,
-            covariance if located else None,
+            uncertainty.covariance if located else None,
             key_frame=True,
             revised=revised,
             scale=None if self._metric else float(np.exp(last.log_scale)),
-            scale_sigma=scale_sigma,
-            decisions=(*decisions, *fits, *gain),
+            scale_sigma=uncertainty.by_letter["s"],
+            decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
+
+    def _sensor_decisions(self, misfits: Mapping[str, float], gains: Mapping[str, float]) -> list[Decision]:
+        """Returns whether each sensor agrees with the others, and what it contributes."""
+        fits = [self._checks[f"{sensor}_misfit"].of(value, MAX_FIT) for sensor, value in misfits.items()]
+        return fits + [self._checks[f"{sensor}_gain"].of(value, MIN_GAIN) for sensor, value in gains.items()]
 
     def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
         """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
@@ -238,15 +253,15 @@ class Fused:
         final = dict(inputs["visual"].items())
         nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
         if state.first is not None:
-            older = [n for n in nodes if n.number < state.first.at.number]
-            together = revised_nodes(tuple(n for n in nodes if n.number >= state.first.at.number), final)
-            nodes = [*older, *self._graph.optimised(together, state.first)[0]]
+            older = [n for n in nodes if n.number < state.first.at[0].number]
+            together = revised_nodes(tuple(n for n in nodes if n.number >= state.first.at[0].number), final)
+            nodes = [*older, *self._optimised(together, state.first)[0]]
         by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
             if (node := by_number.get(number)) is not None:
                 both = time_ns in final and node.time_ns in final
                 seen = final[node.time_ns].inverse() @ final[time_ns] if both else relative
-                moved = self._collector.in_rig(seen, node.log_scale)
+                moved = self._in_rig(seen, node.log_scale)
                 found.append((time_ns, WORLD_FROM_LOCAL @ node.local_from_rig @ moved))
         return Trajectory.of(found)
 
@@ -256,28 +271,36 @@ class Fused:
         if state.covariance is None or not state.nodes:
             return replace(bare, number=state.number)
         settled = state.settled.extended(state.nodes[:-1])
-        last = replace(state.nodes[-1], fixes=(), bias=np.zeros(6))
-        prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), 0.1)
+        last = replace(state.nodes[-1].without_absolute, bias=np.zeros(6), offsets={})
+        prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), s=0.1)
         bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
         return replace(bare, number=state.number)
 
 
-METHOD = Method(
-    "fused",
-    VIDEO | frozenset(OTHERS),
-    FusedConfig,
-    "metric",
-    "Forster et al. 2017 (preintegrated IMU), Dellaert and Kaess 2017 (factor graphs)",
-    "m per unit",
-    {"visual": "monocular"},
-    CHECKS,
-    {
-        "wait": "Keeps what the sensors measured until the next node.",
-        "measure": "Makes relative poses of it: samples, wheels, scans.",
-        "optimise": "Estimates all nodes of the window.",
-        "marginalise": "Gives the covariance, and takes the oldest node out.",
-    },
-    frozenset(OTHERS),
-    "Table 2: images and other sensors",
-    "own",
-)
+def method_of(name: str, images: frozenset[Kind], config: type, visual: str, survey: str) -> Method:
+    """Returns the Method of an estimator over the relative poses of another one; its sensors are those that are
+    registered."""
+    kinds = usable_kinds()
+    return Method(
+        name,
+        images | frozenset(kinds),
+        config,
+        "metric",
+        "Forster et al. 2017 (preintegrated IMU), Dellaert and Kaess 2017 (factor graphs)",
+        "m per unit",
+        {"visual": visual},
+        checks_of(kinds.values()),
+        STAGES,
+        frozenset(kinds),
+        survey,
+        "own",
+    )
+
+
+STAGES = {
+    "wait": "Keeps what the sensors measured until the next node.",
+    "measure": "Makes observations of it: samples, fixes, wheels, scans.",
+    "optimise": "Estimates all nodes of the window.",
+    "marginalise": "Gives the covariance, and takes the oldest node out.",
+}
+METHOD = partial(method_of, "fused", VIDEO, FusedConfig, "monocular", "Table 2: images and other sensors")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from ispom.sensors.kind import SensorKind
 from ispom.types import Check, by_key
 
 MAX_FIT = 2.5
@@ -9,8 +12,6 @@ MAX_FIT = 2.5
 consistent ones lie beyond it."""
 MIN_GAIN = 1.05
 """A sensor contributes where the position would be less certain by this factor without it."""
-NAMES = {"visual": "Images", "imu": "IMU", "gnss": "GNSS", "wheel": "Wheels", "laser": "Laser"}
-
 LOCATED = Check(
     "motion_sources",
     "sensors that measured the motion since the last node",
@@ -53,36 +54,38 @@ START_SIGMA = Check(
     passes="The first estimate is known to {value:.0%} (limit {threshold:.0%}).",
     fails="Waiting: the first estimate is uncertain by {value:.0%} (limit {threshold:.0%}).",
 )
-SLIP = Check(
-    "wheel_slip",
-    "way of the wheels that the images do not confirm",
-    "warning",
-    relation="<=",
-    passes="The wheels roll: their way differs by {value:.0%} from that of the images (limit {threshold:.0%}).",
-    fails="The wheels slip: {value:.0%} of their way is not confirmed by the images (limit {threshold:.0%}); ignored.",
-)
-FITS = {
-    sensor: Check(
+
+
+def misfit_check(sensor: str, label: str) -> Check:
+    """Returns the check whether a sensor agrees with the others."""
+    return Check(
         f"{sensor}_misfit",
-        f"RMS residual of {name}",
+        f"RMS residual of {label}",
         "warning",
         relation="<=",
         unit="sigma",
-        passes=f"{name}: residuals of {{value:.2f}} standard deviations agree with the others (limit {{threshold}}).",
-        fails=f"Contradiction of {name}: residuals of {{value:.1f}} standard deviations (limit {{threshold}}): check "
+        passes=f"{label}: residuals of {{value:.2f}} standard deviations agree with the others (limit {{threshold}}).",
+        fails=f"Contradiction of {label}: residuals of {{value:.1f}} standard deviations (limit {{threshold}}): check "
         "its pose in the rig, its clock, and its stated noise.",
     )
-    for sensor, name in NAMES.items()
-}
-GAINS = {
-    sensor: Check(
+
+
+def gain_check(sensor: str, label: str) -> Check:
+    """Returns the check whether a sensor contributes."""
+    return Check(
         f"{sensor}_gain",
-        f"factor of the position's standard deviation without {name}",
+        f"factor of the position's standard deviation without {label}",
         "finding",
-        passes=f"{name}: without them the position would be {{value:.2f}} times less certain.",
-        fails=f"{name}: without them the position would be as certain ({{value:.2f}} times less).",
+        passes=f"{label}: without them the position would be {{value:.2f}} times less certain.",
+        fails=f"{label}: without them the position would be as certain ({{value:.2f}} times less).",
     )
-    for sensor, name in NAMES.items()
-    if sensor != "visual"
-}
-CHECKS = by_key(LOCATED, STARTED, START_FIXES, START_WAY, START_SIGMA, SLIP, *FITS.values(), *GAINS.values())
+
+
+def checks_of(kinds: Iterable[SensorKind]) -> dict[str, Check]:
+    """Returns all checks, by key, of a method that uses images and these kinds of sensors."""
+    kinds = tuple(kinds)
+    own = [check for kind in kinds for check in kind.checks]
+    labels = {"visual": "Images", **{kind.name: kind.label for kind in kinds}}
+    misfits = [misfit_check(sensor, label) for sensor, label in labels.items()]
+    gains = [gain_check(kind.name, kind.label) for kind in kinds]
+    return by_key(LOCATED, STARTED, START_FIXES, START_WAY, START_SIGMA, *own, *misfits, *gains)

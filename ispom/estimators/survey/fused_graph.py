@@ -1,152 +1,141 @@
 """The factor graph of `fused`: a window of nodes, each with pose, velocity, biases and the scale of the images.
 
-Built anew for each node with gtsam (Dellaert and Kaess, Factor Graphs for Robot Perception, 2017; preintegrated IMU:
-Forster et al. 2017), from numbers only, so that a State is a value. What leaves the window stays as a prior: its
-information on the next node (Schur complement). The same is kept once more without each sensor, which shows how much
-that sensor contributes.
+The images enter by relative poses (loose coupling) with a scale that changes slowly, the other sensors by the factors
+of their kinds (`ispom.sensors`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from ispom.estimators.survey.fused_factors import DIMENSIONS, ORDER, SIZES, Factors
-from ispom.estimators.survey.fused_influence import GraphProblem
-from ispom.estimators.survey.fused_values import Node, Prior
-from ispom.geometry import Array, Pose
-from ispom.solvers.influence.problem import report_problem
+from ispom.estimators.survey.fused_values import Noise, Prior
+from ispom.estimators.survey.fused_window import Uncertainty, WindowGraph
+from ispom.geometry import Array, Pose, skew, so3_log
+from ispom.sensors.fusion import CAUCHY, ORDER, POSE, SCALE, Factor, Node
+from ispom.types import Rig
+
+if TYPE_CHECKING:
+    import gtsam
 
 ITERATIONS = 12
-BIAS_PRIOR = np.array([0.3] * 3 + [0.02] * 3)
-"""Standard deviations at the start: accelerometer [m/s^2], gyroscope [rad/s], of a calibrated MEMS unit."""
-SPEED_PRIOR = 3.0
-"""Standard deviation of the velocity at the start [m/s]."""
-GAUGE = 1e-3
-"""Standard deviation [m], [rad] of what the first pose defines."""
-UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
-"""Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
-RELAXED = 1e-9
-"""Information added where nothing holds a parameter."""
+FRESH = 1.0
+"""Standard deviation of the change of the log scale where the world of the images is a new one."""
 
 
-class Graph(Factors):
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The most likely nodes of a window."""
+
+    nodes: tuple[Node, ...]
+    values: gtsam.Values
+    """The same as gtsam has them."""
+    factors: list[Factor]
+
+
+class Graph(WindowGraph):
     """Estimates the nodes of a window."""
 
-    def first_covariance(self, first: Pose, tilt_deg: float) -> Array:
-        """Returns the covariance (6, 6) of the first pose: the gauge, and what the start does not know well."""
-        place, heading = (UNPLACED_M, UNTURNED) if "gnss" in self.sensors else (GAUGE, GAUGE)
-        tilt = TILTED if "imu" in self.sensors else np.radians(tilt_deg) if "gnss" in self.sensors else GAUGE
-        up = first.rotation.T @ np.array([0.0, 0.0, 1.0])
-        turn = tilt**2 * np.eye(3) + (heading**2 - tilt**2) * np.outer(up, up)
-        return np.asarray(block_diag(place**2 * np.eye(3), turn))
+    relaxed = 1e-9
 
-    def first_prior(self, node: Node, covariance: Array, scale_sigma: float) -> Prior:
-        """Returns the prior of a first node, with the covariance (6, 6) of its twist."""
-        along = self.rig_from_body.inverse().adjoint
-        pose = np.linalg.inv((along @ covariance @ along.T)[np.ix_(ORDER, ORDER)])
-        parts = {
-            "x": pose,
-            "v": np.eye(3) / SPEED_PRIOR**2,
-            "b": np.diag(BIAS_PRIOR**-2.0),
-            "s": np.eye(1) / scale_sigma**2,
-        }
-        information = np.asarray(block_diag(*(parts[c] for c in self.letters)), float)
-        return Prior(node, information, np.zeros(self.size), dict.fromkeys(sorted(self.sensors), information))
+    def __init__(self, rig: Rig, sensors: frozenset[str], camera_from_rig: Pose, noise: Noise) -> None:
+        super().__init__(rig, sensors, camera_from_rig, CAUCHY, (SCALE,))
+        self.noise = noise
 
     def optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
-        found, values = self.solved(nodes, prior, nodes)
-        report_problem(lambda: GraphProblem(self, nodes, found, prior))
-        misfits = dict[str, list[float]]()
-        for f in self.factors(nodes, prior):
-            if f.sensor in DIMENSIONS:
-                misfits.setdefault(f.sensor, []).append(f.misfit(values) / DIMENSIONS[f.sensor])
-        return found, {sensor: float(np.sqrt(np.mean(some[-6:]))) for sensor, some in misfits.items()}
+        found = self.solved(nodes, prior, nodes)
+        return found.nodes, self.misfits(found.factors, found.values)
 
-    def solved(
-        self, nodes: tuple[Node, ...], prior: Prior, start: tuple[Node, ...], without: str = ""
-    ) -> tuple[tuple[Node, ...], Any]:
-        """Returns the most likely nodes, and gtsam's values, from what was measured of `nodes`, beginning at `start`,
-        without the factors of one sensor."""
+    def solved(self, nodes: tuple[Node, ...], prior: Prior, start: tuple[Node, ...], without: str = "") -> Optimum:
+        """Returns the most likely nodes, from what was measured of `nodes`, beginning at `start`, without the factors
+        of one sensor."""
         import gtsam
 
-        graph = gtsam.NonlinearFactorGraph()
-        for factor in self.factors(nodes, prior):
+        graph, factors = gtsam.NonlinearFactorGraph(), self.factors(nodes, prior)
+        for factor in factors:
             if factor.sensor != without:
                 graph.add(factor.value)
         parameters = gtsam.LevenbergMarquardtParams()
         parameters.setMaxIterations(ITERATIONS)
         values = gtsam.LevenbergMarquardtOptimizer(graph, self.values(start), parameters).optimize()
-        return tuple(self.node(node, values) for node in start), values
+        return Optimum(tuple(self.node(node, values) for node in start), values, factors)
 
     def reduced(self, nodes: tuple[Node, ...], prior: Prior) -> Prior:
         """Returns the prior of the second node once the first one leaves the window."""
-        (step,) = self._linear((nodes[0], replace(nodes[1], fixes=())), prior)
-        information, vector = _eliminated(prior.information * 0, prior.vector * 0, *_sum(step))
-        without = {
-            s: _eliminated(w, None, _sum(step, without=(s, "prior"))[0], None)[0] for s, w in prior.without.items()
-        }
-        return Prior(nodes[1], information, vector, without)
+        pair = (nodes[0], nodes[1].without_absolute)
+        equations = self.equations(self.factors(pair, prior), self.values(pair), pair)
+        return Prior((nodes[1],), *self.marginalised(equations, prior))
 
-    def uncertainty(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[Array, float, dict[str, float]]:
-        """Returns of the last node the covariance (6, 6) of the rig's pose, the standard deviation of the log scale,
-        and by sensor the factor by which the position would be less certain without it."""
-        steps = self._linear(nodes, prior)
-        alone = np.zeros((self.size, self.size)) if steps else prior.information
-        covariance = np.linalg.inv(self._last(alone, steps, ()) + RELAXED * np.eye(self.size))
-        place, s = slice(3, 6), self.starts["s"]
-        own = np.sqrt(np.trace(covariance[place, place]))
-        gain = dict[str, float]()
-        for sensor, start in prior.without.items():
-            other = np.linalg.inv(self._last(start, steps, (sensor, "prior")) + RELAXED * np.eye(self.size))
-            gain[sensor] = float(np.sqrt(np.trace(other[place, place])) / own)
-        along = self.rig_from_body.adjoint
-        pose = along @ covariance[np.ix_(ORDER, ORDER)] @ along.T
-        return 0.5 * (pose + pose.T), float(np.sqrt(covariance[s, s])), gain
+    def uncertainty(self, nodes: tuple[Node, ...], prior: Prior) -> Uncertainty:
+        """Returns the uncertainty of the last node."""
+        return self.uncertainty_of(self.equations(self.factors(nodes, prior), self.values(nodes), nodes), prior)
 
-    def _last(self, start: Array, steps: list[dict[str, tuple[Array, Array]]], without: tuple[str, ...]) -> Array:
-        for step in steps:
-            start, _ = _eliminated(start, None, _sum(step, without)[0], None)
-        return start
+    def factors(self, nodes: tuple[Node, ...], prior: Prior) -> list[Factor]:
+        """Returns all factors of a window."""
+        found = [self._prior_factor(prior), *self.absolute_factors(None, nodes[0])]
+        for before, now in pairwise(nodes):
+            found += self.absolute_factors(before, now)
+            found.append(self._scale_factor(before, now))
+            if now.visual is not None:
+                found.append(self._visual_factor(now.visual, before, now))
+            found += self.relative_factors(before, now)
+            if not now.motion_sources:
+                found.append(self.blind_factor(before, now, Pose()))
+        return found
 
-    def _linear(self, nodes: tuple[Node, ...], prior: Prior) -> list[dict[str, tuple[Array, Array]]]:
-        """Returns for each pair of consecutive nodes, by sensor, the information (2 D, 2 D) and the vector (2 D,)."""
-        if len(nodes) < 2:
-            return []
-        values, size = self.values(nodes), self.size
-        number = {node.number: i for i, node in enumerate(nodes)}
-        steps: list[dict[str, tuple[Array, Array]]] = [{} for _ in nodes[1:]]
-        for factor in self.factors(nodes, prior):
-            linear = factor.value.linearize(values)
-            rows, side = linear.jacobian()
-            pair = max(number[factor.to] - 1, 0)
-            wide, at = np.zeros((len(side), 2 * size)), 0
-            for key in linear.keys():  # noqa: SIM118 (a method of gtsam)
-                letter, index = chr(key >> 56), number[key & ((1 << 56) - 1)]
-                begin = (index - pair) * size + self.starts[letter]
-                wide[:, begin : begin + SIZES[letter]] = rows[:, at : at + SIZES[letter]]
-                at += SIZES[letter]
-            information, vector = steps[pair].get(factor.sensor, (0.0, 0.0))
-            steps[pair][factor.sensor] = (information + wide.T @ wide, vector + wide.T @ side)
-        return steps
+    def _scale_factor(self, before: Node, now: Node) -> Factor:
+        import gtsam
 
+        seconds = (now.time_ns - before.time_ns) * 1e-9
+        walk = FRESH if now.fresh else self.noise.scale_walk * np.sqrt(seconds)
+        noise, keys = gtsam.noiseModel.Isotropic.Sigma(1, walk), (SCALE.key(before), SCALE.key(now))
+        return Factor("scale", gtsam.BetweenFactorVector(*keys, np.zeros(1), noise), now.number)
 
-def _sum(step: dict[str, tuple[Array, Array]], without: tuple[str, ...] = ()) -> tuple[Array, Array]:
-    kept = [value for sensor, value in step.items() if sensor not in without]
-    return sum(h for h, _ in kept), sum(g for _, g in kept)  # type: ignore[return-value]
+    def _visual_factor(self, moved: Pose, before: Node, now: Node) -> Factor:
+        """Residuals: the rotation, and the translation [m] less that of the images times the scale at the node."""
+        import gtsam
 
+        body_from_camera = self.rig_from_body.inverse() @ self.frames.camera_from_rig.inverse()
+        to_camera = body_from_camera.inverse().adjoint[np.ix_(ORDER, ORDER)]
+        keys = [POSE.key(before), POSE.key(now), SCALE.key(now)]
+        length, seconds = np.exp(now.log_scale) * np.linalg.norm(moved.translation), now.time_ns - before.time_ns
+        covariance = self.noise.covariance(float(length), seconds * 1e-9)[np.ix_(ORDER, ORDER)]
 
-def _eliminated(start: Array, start_vector: Array | None, pair: Array, vector: Array | None) -> tuple[Array, Array]:
-    """Returns information and vector of the second node of a pair, with those known of the first one."""
-    size = len(start)
-    first = pair[:size, :size] + start + RELAXED * np.eye(size)
-    gain = np.linalg.solve(first, pair[:size, size:]).T
-    left = pair[size:, size:] - gain @ pair[:size, size:]
-    side = np.zeros(size)
-    if vector is not None and start_vector is not None:
-        side = vector[size:] - gain @ (vector[:size] + start_vector)
-    return 0.5 * (left + left.T), side
+        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            first, second = (Pose.from_matrix(values.atPose3(key).matrix()) @ body_from_camera for key in keys[:2])
+            estimate, scale = first.inverse() @ second, np.exp(values.atVector(keys[2])[0])
+            if jacobians is not None:
+                by_first, by_second = np.zeros((6, 6)), np.zeros((6, 6))
+                by_first[:3, :3], by_second[:3, :3] = -estimate.rotation.T, np.eye(3)
+                by_first[3:, :3], by_first[3:, 3:] = skew(estimate.translation), -np.eye(3)
+                by_second[3:, 3:] = estimate.rotation
+                jacobians[0], jacobians[1] = by_first @ to_camera, by_second @ to_camera
+                jacobians[2] = np.concatenate([np.zeros(3), -scale * moved.translation])[:, None]
+            turn = so3_log(moved.rotation.T @ estimate.rotation)
+            return np.concatenate([turn, estimate.translation - scale * moved.translation])
+
+        factor = gtsam.CustomFactor(CAUCHY.noise(covariance), keys, error)
+        return Factor("visual", factor, now.number, 6, CAUCHY)
+
+    def _prior_factor(self, prior: Prior) -> Factor:
+        import gtsam
+
+        sizes, turned = np.linalg.eigh(prior.information)
+        known = sizes > 1e-12 * sizes[-1]
+        root = np.sqrt(sizes[known])[:, None] * turned[:, known].T
+        side = turned[:, known].T @ prior.vector / np.sqrt(sizes[known])
+        keys, change = [each.key(prior.at[0]) for each in self.variables], self.change_from(prior.at)
+
+        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            if jacobians is not None:
+                for n, each in enumerate(self.variables):
+                    begin = int(self.starts[each.letter])
+                    jacobians[n] = root[:, begin : begin + each.size]
+            return root @ change(values) - side
+
+        noise = gtsam.noiseModel.Unit.Create(int(known.sum()))
+        return Factor("prior", gtsam.CustomFactor(noise, keys, error), prior.at[0].number)

@@ -1,29 +1,23 @@
 """What moved the newest node of `fused`: the window is solved again without the factors of one sensor.
 
-What the sensor said before the window is in its prior, and stays there.
+What the sensor measured before the window is in its prior, and stays there.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.survey.fused_factors import DIMENSIONS
+from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL
-from ispom.estimators.survey.fused_values import Node, Prior
+from ispom.estimators.survey.fused_values import Prior
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
+from ispom.sensors.fusion import Node
 from ispom.solvers.influence.problem import Part, Shift
 from ispom.types import FrameName
-
-if TYPE_CHECKING:
-    from ispom.estimators.survey.fused_graph import Graph
-
-NAMES = {"visual": "images", "imu": "IMU", "gnss": "GNSS", "wheel": "wheels", "laser": "laser"}
-"""Of the sensors, by the names of their factors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +40,14 @@ class GraphProblem:
         return _newest(self.solved)
 
     @property
+    def _names(self) -> dict[str, str]:
+        """Of the sensors, by those of their factors."""
+        return {"visual": "images", **{kind.name: kind.word for kind in self.graph.kinds}}
+
+    @property
     def parts(self) -> tuple[Part, ...]:
-        told = {factor.sensor for factor in self.graph.factors(self.start, self.prior)}
-        return tuple(Part("sensor", name) for sensor, name in NAMES.items() if sensor in told & set(DIMENSIONS))
+        measured = {f.sensor for f in self.graph.factors(self.start, self.prior) if f.dimensions}
+        return tuple(Part("sensor", name) for sensor, name in self._names.items() if sensor in measured)
 
     def shifts(self, parts: tuple[Part, ...]) -> list[Shift]:
         return [self._without(part, self.solved) for part in parts]
@@ -60,10 +59,10 @@ class GraphProblem:
         return np.zeros(0, np.int64), np.zeros((0, 2))
 
     def _without(self, part: Part, start: tuple[Node, ...]) -> Shift:
-        sensor = next(s for s, name in NAMES.items() if name == part.name)
+        sensor = next(sensor for sensor, name in self._names.items() if name == part.name)
         try:
             before, after = (
-                _newest(self.graph.solved(self.start, self.prior, start, without)[0]) for without in (sensor, "")
+                _newest(self.graph.solved(self.start, self.prior, start, without).nodes) for without in (sensor, "")
             )
         except RuntimeError:  # of gtsam, where the rest does not determine the nodes
             return Shift.unknown()

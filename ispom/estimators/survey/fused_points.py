@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ispom.estimators.survey.fused_values import Node
 from ispom.geometry import Array
+from ispom.sensors.fusion import Node
 from ispom.types import LensCorrection
 
 LOSS = 3.0

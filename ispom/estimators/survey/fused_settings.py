@@ -8,12 +8,6 @@ from typing import Annotated, Literal
 from ispom.settings import Range
 from ispom.types import Kind
 
-OTHERS: dict[Kind, str] = {
-    "imu": "an IMU",
-    "gnss": "a GNSS antenna",
-    "wheel": "a wheel odometer",
-    "laser": "a laser scanner",
-}
 SCHEMES: dict[str, frozenset[Kind]] = {
     "1": frozenset({"gnss", "imu"}),
     "2": frozenset({"gnss", "imu"}),

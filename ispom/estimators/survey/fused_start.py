@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from ispom.estimators.survey.fused_checks import START_FIXES, START_WAY
-from ispom.estimators.survey.fused_factors import GRAVITY_M_S2
-from ispom.estimators.survey.fused_links import Inertial
-from ispom.estimators.survey.fused_values import Node
 from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.sensors.fusion import Node
+from ispom.sensors.gnss import fixes_of
+from ispom.sensors.imu import GRAVITY_M_S2, inertial_of, summed
 from ispom.types import Decision
 
 OPTICAL_FROM_LEVEL = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -56,14 +56,14 @@ def started(
     All of `nodes` have a pose of the images. `gnss`: fixes take part. `metric`: the unit of the images is the metre.
     """
     frames = camera_from_rig, rig_from_body
-    inertial = sum(n.inertial is not None for n in nodes[1:]) >= max(1, 0.8 * (len(nodes) - 1))
+    inertial = sum(inertial_of(n) is not None for n in nodes[1:]) >= max(1, 0.8 * (len(nodes) - 1))
     level_from_world = _level(nodes, camera_from_rig, rig_from_body, inertial)
     if gnss:
         found = _by_fixes(nodes, level_from_world, camera_from_rig, 1.0 if metric else None, start_m)
         return found and _placed(nodes, found, frames, METRIC_SIGMA if metric else 0.1)
     scale: float | None = 1.0 if metric else _by_links(nodes, camera_from_rig)
     sigma = METRIC_SIGMA if metric else 0.3
-    if scale is None and inertial and not any(n.wheel or n.laser for n in nodes):
+    if scale is None and inertial and not any(n.link for n in nodes):
         by_imu = _by_imu(nodes, camera_from_rig, rig_from_body)
         if by_imu is not None:
             scale, up, sigma = by_imu[0], by_imu[1], max(3 * by_imu[2], 0.1)
@@ -79,7 +79,7 @@ def resting(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose,
     It stands where its IMU measured for REST_S, and its points stayed within REST_PX (their median). None where it does
     not. The scale is taken to be known; it has no meaning yet.
     """
-    samples = [n.inertial for n in nodes[1:] if n.inertial is not None]
+    samples = [each for n in nodes[1:] if (each := inertial_of(n)) is not None]
     seconds = sum(float(s.seconds.sum()) for s in samples)
     if seconds < 0.99 * REST_S or len(samples) < len(nodes) - 1:
         return None
@@ -102,9 +102,10 @@ def _level(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose, 
     if inertial:
         total = np.zeros(3)
         for node in nodes[1:]:
-            if node.inertial is not None and node.camera is not None:
+            samples = inertial_of(node)
+            if samples is not None and node.camera is not None:
                 turn = node.camera.rotation @ camera_from_rig.rotation @ rig_from_body.rotation
-                total += turn @ (node.inertial.seconds @ node.inertial.forces)
+                total += turn @ (samples.seconds @ samples.forces)
         return _turn_to_up(total)
     first = nodes[0].camera
     assert first is not None
@@ -130,7 +131,7 @@ def _ahead_is_north(nodes: tuple[Node, ...], level_from_world: Array, camera_fro
 
 def fix_checks(nodes: tuple[Node, ...], start_m: float) -> tuple[Decision, ...]:
     """Returns whether the fixes are enough, and lie far enough apart, for scale and heading."""
-    fixes = [fix for n in nodes for fix in n.fixes]
+    fixes = [fix for n in nodes for fix in fixes_of(n)]
     enough = START_FIXES.of(len(fixes), FEWEST_FIXES)
     if not enough.passed:
         return (enough,)
@@ -146,7 +147,7 @@ def _by_fixes(
     """Returns scale, (3, 3) local_from_world and the local position of the images' origin, by a similarity."""
     if not all(check.passed for check in fix_checks(nodes, start_m)):
         return None
-    rows = [(n, fix) for n in nodes for fix in n.fixes]
+    rows = [(n, fix) for n in nodes for fix in fixes_of(n)]
     xyz = np.array([fix.xyz_in_local for _, fix in rows])
     thens = [n.camera @ fix.camera_from_then for n, fix in rows if n.camera is not None]
     cameras = np.array([level_from_world @ pose.translation for pose in thens])
@@ -175,10 +176,9 @@ def _by_links(nodes: tuple[Node, ...], camera_from_rig: Pose) -> float | None:
     """Returns the median ratio of the lengths of links to those of the images."""
     ratios, way = list[float](), 0.0
     for node in nodes[1:]:
-        link = node.wheel or node.laser
-        if link is None or node.visual is None:
+        if node.link is None or node.visual is None:
             continue
-        moved = camera_from_rig @ link.relative @ camera_from_rig.inverse()
+        moved = camera_from_rig @ node.link.relative @ camera_from_rig.inverse()
         length = float(np.linalg.norm(node.visual.translation))
         way += float(np.linalg.norm(moved.translation))
         if length > 0:
@@ -188,7 +188,7 @@ def _by_links(nodes: tuple[Node, ...], camera_from_rig: Pose) -> float | None:
 
 def _by_imu(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose) -> tuple[float, Array, float] | None:
     """Returns scale, the direction up in the images' world, and the relative deviation of the scale."""
-    steps = [(a, b, b.inertial) for a, b in pairwise(nodes) if b.inertial is not None]
+    steps = [(a, b, each) for a, b in pairwise(nodes) if (each := inertial_of(b)) is not None]
     if sum((b.time_ns - a.time_ns) * 1e-9 for a, b, _ in steps) < INERTIAL_S:
         return None
     camera_from_body = camera_from_rig @ rig_from_body
@@ -225,21 +225,6 @@ def _by_imu(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose)
     if scale <= 0 or deviation > MAX_SCALE_SIGMA * scale or off > GRAVITY_OFF:
         return None
     return scale, -gravity, deviation / scale
-
-
-def summed(samples: Inertial, bias: Array) -> tuple[Array, Array, Array, float]:
-    """Returns rotation, velocity and position that samples add, in the frame of the body before, and the time.
-
-    `bias` (6,) of accelerometer and gyroscope.
-    """
-    turn, velocity, place, seconds = np.eye(3), np.zeros(3), np.zeros(3), 0.0
-    for dt, rate, force in zip(
-        samples.seconds.tolist(), samples.rates - bias[3:], samples.forces - bias[:3], strict=True
-    ):
-        force_then = turn @ so3_exp(0.5 * dt * rate) @ force
-        place = place + velocity * dt + 0.5 * dt**2 * force_then
-        velocity, seconds, turn = velocity + dt * force_then, seconds + dt, turn @ so3_exp(dt * rate)
-    return turn, velocity, place, seconds
 
 
 def _placed(

@@ -6,10 +6,10 @@ images lose. See `fused` for the graph and its references.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from ispom.estimator import STEREO, Method
-from ispom.estimators.survey.fused import METHOD as FUSED
-from ispom.estimators.survey.fused import OTHERS, Fused, FusedConfig
+from ispom.estimator import STEREO
+from ispom.estimators.survey.fused import Fused, FusedConfig, method_of
 from ispom.settings import checked
 from ispom.types import Rig
 
@@ -23,17 +23,6 @@ class FusedStereoConfig(FusedConfig):
         return Fused(rig, checked(self), "fused.stereo", "stereo")
 
 
-METHOD = Method(
-    "fused.stereo",
-    STEREO | frozenset(OTHERS),
-    FusedStereoConfig,
-    "metric",
-    FUSED.source,
-    FUSED.scale,
-    {"visual": "stereo"},
-    FUSED.checks,
-    FUSED.stages,
-    frozenset(OTHERS),
-    "Table 2: stereo images and other sensors",
-    "own",
+METHOD = partial(
+    method_of, "fused.stereo", STEREO, FusedStereoConfig, "stereo", "Table 2: stereo images and other sensors"
 )

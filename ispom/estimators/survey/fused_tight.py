@@ -21,24 +21,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method
-from ispom.estimators.survey.fused import METHOD as FUSED
-from ispom.estimators.survey.fused import WAITING_NODES, WORLD_FROM_LOCAL, Fused, FusedConfig
-from ispom.estimators.survey.fused_checks import CHECKS, FITS, GAINS, LOCATED, MAX_FIT, MIN_GAIN, START_SIGMA, STARTED
-from ispom.estimators.survey.fused_links import FLOOR_M, FLOOR_RAD, inertial_link
-from ispom.estimators.survey.fused_nodes import FusedState, ahead
-from ispom.estimators.survey.fused_settings import OTHERS
+from ispom.estimators.survey.fused import STAGES, WAITING_NODES, WORLD_FROM_LOCAL, Fused, FusedConfig, usable_kinds
+from ispom.estimators.survey.fused_checks import LOCATED, START_SIGMA, STARTED, checks_of
+from ispom.estimators.survey.fused_nodes import FusedState
 from ispom.estimators.survey.fused_start import Start, fix_checks, resting, started
-from ispom.estimators.survey.fused_tight_graph import TightGraph, TightPrior
-from ispom.estimators.survey.fused_values import NO_POINTS, Node, Points, revised_nodes
+from ispom.estimators.survey.fused_tight_graph import STILL_M_S, TightGraph
+from ispom.estimators.survey.fused_values import revised_nodes
+from ispom.estimators.survey.fused_window import TILTED
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
+from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, NO_POINTS, Node, Points
+from ispom.sensors.imu import inertial_between, inertial_of, predicted
 from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Landmarks, LensCorrection, Measurement, Rig, Status, Step, TrackStatus, Trajectory
@@ -68,10 +67,6 @@ class FusedTightConfig(FusedConfig):
 class TightState(FusedState):
     """What is kept besides: the points."""
 
-    joint: TightPrior | None = None
-    """None until the start."""
-    origin: TightPrior | None = None
-    """That of the start."""
     points: Points = NO_POINTS
     """Of the present image."""
     seen_points: PersistentList[tuple[int, Points]] = PersistentList()
@@ -85,11 +80,11 @@ class TightState(FusedState):
 class Tight(Fused):
     """An Integrator of `monocular`."""
 
-    others = MappingProxyType({kind: OTHERS[kind] for kind in ("imu", "gnss")})
+    tightly = True
 
     def __init__(self, rig: Rig, config: FusedTightConfig) -> None:
         super().__init__(rig, config, "fused.tight", "video")
-        if not self._sensors:
+        if not self._sensors & {"imu", "gnss"}:
             raise InputError(
                 "fused.tight needs an IMU or a GNSS antenna, which this sequence lacks: add it by --sensors FILE.yaml"
             )
@@ -117,16 +112,16 @@ class Tight(Fused):
         if not state.nodes:
             return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(0, 1),))
         last, moved = state.nodes[-1], None
-        inertial = inertial_link(state.samples, last.time_ns, time_ns) if "imu" in self._sensors else None
+        inertial = inertial_between(state.memory.get("imu", ()), last.time_ns, time_ns)
         start = dict(state.seen).get(last.time_ns)
         if inertial is not None:
-            moved = last.local_from_rig.inverse() @ ahead(last, inertial, self._tight.rig_from_body)[0]
+            moved = last.local_from_rig.inverse() @ predicted(last, inertial, self._tight.rig_from_body)[0]
         elif sighted and start is not None:
-            moved = self._collector.in_rig(start.inverse() @ dict(state.seen)[time_ns], last.log_scale)
-        located = state.joint is not None and moved is not None and state.covariance is not None
+            moved = self._in_rig(start.inverse() @ dict(state.seen)[time_ns], last.log_scale)
+        located = state.prior is not None and moved is not None and state.covariance is not None
         decisions = (LOCATED.of(int(moved is not None), 1),)
         if not located or moved is None:
-            waits = state.joint is None
+            waits = state.prior is None
             return state, Step(time_ns, Status.INITIALISING if waits else Status.LOST, decisions=decisions)
         state = replace(state, frames=state.frames.appended((time_ns, last.number, moved)))
         along, seconds = moved.inverse().adjoint, (time_ns - last.time_ns) * 1e-9
@@ -139,10 +134,10 @@ class Tight(Fused):
 
     def _next(self, state: Any, time_ns: int) -> tuple[Any, Node]:
         """Returns the next node with its points; after the start, where the IMU says that it is."""
-        state, node, _ = self._collector.next_node(state, time_ns)
-        node = replace(node, points=state.points)
-        if state.joint is not None and node.inertial is not None:
-            pose, velocity = ahead(state.nodes[-1], node.inertial, self._tight.rig_from_body)
+        state, node = self._collector.next_node(state, time_ns)
+        node, inertial = replace(node, points=state.points), inertial_of(node)
+        if state.prior is not None and inertial is not None:
+            pose, velocity = predicted(state.nodes[-1], inertial, self._tight.rig_from_body)
             node = replace(node, local_from_rig=pose, velocity=velocity)
         return replace(state, seen_points=state.seen_points.appended((node.number, node.points))), node
 
@@ -160,13 +155,14 @@ class Tight(Fused):
             decisions += tuple(check for check in missing if not check.passed)
             return state, Step(time_ns, Status.INITIALISING, decisions=decisions)
         start, still = begin
-        prior = self._tight.first_prior(start.nodes[0], still)
+        covariance = self._tight.first_covariance(start.nodes[0].local_from_rig, TILTED)
+        prior = self._tight.first_prior(start.nodes[0], covariance, **({"v": STILL_M_S} if still else {}))
         nodes, misfits = self._tight.optimised(start.nodes, prior, state.lens)
         way = sum(
             float(np.linalg.norm(b.local_from_rig.translation - a.local_from_rig.translation))
             for a, b in pairwise(nodes)
         )
-        covariance = self._tight.uncertainty(nodes, prior, state.lens)[0]
+        covariance = self._tight.uncertainty(nodes, prior, state.lens).covariance
         watch.lap("optimise")
         sigma_m = float(np.sqrt(np.trace(covariance[:3, :3])))
         if not still and sigma_m > WORST_START * way:
@@ -174,8 +170,8 @@ class Tight(Fused):
             count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
             return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
         frames = state.frames.extended([(n.time_ns, n.number, Pose()) for n in nodes])
-        state = replace(state, nodes=nodes, joint=prior, origin=prior, frames=frames)
-        return self._told(state, decisions, misfits, watch)
+        state = replace(state, nodes=nodes, prior=prior, first=prior, frames=frames)
+        return self._reported_tightly(state, decisions, misfits, watch)
 
     def _begin(self, nodes: tuple[Node, ...]) -> tuple[Start, bool] | None:
         """Returns first estimates of nodes at the end of these, and whether the rig stands there."""
@@ -194,33 +190,30 @@ class Tight(Fused):
 
     def _with_node(self, state: Any, time_ns: int, watch: Stopwatch) -> tuple[Any, Step]:
         state, node = self._next(state, time_ns)
-        sources = sum(each is not None for each in (node.visual, node.inertial))
         watch.lap("measure")
         nodes = revised_nodes((*state.nodes, node), dict(state.seen))
-        nodes, misfits = self._tight.optimised(nodes, state.joint, state.lens)
+        nodes, misfits = self._tight.optimised(nodes, state.prior, state.lens)
         watch.lap("optimise")
         frames = state.frames.appended((time_ns, node.number, Pose()))
         state = replace(state, nodes=nodes, frames=frames)
-        return self._told(state, (LOCATED.of(sources, 1),), misfits, watch)
+        return self._reported_tightly(state, (LOCATED.of(node.motion_sources, 1),), misfits, watch)
 
-    def _told(
+    def _reported_tightly(
         self, state: Any, decisions: tuple[Decision, ...], misfits: Mapping[str, float], watch: Stopwatch
     ) -> tuple[Any, Step]:
         """Returns the Step of the last node, and the window without the nodes that are too many."""
         nodes = (*state.nodes[:-1], self._scaled(state.nodes))
-        last, prior, settled = nodes[-1], state.joint, state.settled
-        covariance, speed_sigma, gains = self._tight.uncertainty(nodes, prior, state.lens)
+        last, prior, settled = nodes[-1], state.prior, state.settled
+        uncertainty = self._tight.uncertainty(nodes, prior, state.lens)
         revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
         while len(nodes) > self._config.window:
             settled = settled.appended(replace(nodes[0], points=NO_POINTS))
             prior, nodes = self._tight.reduced(nodes, prior, state.lens)
         watch.lap("marginalise")
-        fits = [FITS[sensor].of(value, MAX_FIT) for sensor, value in misfits.items()]
-        gain = [GAINS[sensor].of(value, MIN_GAIN) for sensor, value in gains.items()]
+        covariance, speed_sigma = uncertainty.covariance, uncertainty.by_letter.get("v", 0.0)
         state = replace(
-            state, nodes=nodes, joint=prior, settled=settled, covariance=covariance, speed_sigma=speed_sigma
+            state, nodes=nodes, prior=prior, settled=settled, covariance=covariance, speed_sigma=speed_sigma
         )
-        state = replace(state, prior=cast(Any, prior))
         return state, Step(
             last.time_ns,
             Status.TRACKING,
@@ -229,7 +222,7 @@ class Tight(Fused):
             covariance,
             key_frame=True,
             revised=revised,
-            decisions=(*decisions, *fits, *gain),
+            decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
 
     def _scaled(self, nodes: tuple[Node, ...]) -> Node:
@@ -251,14 +244,14 @@ class Tight(Fused):
     def finish(self, state: Any, inputs: Mapping[str, Trajectory], /) -> Trajectory:
         """See Integrator: all nodes and tracks since the start estimated at once, and the frames between as they were
         relative to their node."""
-        if state.origin is None:
+        if state.first is None:
             return Trajectory.empty()
         points = dict(state.seen_points)
         nodes = [*state.settled, *state.nodes]
-        begin = state.origin.at[0].number
+        begin = state.first.at[0].number
         older = [n for n in nodes if n.number < begin]
         together = tuple(replace(n, points=points[n.number]) for n in nodes if n.number >= begin)
-        nodes = [*older, *self._tight.optimised(together, state.origin, state.lens)[0]]
+        nodes = [*older, *self._tight.optimised(together, state.first, state.lens)[0]]
         return Trajectory.of(_filled({n.number: n for n in nodes}, list(state.frames)))
 
     def _with_other_sensors(self, state: Any) -> Any:
@@ -267,16 +260,15 @@ class Tight(Fused):
         bare = replace(bare, number=state.number, seen_points=state.seen_points, points=state.points, lens=state.lens)
         if state.covariance is None or not state.nodes:
             return bare
-        last = replace(state.nodes[-1], fixes=(), bias=np.zeros(6))
-        prior = self._tight.known_prior(last, state.covariance)
+        last = replace(state.nodes[-1].without_absolute, bias=np.zeros(6), offsets={})
+        prior = self._tight.first_prior(last, state.covariance)
         settled = state.settled.extended(state.nodes[:-1])
         covariance = state.covariance
         return replace(
             bare,
             nodes=(last,),
-            joint=prior,
-            origin=prior,
-            prior=cast(Any, prior),
+            prior=prior,
+            first=prior,
             covariance=covariance,
             settled=settled,
         )
@@ -287,17 +279,23 @@ def _filled(nodes: dict[int, Node], frames: list[tuple[int, int, Pose]]) -> list
     return [(t, WORLD_FROM_LOCAL @ nodes[n].local_from_rig @ moved) for t, n, moved in frames if n in nodes]
 
 
-METHOD = Method(
-    "fused.tight",
-    VIDEO | frozenset(Tight.others),
-    FusedTightConfig,
-    "metric",
-    "Forster et al. 2017 (preintegrated IMU), Carlone et al. 2014 (smart factors)",
-    FUSED.scale,
-    {"visual": "monocular"},
-    {key: check for key, check in CHECKS.items() if not key.startswith(("wheel", "laser"))},
-    FUSED.stages,
-    frozenset(Tight.others),
-    "Table 2: images, IMU and GNSS, tightly coupled",
-    "own",
-)
+def method_of() -> Method:
+    """Returns the Method; its sensors are those registered ones that are coupled tightly."""
+    kinds = usable_kinds(tightly=True)
+    return Method(
+        "fused.tight",
+        VIDEO | frozenset(kinds),
+        FusedTightConfig,
+        "metric",
+        "Forster et al. 2017 (preintegrated IMU), Carlone et al. 2014 (smart factors)",
+        "m per unit",
+        {"visual": "monocular"},
+        checks_of(kinds.values()),
+        STAGES,
+        frozenset(kinds),
+        "Table 2: images, IMU and GNSS, tightly coupled",
+        "own",
+    )
+
+
+METHOD = method_of

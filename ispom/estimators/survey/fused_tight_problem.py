@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, diags, eye
+from scipy.sparse import csc_matrix, csr_matrix, diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
-from ispom.estimators.survey.fused_factors import SIZES, Factor
 from ispom.estimators.survey.fused_points import Sights
-from ispom.estimators.survey.fused_values import Node
-from ispom.geometry import Array
+from ispom.estimators.survey.fused_values import Prior
+from ispom.estimators.survey.fused_window import WindowGraph
+from ispom.geometry import Array, Pose
+from ispom.sensors.fusion import ORDER, POSE, Factor, Node
 
 if TYPE_CHECKING:
-    from ispom.estimators.survey.fused_tight_graph import TightGraph, TightPrior
+    import gtsam
 
 SPARSE_FROM = 600
 """Unknowns from which on normal equations are solved as sparse ones."""
@@ -27,22 +28,24 @@ class Problem:
 
     def __init__(
         self,
-        graph: TightGraph,
+        graph: WindowGraph,
+        body_from_camera: Pose,
         nodes: tuple[Node, ...],
-        prior: TightPrior,
+        prior: Prior,
         factors: list[Factor],
         sights: Sights,
-        values: Any = None,
+        values: gtsam.Values | None = None,
         points: Array | None = None,
     ) -> None:
         self._graph, self._nodes, self._prior, self.factors, self.sights = graph, nodes, prior, factors, sights
         self.values = graph.values(nodes) if values is None else values
-        cameras = graph.cameras(nodes, self.values)
+        self._body_from_camera = body_from_camera
+        cameras = self._cameras()
         self._points = sights.placed(*cameras, sights.start, 6) if points is None else sights.placed(*cameras, points)
         self._linear = sights.linear(*cameras, self._points)
         place = {node.number: i for i, node in enumerate(nodes)}
         self._of_prior = np.concatenate([graph.size * place[n.number] + np.arange(graph.size) for n in prior.at])
-        self._place, self._gap = place, graph.difference(prior.at, self.values)
+        self._place, self._gap = place, graph.change_from(prior.at)(self.values)
         known = 0.5 * self._gap @ prior.information @ self._gap - prior.vector @ self._gap
         measured = sum(float(f.value.error(self.values)) for f in factors)
         self.cost = float(known + measured + sights.cost(self._linear, self._points))
@@ -63,64 +66,55 @@ class Problem:
 
         step, size = gtsam.VectorValues(), self._graph.size
         for node in self._nodes:
-            for letter in self._graph.letters:
-                begin = size * self._place[node.number] + int(self._graph.starts[letter])
-                step.insert(gtsam.symbol(letter, node.number), change[begin : begin + SIZES[letter]])
+            for each in self._graph.variables:
+                begin = size * self._place[node.number] + int(self._graph.starts[each.letter])
+                step.insert(each.key(node), change[begin : begin + each.size])
         values = self.values.retract(step)
-        return Problem(self._graph, self._nodes, self._prior, self.factors, self.sights, values, self._points)
+        return Problem(
+            self._graph,
+            self._body_from_camera,
+            self._nodes,
+            self._prior,
+            self.factors,
+            self.sights,
+            values,
+            self._points,
+        )
 
     def normal(self) -> tuple[csr_matrix, Array]:
         """Returns the normal equations of all nodes."""
-        parts = self.sparse_parts()
-        matrix, vector = csr_matrix(self._shape), np.zeros(self._shape[0])
-        for other, side in parts.values():
+        unknowns = self._graph.size * len(self._nodes)
+        matrix, vector = csr_matrix((unknowns, unknowns)), np.zeros(unknowns)
+        for other, side in self.equations().values():
             matrix, vector = matrix + other, vector + side
         return matrix, vector
 
-    @property
-    def _shape(self) -> tuple[int, int]:
+    def equations(self) -> dict[str, tuple[csr_matrix, Array]]:
+        """Returns by sensor, the images and the prior too, the information (K D, K D) and the vector (K D,)."""
+        found = self._graph.equations(self.factors, self.values, self._nodes)
         unknowns = self._graph.size * len(self._nodes)
-        return unknowns, unknowns
-
-    def parts(self) -> dict[str, tuple[Array, Array]]:
-        """Returns by sensor the information (K D, K D) and the vector (K D,) of all nodes."""
-        return {sensor: (matrix.toarray(), vector) for sensor, (matrix, vector) in self.sparse_parts().items()}
-
-    def sparse_parts(self) -> dict[str, tuple[csr_matrix, Array]]:
-        """Returns the same with sparse matrices."""
-        collected = dict[str, tuple[list[Any], list[Any], list[Any], Array]]()
-        starts = self._graph.starts
-        for factor in self.factors:
-            linear = factor.value.linearize(self.values)
-            index = np.concatenate(
-                [
-                    self._graph.size * self._place[key & ((1 << 56) - 1)]
-                    + int(starts[chr(key >> 56)])
-                    + np.arange(SIZES[chr(key >> 56)])
-                    for key in linear.keys()  # noqa: SIM118 (a method of gtsam)
-                ]
-            )
-            whole = linear.augmentedInformation()
-            empty = list[Any](), list[Any](), list[Any](), np.zeros(self._shape[0])
-            values, rows, columns, vector = collected.setdefault(factor.sensor, empty)
-            values.append(whole[:-1, :-1].ravel())
-            rows.append(np.repeat(index, len(index)))
-            columns.append(np.tile(index, len(index)))
-            vector[index] += whole[:-1, -1]
-        found = {
-            sensor: (csr_matrix((np.concatenate(v), (np.concatenate(r), np.concatenate(c))), self._shape), vector)
-            for sensor, (v, r, c, vector) in collected.items()
-        }
-        side = np.zeros(self._shape[0])
+        side = np.zeros(unknowns)
         side[self._of_prior] = self._prior.vector - self._prior.information @ self._gap
         index = self._of_prior
         at = np.repeat(index, len(index)), np.tile(index, len(index))
-        found["prior"] = csr_matrix((self._prior.information.ravel(), at), self._shape), side
+        found["prior"] = csr_matrix((self._prior.information.ravel(), at), (unknowns, unknowns)), side
         if len(self.sights):
-            spread = self._graph.spread(len(self._nodes))
+            spread = self._camera_twists()
             matrix, vector = self.sights.reduced(self._linear, self._points, len(self._nodes))
             found["visual"] = csr_matrix(spread.T @ matrix @ spread), spread.T @ vector
         return found
+
+    def _cameras(self) -> tuple[Array, Array]:
+        """Returns rotations (K, 3, 3) and places (K, 3) of the cameras."""
+        bodies = np.array([self.values.atPose3(POSE.key(node)).matrix() for node in self._nodes])
+        found = bodies @ self._body_from_camera.matrix
+        return found[:, :3, :3], found[:, :3, 3]
+
+    def _camera_twists(self) -> csr_matrix:
+        """Returns (6 K, D K): twists of the cameras by changes of the nodes."""
+        to_camera = self._body_from_camera.inverse().adjoint[np.ix_(ORDER, ORDER)]
+        unseen = np.zeros((6, self._graph.size - 6))
+        return csr_matrix(kron(eye(len(self._nodes)), np.hstack([to_camera, unseen])))
 
 
 def solved(matrix: csr_matrix, vector: Array) -> Array:

@@ -23,11 +23,11 @@ from ispom.errors import InputError, counted
 from ispom.geometry import Array, Pose
 from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, BagFile
 from ispom.io.poses.dialects.ros_bag import TF, pose_topics
-from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA
-from ispom.sequences.own_sensors import OwnSensor, imu_said
-from ispom.sequences.readings import Readings
-from ispom.sequences.sensor_files import geodetic_values
-from ispom.sequences.sensors_beside import NO_POSE, imu_noise_beside, imu_pose_beside, numbered
+from ispom.io.values import LARGEST, MAX_TIME_S
+from ispom.sensors.gnss import LEAST_SIGMA, MOST_SIGMA, geodetic_values
+from ispom.sensors.kind import Readings
+from ispom.sequences.recorded_sensors import RecordedSensor, imu_origin
+from ispom.sequences.sensor_discovery import NO_POSE, imu_noise_beside, imu_pose_beside, numbered
 from ispom.types import Found, GnssAntenna, Imu, WheelOdometer
 
 IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
@@ -56,10 +56,10 @@ class BagCamera:
     """Whether the times of its images are those at which messages were written."""
 
 
-def sensors_of_bag(bag: BagFile, camera: BagCamera) -> tuple[tuple[OwnSensor, ...], tuple[Found, ...]]:
+def sensors_of_bag(bag: BagFile, camera: BagCamera) -> tuple[tuple[RecordedSensor, ...], tuple[Found, ...]]:
     """Returns the IMU, receivers and wheels of a bag, and what else is in it and not used."""
     makers = {IMU: _imu, FIX: _receiver, ODOMETRY: _wheels}
-    found, others, tree = list[OwnSensor](), list[Found](), None
+    found, others, tree = list[RecordedSensor](), list[Found](), None
     for topic, kind in bag.types.items():
         if kind not in makers or not bag.holds(topic):
             continue
@@ -151,7 +151,7 @@ def _mount(bag: BagFile, topic: str, frame: str, camera: BagCamera, tree: _Frame
 # The kinds of sensors.
 
 
-def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSensor:
+def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     beside, read = (bag.path.resolve().parent,), partial(_imu_readings, bag, topic, camera.own_clock)
     pose, said = _mount(bag, topic, _frame(bag.message(topic).header.frame_id), camera, tree)
     missing = ""
@@ -168,12 +168,12 @@ def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSenso
         missing = missing or f"{NO_POSE} ({said}; no camchain with T_cam_imu is beside the bag)"
         said = ""
     sensor = replace(noise or Imu(), rig_from_sensor=pose or Pose())
-    said = imu_said(said, noise, of_noise)
+    said = imu_origin(said, noise, of_noise)
     reading = partial(_shifted, read, later_ns)
-    return OwnSensor("imu", _where(bag, topic), sensor, reading, said, missing, pose is not None)
+    return RecordedSensor("imu", _where(bag, topic), sensor, reading, said, missing, pose is not None)
 
 
-def _receiver(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSensor:
+def _receiver(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     first = bag.message(topic)
     pose, said = _mount(bag, topic, _frame(first.header.frame_id), camera, tree)
     read = partial(_gnss_readings, bag, topic, camera.own_clock)
@@ -184,10 +184,10 @@ def _receiver(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> Own
         usual = " x ".join(f"{sigma:g}" for sigma in USUAL_SIGMA_M)
         said = f"{said}, its covariance is not stated: the usual standard deviations are taken ({usual} m)"
     antenna = GnssAntenna(rig_from_sensor=pose or Pose())
-    return OwnSensor("gnss", _where(bag, topic), antenna, read, said, missing, pose is not None)
+    return RecordedSensor("gnss", _where(bag, topic), antenna, read, said, missing, pose is not None)
 
 
-def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSensor:
+def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     first = bag.message(topic)
     pose, said = _mount(bag, topic, _frame(first.child_frame_id), camera, tree)
     where, read = _where(bag, topic), partial(_wheel_readings, bag, topic, camera.own_clock)
@@ -207,7 +207,7 @@ def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> OwnSe
     usual = f"its noise is the usual one ({WheelOdometer.distance_noise:g} m and "
     usual += f"{WheelOdometer.rotation_noise_rad:g} rad within a metre)"
     odometer = WheelOdometer(rig_from_sensor=pose or Pose())
-    return OwnSensor("wheel", where, odometer, read, f"pose of {said}, {usual}", missing, pose is not None)
+    return RecordedSensor("wheel", where, odometer, read, f"pose of {said}, {usual}", missing, pose is not None)
 
 
 def _is_flat(bag: BagFile, topic: str) -> bool:
@@ -221,7 +221,7 @@ def _is_flat(bag: BagFile, topic: str) -> bool:
 
 def _shifted(read: Callable[[], Readings], by_ns: int) -> Readings:
     found = read()
-    return Readings(found.kind, found.times_ns + by_ns, found.values)
+    return replace(found, times_ns=found.times_ns + by_ns)
 
 
 def _rows(
@@ -284,4 +284,5 @@ def _wheel_readings(bag: BagFile, topic: str, own_clock: bool) -> Readings:
     steps = turned[:-1].inv().apply(np.diff(values[:, :3], axis=0))
     turns = (turned[:-1].inv() * turned[1:]).as_rotvec()[:, 2]
     chord = np.copysign(np.linalg.norm(steps[:, :2], axis=1), steps[:, 0])
-    return Readings("wheel", times_ns, {"distances": chord / np.sinc(turns / (2 * np.pi)), "turns": turns})
+    values = {"distances": chord / np.sinc(turns / (2 * np.pi)), "turns": turns}
+    return Readings("wheel", times_ns, values, between=True)

@@ -23,7 +23,7 @@ from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
-from ispom.sequences.sensors_beside import EUROC_IMU, euroc_imu
+from ispom.sequences.sensor_discovery import EUROC_IMU, euroc_imu
 from ispom.types import Camera, Found, Image, Trajectory
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0")

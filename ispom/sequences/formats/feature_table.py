@@ -29,8 +29,9 @@ from ispom.io.rig import LEAST_NOISE, MAX_NOISE
 from ispom.io.rows import numbers, read_text
 from ispom.io.trajectories import read_tum
 from ispom.io.values import LARGEST, time_ns
+from ispom.sensors.imu import KIND as IMU
+from ispom.sensors.kind import Readings
 from ispom.sequences.matching import no_truth_note, truth_at
-from ispom.sequences.readings import imu_measurements
 from ispom.types import Camera, Frame, Image, Imu, Measurement, Rig, Sequence
 
 TABLE, TRUTH = "imu_and_features.csv", "truth.tum"
@@ -114,7 +115,9 @@ def open_feature_table(folder: Path) -> Sequence:
     name = f"features {folder.resolve().name}"
     sequence = Sequence(name, rig, frames_ns, ("video",) * len(frames_ns), load, truth, (about, *notes))
     times_ns, values = samples
-    return sequence.with_measurements(imu_measurements(times_ns, values[:, :3], values[:, 3:], frames_ns, "imu"))
+    return sequence.with_measurements(
+        IMU.measurements(Readings("imu", times_ns, {"rates": values[:, :3], "forces": values[:, 3:]}), frames_ns, "imu")
+    )
 
 
 def drawn(uv: Array, ids: NDArray[np.int64], size: tuple[int, int]) -> Image:

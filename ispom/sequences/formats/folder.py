@@ -26,7 +26,7 @@ from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, opacities, r
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
-from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sensor_discovery import discovered_sensors
 from ispom.sequences.sidecars import INNER, calibration_beside, first_of, not_used, places_of, truth_beside, used
 from ispom.sequences.sidecars import TIMES as ALL_TIMES
 from ispom.sequences.stream import Clock, Stream, clock_of, fitted, size_of
@@ -80,7 +80,7 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     found = (*used(("lens", path), ("times", clock.times)), *found, *of_truth, *not_used(places))
     return Recording(
         name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes,
-        guess=guess, found=found, sensors=sensors_beside(places),
+        guess=guess, found=found, sensors=discovered_sensors(places),
     )  # fmt: skip
 
 

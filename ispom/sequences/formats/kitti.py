@@ -18,7 +18,7 @@ from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti import read_calibration, read_poses, read_times
 from ispom.sequences.images import IMAGE_SUFFIXES, read_grey, read_image
 from ispom.sequences.recording import Recording, Side
-from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sensor_discovery import discovered_sensors
 from ispom.sequences.sidecars import used
 from ispom.types import Camera, Image, Trajectory
 
@@ -57,7 +57,7 @@ def open_kitti(folder: Path) -> Recording:
     if truth is not None and left != PAIRS[0][0]:
         truth = truth.moved(right=Pose(translation=-shift_m))
     found = used(("lens", folder / "calib.txt"), ("times", folder / "times.txt"), ("truth", _truth_path(folder)))
-    name, sensors = f"KITTI {folder.resolve().name}", sensors_beside((folder,))
+    name, sensors = f"KITTI {folder.resolve().name}", discovered_sensors((folder,))
     return Recording(name, camera, baseline_m, times_ns[:count], read, truth, found=found, sensors=sensors)
 
 

@@ -21,7 +21,7 @@ from ispom.sequences.images import read_image
 from ispom.sequences.matching import truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Maps, remapped, undistortion
-from ispom.sequences.sensors_beside import oxts_sensors
+from ispom.sequences.sensor_discovery import oxts_sensors
 from ispom.types import Camera, Found, Image, Trajectory
 
 _PAIRS = (("00", "01"), ("02", "03"))

@@ -11,6 +11,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.files import expanded
+from ispom.sensors.simulated import Scenery
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.scenario import looks_like_scenario
 from ispom.sequences.rectification import Rectification, remapped
@@ -20,7 +21,6 @@ from ispom.simulation.places.meshes import mesh_name
 from ispom.simulation.rendering.cache import AheadRenderer, ImageCache, default_folder, source_key
 from ispom.simulation.rendering.process import render_pool
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
-from ispom.simulation.scenario.sensors import Scenery
 from ispom.simulation.source import Source
 from ispom.types import Frame, Image, Measurement, Rig, Sequence, Trajectory
 

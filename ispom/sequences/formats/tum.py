@@ -18,7 +18,7 @@ from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording, Side
-from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sensor_discovery import discovered_sensors
 from ispom.sequences.sidecars import not_used, truth_of_images, used
 from ispom.types import Found, Image
 
@@ -64,7 +64,7 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     found += (*not_used((folder,)), *_acceleration(folder))
     return Recording(
         f"TUM {folder.resolve().name}", camera, None, times_ns, read, ground_truth, notes,
-        guess=guess, found=found, sensors=sensors_beside((folder,)),
+        guess=guess, found=found, sensors=discovered_sensors((folder,)),
     )  # fmt: skip
 
 

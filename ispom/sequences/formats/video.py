@@ -21,7 +21,7 @@ from ispom.sequences.formats.folder import is_calibration, read_settings, settin
 from ispom.sequences.guess import guess_of_film, pixel_aspect, subtitles_of
 from ispom.sequences.images import IMAGE_SUFFIXES
 from ispom.sequences.recording import Recording
-from ispom.sequences.sensors_beside import sensors_beside
+from ispom.sequences.sensor_discovery import discovered_sensors
 from ispom.sequences.sidecars import calibration_beside, not_used, subtitles_found, truth_beside, used
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
 from ispom.types import Camera, Found, Image
@@ -74,7 +74,7 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     found = (*used(("lens", settings), ("times", clock.times)), *found, *of_truth, *subtitles_found(subtitles_of(path)))
     return Recording(
         f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), truth, notes,
-        guess=guess, found=(*found, *not_used(places)), sensors=sensors_beside(places),
+        guess=guess, found=(*found, *not_used(places)), sensors=discovered_sensors(places),
     )  # fmt: skip
 
 

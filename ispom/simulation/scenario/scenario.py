@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 
 from ispom.errors import InputError
 from ispom.io.mapping import parse_yaml, read_mapping
+from ispom.sensors import SENSOR_KINDS
+from ispom.sensors.simulated import Scenery, SimulatedSensor
 from ispom.settings import Range, from_plain, settings
 from ispom.simulation.scenario.calibrations import (
     Unlevel,
@@ -20,7 +22,6 @@ from ispom.simulation.scenario.calibrations import (
 )
 from ispom.simulation.scenario.fault import Clock, Dropped, Exchanged, Fault, Repeated
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
-from ispom.simulation.scenario.sensors import SENSORS, Scenery, SimulatedSensor
 from ispom.simulation.scenario.spoilt import Fog, Jpeg, MotionBlur, MovingPatch, Noise, Smear
 from ispom.types import Sequence
 
@@ -127,6 +128,12 @@ class Scenario:
         return ", ".join([*_changed(self.world), *others])
 
 
+def simulated_sensors() -> dict[str, type]:
+    """Returns the sensors that can be simulated, by their name in files and addresses: their kind, and their name in
+    the rig."""
+    return {name: kind.simulated for name, kind in SENSOR_KINDS.items().items() if kind.simulated is not None}
+
+
 def scenario_of_words(text: str) -> Scenario:
     """Reads what follows `sim:`, as in `city?motion=drive&sensor=gnss:noise_m=1&fault=darkness:factor=0.1,from_s=3`.
 
@@ -184,7 +191,7 @@ def _scenario(where: str, content: Mapping[Any, Any]) -> Scenario:
     world = from_plain(World, rest, where)
     _check(world, where)
     faults = tuple(_named(where, f, FAULTS, "fault") for f in entries["faults"])
-    sensors = [_named(where, f, SENSORS, "sensor") for f in entries["sensors"]]
+    sensors = [_named(where, f, simulated_sensors(), "sensor") for f in entries["sensors"]]
     if len({name for name, _ in sensors}) < len(sensors):
         raise InputError(f"{where}: a sensor is there twice: give each kind once")
     return Scenario(scene, seed, world, faults, tuple(sensor for _, sensor in sensors))

@@ -14,7 +14,7 @@ from ispom_app.session.review.stored import compared, stored_source
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
-from ispom.sequences.own_sensors import AUTO, NONE
+from ispom.sequences.recorded_sensors import AUTO, NONE
 from tests import doubles
 from tests.sequences.bag_folders import make_bag
 from tests.sequences.kitti_folder import make_drive

@@ -19,21 +19,19 @@ from ispom.errors import InputError
 from ispom.estimators.survey import fused
 from ispom.estimators.survey.fused import SCHEMES, FusedConfig
 from ispom.estimators.survey.fused_graph import Graph
-from ispom.estimators.survey.fused_links import Link, deskewed, wheel_link
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
 from ispom.estimators.survey.fused_tight import FusedTightConfig
-from ispom.estimators.survey.fused_values import Node, Noise
+from ispom.estimators.survey.fused_values import Noise
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
+from ispom.sensors.fusion import Link, Node
+from ispom.sensors.gnss import SimulatedGnss
+from ispom.sensors.imu import SimulatedImu
+from ispom.sensors.laser import SimulatedLaser, deskewed
+from ispom.sensors.simulated import Scenery
+from ispom.sensors.wheel import SimulatedWheel, wheel_link
 from ispom.simulation.motions import motion_of
 from ispom.simulation.places.city import build_city
-from ispom.simulation.scenario.sensors import (
-    Scenery,
-    SimulatedGnss,
-    SimulatedImu,
-    SimulatedLaser,
-    SimulatedWheel,
-)
 from ispom.testing import check_estimator
 from ispom.testing.flight import flight, flight_rig
 from ispom.testing.values import digest
@@ -262,13 +260,13 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
     graph = Graph(rig, frozenset({"wheel"}), Pose(), Noise(1e-3, 1e-2, 1e-3))
     for window in (2, 9):
         first = Node(0, 0)
-        prior, nodes = graph.first_prior(first, np.eye(6) * 1e-4, 0.1), (first,)
+        prior, nodes = graph.first_prior(first, np.eye(6) * 1e-4, s=0.1), (first,)
         for k, link in enumerate(links, 1):
             pose = nodes[-1].local_from_rig @ link.relative
-            nodes, _ = graph.optimised((*nodes, Node(k, k * 10**8, pose, wheel=link)), prior)
+            nodes, _ = graph.optimised((*nodes, Node(k, k * 10**8, pose, relative={"wheel": link})), prior)
             while len(nodes) > window:
                 prior, nodes = graph.reduced(nodes, prior), nodes[1:]
-        found.append((graph.uncertainty(nodes, prior)[0], nodes[-1].local_from_rig.matrix))
+        found.append((graph.uncertainty(nodes, prior).covariance, nodes[-1].local_from_rig.matrix))
     assert_allclose(found[0][0], found[1][0], rtol=1e-4, atol=1e-9)
     assert_allclose(found[0][1], found[1][1], atol=1e-6)
 

@@ -15,12 +15,14 @@ import pytest
 from ispom.errors import InputError
 from ispom.estimators.survey.fused_points import Sights
 from ispom.estimators.survey.fused_tight import FusedTightConfig
-from ispom.estimators.survey.fused_values import Node, Points
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
+from ispom.sensors.fusion import Node, Points
+from ispom.sensors.gnss import SimulatedGnss
+from ispom.sensors.imu import SimulatedImu
+from ispom.sensors.simulated import Scenery
 from ispom.simulation.motions import motion_of
 from ispom.simulation.places.city import build_city
-from ispom.simulation.scenario.sensors import Scenery, SimulatedGnss, SimulatedImu
 from ispom.testing import check_estimator
 from ispom.testing.values import digest
 from ispom.types import Camera, Frame, Measurement, Rig, Status, Step, Tracks, Trajectory

@@ -14,10 +14,11 @@ const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not
 
 const OUTAGE = 3; // times the usual interval between two measurements of a sensor
 
-// What each letter of the axis's kinds stands for.
-export const SENSORS = { v: "video", s: "stereo", c: "cameras", i: "IMU", g: "GNSS", w: "wheel", l: "laser", o: "other sensor" };
-const NAMES = { v: "Video frames", s: "Stereo frames", c: "Frames of cameras", i: "IMU", g: "GNSS", w: "Wheel", l: "Laser", o: "Others" };
-const clocks = ({ kinds }) => Object.keys(NAMES).filter((kind) => kinds.includes(kind));
+// The labels of the letters in the axis's kinds: those of frames here, those of sensors by the axis.
+const FRAMES = { v: "Video frames", s: "Stereo frames", c: "Frames of cameras" };
+const labelsOf = ({ sensors }) => ({ ...FRAMES, ...sensors });
+export const labelOf = (axis, kind) => labelsOf(axis)[kind];
+const clocks = (axis) => Object.keys(labelsOf(axis)).filter((kind) => axis.kinds.includes(kind));
 
 // Stretches [first, last] of frames without any measurement of a sensor that has them at other times.
 export function outagesOf({ times, kinds }, kind) {
@@ -42,7 +43,7 @@ export function laneAt(axis, y) {
   if (y < RULER) return "Frame numbers; the bar shows what is computed";
   const rows = clocks(axis);
   const clock = rows[Math.floor((y - RULER) / CLOCK)];
-  if (clock) return "vsc".includes(clock) ? NAMES[clock] : `${NAMES[clock]}: marks are measurements, red is an outage`;
+  if (clock) return clock in FRAMES ? FRAMES[clock] : `${labelOf(axis, clock)}: marks are measurements, red is an outage`;
   const below = y - RULER - CLOCK * rows.length - axis.methods.length * LANE;
   if (below >= 0 && below < eventRow(axis)) return "Events (n and N step through them)";
   const row = Math.floor((y - RULER - CLOCK * rows.length - (below < 0 ? 0 : eventRow(axis))) / LANE);
@@ -81,8 +82,8 @@ export function drawAxis(canvas, width, axis, place) {
   }
   let y = RULER;
   for (const kind of clocks(axis)) {
-    text(NAMES[kind], 14, y + CLOCK - 3, colour("quiet"));
-    if (!"vsc".includes(kind)) {
+    text(labelOf(axis, kind), 14, y + CLOCK - 3, colour("quiet"));
+    if (!(kind in FRAMES)) {
       for (const [first, last] of outagesOf(axis, kind)) box(place(first), place(last), y + 4, CLOCK - 8, colour("alarm"));
     }
     marks(

@@ -1,6 +1,6 @@
 // The time dock's rows over one time axis: what happened in the run, the plots, and the cursor. The server sends each frame
 // once; pictures are drawn when something was added, while a run grows once in a while, and else only the cursor moves.
-import { SENSORS, drawAxis, heightOf, laneAt } from "./axis_picture.js";
+import { drawAxis, heightOf, labelOf, laneAt } from "./axis_picture.js";
 import { makeLoopEdges } from "./loop_edges.js";
 import { makePlots } from "./quantity_plots.js";
 import { GUTTER, nearestFrame, PAD, placeOf } from "./time_scale.js";
@@ -16,6 +16,7 @@ export function makeAxis(seek, command) {
   const axis = {
     times: [],
     kinds: "",
+    sensors: {}, // labels by the letters in kinds
     methods: [],
     computed: 0,
     marks: {}, // by kind: how they are drawn, and the frames that are marked
@@ -92,7 +93,7 @@ export function makeAxis(seek, command) {
 function take(axis, news) {
   if (news.methods) {
     const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
-    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, marks: {}, events: [] });
+    Object.assign(axis, { times: [], kinds: "", sensors: news.sensors, methods, computed: 0, marks: {}, events: [] });
   }
   axis.times = axis.times.concat(news.times_ms ?? []);
   axis.kinds += news.kinds ?? "";
@@ -124,7 +125,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
     lane,
-    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${SENSORS[axis.kinds[index]]}`,
+    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${labelOf(axis, axis.kinds[index])}`,
     index >= axis.computed ? "not computed yet" : "",
     ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),

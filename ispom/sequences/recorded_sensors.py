@@ -1,12 +1,12 @@
 """Sensors other than cameras that lie in or beside a recording: they join its stream without a file that names them.
 
 One of each kind is used by itself: the first whose pose on the rig is known and whose values are sound. What is not
-used is named with the reason, and with the entry that makes it usable in a file for `--sensors` (see `sensors`).
+used is named with the reason, and with the entry that makes it usable in a file for `--sensors` (see `sensors_yaml`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
-from ispom.types import Found, FrameName, Imu, Rig, Sensor, Sequence
+from ispom.sensors import SENSOR_KINDS
+from ispom.sensors.kind import Readings
+from ispom.sequences.sensor_doubts import frames_ns_of, mount_doubts, sensor_doubts
+from ispom.types import Found, FrameName, Imu, Measurement, Rig, Sensor, Sequence
 
 AUTO, NONE = Path("auto"), Path("none")
 """Choices of `--sensors` that are no file: those that lie in or beside the source, or none."""
@@ -30,7 +32,7 @@ POSE = "{translation_m: [x, y, z], rotation_xyzw: [x, y, z, w]}"
 
 
 @dataclass(frozen=True, eq=False)
-class OwnSensor:
+class RecordedSensor:
     """A sensor that lies in or beside a recording."""
 
     name: FrameName
@@ -62,7 +64,7 @@ class OwnSensor:
         return f"write `{entry}` to a file, and give that by --sensors"
 
 
-def imu_said(of_pose: str, noise: Imu | None, of_noise: str) -> str:
+def imu_origin(of_pose: str, noise: Imu | None, of_noise: str) -> str:
     """Says where the pose of an IMU is from, empty where it is not known, and its noise; the usual noise is a decision
     that is said."""
     if noise and of_noise == of_pose:
@@ -74,7 +76,12 @@ def imu_said(of_pose: str, noise: Imu | None, of_noise: str) -> str:
     return f"{pose}nothing states its noise: the usual one is taken ({usual})"
 
 
-def with_own_sensors(sequence: Sequence, own: Iterable[OwnSensor]) -> Sequence:
+def measurements_of(name: FrameName, found: Readings, frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
+    """Yields what a sensor measured within the time of the frames (N,), in the order of time."""
+    return SENSOR_KINDS.get(found.kind).measurements(found, frames_ns, name)
+
+
+def with_recorded_sensors(sequence: Sequence, own: Iterable[RecordedSensor]) -> Sequence:
     """Returns the sequence with the measurements of those of its own sensors that can be used; the others are named."""
     listed, frames_ns = tuple(own), frames_ns_of(sequence)
     reasons = {i: f"{each.missing}; to use it, {each.how}" for i, each in enumerate(listed) if each.missing}
@@ -100,14 +107,14 @@ def with_own_sensors(sequence: Sequence, own: Iterable[OwnSensor]) -> Sequence:
     if not chosen:
         return sequence.with_found(found)
     notes = (*doubts, *mount_doubts(sequence.name, Rig(sensors)))
-    measured = (m for i in chosen for m in measured_within(listed[i].name, read[i], frames_ns))
+    measured = (m for i in chosen for m in measurements_of(listed[i].name, read[i], frames_ns))
     beside = frozenset(listed[i].sensor.kind for i in chosen)
     sequence = replace(sequence, rig=rig, beside=beside).with_found(found).with_notes(notes)
     return sequence.with_measurements(measured)
 
 
 def _first_of_each_kind(
-    listed: tuple[OwnSensor, ...], reasons: dict[int, str], read: dict[int, Readings], frames_ns: NDArray[np.int64]
+    listed: tuple[RecordedSensor, ...], reasons: dict[int, str], read: dict[int, Readings], frames_ns: NDArray[np.int64]
 ) -> list[int]:
     """Returns the first of each kind that has measurements within the frames; adds what was read to `read`, and to
     `reasons` why the others are not used."""
@@ -122,7 +129,7 @@ def _first_of_each_kind(
             continue
         if not len(readings):
             reasons[i] = "is not used: it has no measurements"
-        elif next(iter(measured_within(each.name, readings, frames_ns)), None) is None:
+        elif next(measurements_of(each.name, readings, frames_ns), None) is None:
             (first, last), (begin, end) = readings.times_ns[[0, -1]] * 1e-9, frames_ns[[0, -1]] * 1e-9
             when = f"it measured from {first:.3f} to {last:.3f} s, nothing within the frames'"
             reasons[i] = f"is not used: {when} {begin:.3f} to {end:.3f} s"

@@ -1,4 +1,4 @@
-"""Other sensors whose files lie in or beside a recording: EuRoC's imu0, KITTI's oxts, tables, and Kalibr's files.
+"""Finds the files of other sensors in or beside a recording: EuRoC's imu0, KITTI's oxts, tables, and Kalibr's files.
 
 Noise is that of the file next to the measurements, or of an imu.yaml; the pose at the camera is that of EuRoC's
 sensor.yaml, of a camchain with T_cam_imu, or of KITTI's calibrations. What none of them says is missing.
@@ -17,11 +17,12 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.imu import body_from_imu, camera_from_imu, imu_noise
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
-from ispom.sequences.own_sensors import OwnSensor, imu_said
-from ispom.sequences.readings import Readings
-from ispom.sequences.sensor_files import NMEA_SUFFIXES, gnss_readings, imu_readings
+from ispom.io.sensor_tables import NMEA_SUFFIXES, read_measurements
+from ispom.sensors import SENSOR_KINDS
+from ispom.sensors.kind import FileOptions, Readings
+from ispom.sequences.recorded_sensors import RecordedSensor, imu_origin
 from ispom.sequences.sidecars import IMU_TABLES
-from ispom.types import GnssAntenna, Imu
+from ispom.types import GnssAntenna, Imu, Kind
 
 GNSS_TABLES = ("gnss.csv", "gps.csv", "gps.txt")
 IMU_FILE, CHAIN_FILE = re.compile("(?<![a-z])imu"), re.compile("camchain|imucam")
@@ -31,9 +32,9 @@ EUROC_IMU = "imu0"
 NO_POSE = "is not used, as its pose on the rig is not known"
 
 
-def sensors_beside(places: Sequence[Path]) -> tuple[OwnSensor, ...]:
+def discovered_sensors(places: Sequence[Path]) -> tuple[RecordedSensor, ...]:
     """Returns the sensors whose files lie in folders; the first camera of a camchain there is that of the images."""
-    found = list[OwnSensor]()
+    found = list[RecordedSensor]()
     for place in filter(is_folder, places):
         for name in IMU_TABLES:
             if exists(place / name) and not is_folder(place / name):
@@ -43,35 +44,42 @@ def sensors_beside(places: Sequence[Path]) -> tuple[OwnSensor, ...]:
         nmea = [name for name in names(place) if name.lower().endswith(NMEA_SUFFIXES)]
         for path in (place / name for name in (*GNSS_TABLES, *nmea)):
             if exists(path) and not is_folder(path):
-                read = partial(gnss_readings, str(path), path)
-                found.append(OwnSensor("gnss", str(path), GnssAntenna(), read, missing=NO_POSE, placed=False))
+                read = partial(readings_of_file, "gnss", path)
+                found.append(RecordedSensor("gnss", str(path), GnssAntenna(), read, missing=NO_POSE, placed=False))
     return numbered(found)
 
 
-def numbered(found: Sequence[OwnSensor]) -> tuple[OwnSensor, ...]:
+def readings_of_file(kind: Kind, path: Path) -> Readings:
+    """Returns what a sensor of a kind measured, by its file. Raises InputError that names what is wrong."""
+    return SENSOR_KINDS.get(kind).readings(read_measurements(path), FileOptions(str(path)))
+
+
+def numbered(found: Sequence[RecordedSensor]) -> tuple[RecordedSensor, ...]:
     """Returns sensors of one kind with names of their own: imu, imu_2 ..."""
-    counts, out = dict[str, int](), list[OwnSensor]()
+    counts, out = dict[str, int](), list[RecordedSensor]()
     for each in found:
         counts[each.name] = counts.get(each.name, 0) + 1
         out.append(each if counts[each.name] == 1 else replace(each, name=f"{each.name}_{counts[each.name]}"))
     return tuple(out)
 
 
-def _imu_of(table: Path, places: Sequence[Path]) -> OwnSensor:
+def _imu_of(table: Path, places: Sequence[Path]) -> RecordedSensor:
     try:
         noise, of_noise = imu_noise_beside(places)
         at = imu_pose_beside(places)
     except InputError as fault:
         missing = f"is not used: {fault.args[0]}"
-        return OwnSensor("imu", str(table), Imu(), partial(imu_readings, table), missing=missing, placed=False)
+        return RecordedSensor(
+            "imu", str(table), Imu(), partial(readings_of_file, "imu", table), missing=missing, placed=False
+        )
     if at is None:
         missing = f"{NO_POSE} (no camchain with T_cam_imu)"
-        said, read = imu_said("", noise, of_noise), partial(imu_readings, table)
-        return OwnSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False)
+        said, read = imu_origin("", noise, of_noise), partial(readings_of_file, "imu", table)
+        return RecordedSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False)
     pose, later_ns, of_pose = at
     sensor = replace(noise or Imu(), rig_from_sensor=pose)
-    read = partial(_later, partial(imu_readings, table), later_ns)
-    return OwnSensor("imu", str(table), sensor, read, imu_said(of_pose, noise, of_noise))
+    read = partial(_later, partial(readings_of_file, "imu", table), later_ns)
+    return RecordedSensor("imu", str(table), sensor, read, imu_origin(of_pose, noise, of_noise))
 
 
 def _later(read: Callable[[], Readings], by_ns: int) -> Readings:
@@ -106,7 +114,7 @@ def _named(places: Sequence[Path], wanted: re.Pattern[str], but: re.Pattern[str]
     return [path for path in files if but is None or not but.search(path.stem.lower())]
 
 
-def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[OwnSensor, ...]:
+def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[RecordedSensor, ...]:
     """Returns the IMU of a `mav0`, whose raw left camera (cam0) is at a pose in the left camera of the recording.
 
     Its pose is that of imu0/sensor.yaml (T_BS), or of a camchain as TUM-VI has it; its noise that of the former, or of
@@ -117,7 +125,7 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Own
         return ()
     parent = mav0.resolve().parent
     beside = (mav0, parent, parent / "dso")
-    read = partial(imu_readings, table)
+    read = partial(readings_of_file, "imu", table)
     try:
         content = read_mapping(own) if exists(own) else {}
         noise, of_noise = imu_noise(own, content), str(own)
@@ -126,18 +134,18 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Own
         in_body = body_from_imu(own, content)
         at = imu_pose_beside(beside) if in_body is None else (raw_from_body @ in_body, 0, str(own))
     except InputError as fault:
-        return (OwnSensor("imu", str(table), Imu(), read, missing=f"is not used: {fault.args[0]}", placed=False),)
+        return (RecordedSensor("imu", str(table), Imu(), read, missing=f"is not used: {fault.args[0]}", placed=False),)
     if at is None:
-        said = imu_said("", noise, of_noise)
+        said = imu_origin("", noise, of_noise)
         missing = f"{NO_POSE} ({own} with T_BS is missing, and no camchain has T_cam_imu)"
-        return (OwnSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False),)
+        return (RecordedSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False),)
     pose, later_ns, of_pose = at
     sensor = replace(noise or Imu(), rig_from_sensor=left_from_raw @ pose)
-    said = imu_said(of_pose, noise, of_noise)
-    return (OwnSensor("imu", str(table), sensor, partial(_later, read, later_ns), said),)
+    said = imu_origin(of_pose, noise, of_noise)
+    return (RecordedSensor("imu", str(table), sensor, partial(_later, read, later_ns), said),)
 
 
-def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tuple[OwnSensor, ...]:
+def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tuple[RecordedSensor, ...]:
     """Returns the IMU and the receiver of KITTI's GPS/IMU unit, whose positions are those of the unit itself.
 
     `why` says why its pose is not known, where it is not.
@@ -148,8 +156,10 @@ def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tupl
     fixes = "positions are smoothed by the unit, and their errors last; their standard deviations are its pos_accuracy"
     imu = Imu(rig_from_sensor=pose)
     antenna = GnssAntenna(rig_from_sensor=pose)
-    said = [imu_said(at, None, ""), f"pose of {at}, {fixes}" if placed else fixes]
+    said = [imu_origin(at, None, ""), f"pose of {at}, {fixes}" if placed else fixes]
     return (
-        OwnSensor("imu", f"{oxts} (IMU)", imu, partial(imu_readings, oxts), said[0], missing, placed),
-        OwnSensor("gnss", f"{oxts} (GNSS)", antenna, partial(gnss_readings, str(oxts), oxts), said[1], missing, placed),
+        RecordedSensor("imu", f"{oxts} (IMU)", imu, partial(readings_of_file, "imu", oxts), said[0], missing, placed),
+        RecordedSensor(
+            "gnss", f"{oxts} (GNSS)", antenna, partial(readings_of_file, "gnss", oxts), said[1], missing, placed
+        ),
     )

@@ -14,8 +14,8 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.imu import camera_from_imu, imu_noise
 from ispom.sequences import open_sequence
-from ispom.sequences.own_sensors import NONE, OwnSensor, with_own_sensors
-from ispom.sequences.readings import Readings, readings_of
+from ispom.sequences.recorded_sensors import NONE, RecordedSensor, with_recorded_sensors
+from ispom.sequences.sensor_doubts import Readings, readings_of
 from ispom.types import Found, Imu, Sequence
 from tests import doubles
 from tests.sequences import recorded_bag
@@ -203,15 +203,15 @@ def test_one_of_each_kind_is_used_and_the_other_is_named() -> None:
     times_ns = plain.times_ns[0] + 10_000_000 * np.arange(50)
     calls: list[str] = []
 
-    def own(name: str, unit: float) -> OwnSensor:
+    def own(name: str, unit: float) -> RecordedSensor:
         def read() -> Readings:
             calls.append(name)
             forces = np.tile([0.0, -9.81 * unit, 0.1], (50, 1))
             return Readings("imu", times_ns, {"rates": np.full((50, 3), 0.01), "forces": forces})
 
-        return OwnSensor(name, f"/{name}", Imu(rig_from_sensor=CAMERA_FROM_IMU), read, "said")
+        return RecordedSensor(name, f"/{name}", Imu(rig_from_sensor=CAMERA_FROM_IMU), read, "said")
 
-    found = with_own_sensors(plain, (own("imu", 1 / 9.81), own("imu_2", 1), own("imu_3", 1)))
+    found = with_recorded_sensors(plain, (own("imu", 1 / 9.81), own("imu_2", 1), own("imu_3", 1)))
     assert [each.used for each in found.found] == [False, True, False]
     assert "units of g" in found.found[0].why and found.found[1].why == "said"
     assert "/imu_2" in found.found[2].why and "`imu_3: {sensor: imu}`" in found.found[2].why
@@ -257,7 +257,7 @@ def test_the_unit_of_kitti_is_an_imu_and_a_receiver(tmp_path: Path) -> None:
 
 
 def test_without_what_takes_latitudes_fixes_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ispom.sequences.sensor_files.find_spec", lambda name: None)
+    monkeypatch.setattr("ispom.sensors.gnss.find_spec", lambda name: None)
     sequence = open_sequence(str(kitti_drive(tmp_path)))
     assert row_of(sequence, "imu").used and not row_of(sequence, "gnss").used
     assert "ispom[fusion]" in row_of(sequence, "gnss").why

@@ -8,8 +8,8 @@ Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_
     sigma_m: 0.5                # of GNSS fixes without standard deviations
     origin: [49.0, 8.4, 116]    # latitude, longitude [deg] and height [m] of the local frame; default: the first fix
 
-Without `file` it is the sensor of that name that lies in or beside the source (see `own_sensors`), whose pose and noise
-count where the entry has none. Of an IMU all samples between two frames are one measurement.
+Without `file` it is the sensor of that name that lies in or beside the source (see `recorded_sensors`), whose pose and
+noise count where the entry has none. Of an IMU all samples between two frames are one measurement.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rig import sensor_of
-from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
+from ispom.io.sensor_tables import read_measurements
+from ispom.io.values import MAX_TIME_S, number, sensor_name
 from ispom.plausibility.times import time_doubts
-from ispom.sequences.own_sensors import OwnSensor
-from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
-from ispom.sequences.sensor_files import gnss_readings, imu_readings, wheel_readings
+from ispom.sensors import SENSOR_KINDS
+from ispom.sensors.gnss import LEAST_SIGMA, MOST_SIGMA
+from ispom.sensors.kind import FileOptions, Readings
+from ispom.sequences.recorded_sensors import RecordedSensor, measurements_of
+from ispom.sequences.sensor_doubts import file_kinds, frames_ns_of, mount_doubts, sensor_doubts
 from ispom.types import Found, Kind, Measurement, Rig, Sensor, Sequence
 
-KINDS = ("imu", "gnss", "wheel")
 OWN = ("file", "columns", "clock_offset_s", "sigma_m", "origin")
 """Entries that a rig.yaml does not have."""
 OF_FILES = ("columns", "origin")
@@ -40,7 +42,7 @@ MAX_HEIGHT_M = 1e6
 NOWHERE = {"translation_m": [0.0, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]}
 
 
-def with_sensors(sequence: Sequence, path: Path, own: Iterable[OwnSensor] = ()) -> Sequence:
+def with_sensors(sequence: Sequence, path: Path, own: Iterable[RecordedSensor] = ()) -> Sequence:
     """Returns the sequence with the measurements of the sensors that a YAML file describes; `own` lie beside it.
 
     Raises InputError that names the file, entry or line that is wrong, and where a sensor measured before or after the
@@ -52,8 +54,8 @@ def with_sensors(sequence: Sequence, path: Path, own: Iterable[OwnSensor] = ()) 
     readings, found = dict[str, Readings](), list[Found]()
     frames_ns, beside = sequence.times_ns, {each.name: each for each in own}
     for name, given in read_mapping(path).items():
-        if not isinstance(given, dict) or given.get("sensor", name) not in KINDS:
-            known = ", ".join(KINDS)
+        if not isinstance(given, dict) or given.get("sensor", name) not in file_kinds():
+            known = ", ".join(file_kinds())
             raise InputError(f"{path}: {str(name)[:40]} is no sensor of the kinds {known}: give `sensor` and `file`")
         entry = {"sensor": name, **given}
         _require_free(path, sensor_name(str(path), name), entry["sensor"], sequence)
@@ -67,7 +69,7 @@ def with_sensors(sequence: Sequence, path: Path, own: Iterable[OwnSensor] = ()) 
             where = str(path.parent / entry["file"])
         readings[name] = read
         found.append(Found(entry["sensor"], where, True, f"by {path}"))
-        inside = list(measured_within(name, read, frames_ns))
+        inside = list(measurements_of(name, read, frames_ns))
         if not inside:
             first, last = frames_ns[[0, -1]] * 1e-9
             measured = f"{read.times_ns[0] * 1e-9:.3f} to {read.times_ns[-1] * 1e-9:.3f} s" if len(read) else "nothing"
@@ -75,7 +77,7 @@ def with_sensors(sequence: Sequence, path: Path, own: Iterable[OwnSensor] = ()) 
                 f"{path}: {name} measured nothing within the frames' {first:.3f} to {last:.3f} s (it has {measured})"
             )
             if not len(read) or read.times_ns[-1] < frames_ns[0] or read.times_ns[0] > frames_ns[-1]:
-                doubts = time_doubts(f"{path}: {name}", read.kind, read.times_ns, frames_ns)
+                doubts = time_doubts(f"{path}: {name}", SENSOR_KINDS.get(read.kind).rates, read.times_ns, frames_ns)
                 unit = " (or the unit of its times)" if any(doubt.key == "time_unit" for doubt in doubts) else ""
                 raise InputError(f"{about}: correct its file or its clock_offset_s{unit}")
             notes.append(f"{about}.")
@@ -99,7 +101,7 @@ def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None
         raise InputError(f"{path}: {name} is a sensor of the source already: choose another name, and give `sensor`")
 
 
-def _completed(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor, rig: Rig) -> Sensor:
+def _completed(path: Path, name: str, entry: dict[Any, Any], lies: RecordedSensor, rig: Rig) -> Sensor:
     """Returns the sensor of the source with the pose and the noise of its entry, or else its own."""
     if entry["sensor"] != lies.sensor.kind:
         kind = lies.sensor.kind
@@ -115,7 +117,7 @@ def _completed(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor, ri
     return replace(lies.sensor, rig_from_sensor=pose, **noise)
 
 
-def _of_source(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor) -> Readings:
+def _of_source(path: Path, name: str, entry: dict[Any, Any], lies: RecordedSensor) -> Readings:
     """Returns all that a sensor of the source measured, on the clock of the frames."""
     if wrong := [key for key in OF_FILES if entry.get(key) is not None]:
         raise InputError(f"{path}: {name}.{wrong[0]} goes with `file`: name the file, or leave it out")
@@ -125,7 +127,7 @@ def _of_source(path: Path, name: str, entry: dict[Any, Any], lies: OwnSensor) ->
     return _on_clock(path, name, entry, read)
 
 
-def _read(path: Path, name: str, entry: dict[Any, Any], beside: Mapping[str, OwnSensor]) -> Readings:
+def _read(path: Path, name: str, entry: dict[Any, Any], beside: Mapping[str, RecordedSensor]) -> Readings:
     """Returns all that one sensor measured, on the clock of the frames."""
     given = entry.get("file")
     if not isinstance(given, str):
@@ -134,17 +136,13 @@ def _read(path: Path, name: str, entry: dict[Any, Any], beside: Mapping[str, Own
     columns = entry.get("columns")
     if columns is not None and not (isinstance(columns, dict) and all(isinstance(v, str) for v in columns.values())):
         raise InputError(f"{path}: {name}.columns must map usual names to those of the file: correct it")
-    file, kind = path.parent / given, entry["sensor"]
-    if kind == "imu":
-        return _on_clock(path, name, entry, imu_readings(file, columns))
-    if kind == "wheel":
-        return _on_clock(path, name, entry, wheel_readings(file, columns))
     origin = None
     if entry.get("origin") is not None:
         bounds = ((-90, 90), (-360, 360), (-MAX_HEIGHT_M, MAX_HEIGHT_M))
         values = finite_numbers(path, f"{name}.origin", entry["origin"], 3)
         origin = np.array([number(f"{path}: {name}.origin", v, *b) for v, b in zip(values, bounds, strict=True)])
-    read = gnss_readings(f"{path}: {name}", file, columns, _sigma_m(path, name, entry), origin)
+    options = FileOptions(f"{path}: {name}", _sigma_m(path, name, entry), origin)
+    read = SENSOR_KINDS.get(entry["sensor"]).readings(read_measurements(path.parent / given, columns), options)
     return _on_clock(path, name, entry, read)
 
 

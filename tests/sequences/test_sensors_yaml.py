@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError
 from ispom.io.sensor_tables import read_table
-from ispom.sequences.sensor_files import local_of
-from ispom.sequences.sensors import with_sensors
+from ispom.sensors.gnss import local_of
+from ispom.sequences.sensors_yaml import with_sensors
 from ispom.types import GnssFix, ImuSamples, Sequence, WheelIncrement
 from tests import doubles
 from tests.io.test_nmea import sentence
