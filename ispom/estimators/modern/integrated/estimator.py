@@ -13,7 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from ispom.estimator import STEREO, VIDEO, require_frame
+from ispom.estimator import PER_UNIT, STEREO, VIDEO, Method, require_frame
+from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.adjust import adjusted, limited
 from ispom.estimators.modern.integrated.covariance import newest_covariance
 from ispom.estimators.modern.integrated.joint_report import rig_covariance
@@ -232,3 +233,16 @@ def _landmarks(window: JointWindow, onto: Pose, exposure: Measurement, part: Ste
     uv = tracks.uv[order[places(tracks.ids[order], view.ids[known] // 2)]]
     points = window.table.select(place[known]).points
     return Landmarks(view.ids[known], onto.apply(points.xyz_in_world), colours_at(image, uv))
+
+
+METHOD = Method(
+    "integrated",
+    VIDEO | STEREO,
+    ModernIntegratedConfig,
+    "metric",
+    "continuous-time estimation on a cumulative B-spline (Spline Fusion 2013)",
+    PER_UNIT,
+    {"video": "monocular", "stereo": "stereo"},
+    checks.CHECKS,
+    checks.STAGES,
+)

@@ -9,8 +9,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import VIDEO, require_frame
+from ispom.estimator import TRANSFER, VIDEO, Method, require_frame
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.agreement import with_agreement
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
@@ -178,3 +179,15 @@ def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Ima
     expected = projected(lens, scene, predicted, live.uv - late) + late
     followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.outlier_tracks.expected)
     return NewImage(time_ns, grey, predicted, followed, scene)
+
+
+METHOD = Method(
+    "monocular",
+    VIDEO,
+    ModernMonocularConfig,
+    "own",
+    "key frames and local bundle adjustment (PTAM, 2007)",
+    TRANSFER,
+    checks=checks.CHECKS,
+    stages=checks.STAGES,
+)

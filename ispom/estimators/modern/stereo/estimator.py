@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import STEREO, require_frame
+from ispom.estimator import STEREO, Method, require_frame
 from ispom.estimators.modern.second_motion import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
@@ -238,3 +238,14 @@ def _no_start(setup: Setup, new: NewPair, count: int) -> tuple[Decision, ...]:
     wrong = exchanged(setup, new)
     few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting for the next pair")
     return (wrong,) if wrong is not None else (few,) if few.failed else ()
+
+
+METHOD = Method(
+    "stereo",
+    STEREO,
+    ModernStereoConfig,
+    "metric",
+    "key frames, local bundle adjustment (ORB-SLAM2 2017)",
+    checks=checks.CHECKS,
+    stages=checks.STAGES,
+)
