@@ -11,8 +11,12 @@ UNUSED = (
     "matplotlib",
     "open3d",
     "viser",
+    "scipy.sparse.linalg",
+    "rich",
+    "ispom.evaluation.doctor",
+    "ispom.calibration",
 )
-"""Packages that no run uses."""
+"""What a run does not use that has no terminal, no loop, a calibration, and few frames."""
 OTHERS = ("ispom.estimators.modern.integrated", "ispom.estimators.paper", "ispom.estimators.survey.")
 """Beginnings of the names of modules that a run of `stereo` does not use."""
 

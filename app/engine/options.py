@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.methods import Config, Variant, method, names
 from ispom.sequences import open_sequence
@@ -114,7 +113,12 @@ class SourceOptions:
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
         calibration; InputError where that cannot be, or may not."""
-        return self_calibrated(self.opened(source, policy))
+        sequence = self.opened(source, policy)
+        if sequence.guess is None:
+            return sequence
+        from ispom.calibration.tracked.self_calibration import self_calibrated
+
+        return self_calibrated(sequence)
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
