@@ -112,6 +112,8 @@ class Method:
 
 VIDEO: frozenset[Kind] = frozenset({"video"})
 STEREO: frozenset[Kind] = frozenset({"stereo"})
+TRANSFER, PER_UNIT = "scale transfer factor", "m per unit"
+"""Meanings of Step.scale (Method.scale)."""
 
 
 def require_frame(

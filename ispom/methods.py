@@ -7,18 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from ispom.errors import InputError
-from ispom.estimator import STEREO, VIDEO, Method
-from ispom.estimators.modern.integrated import checks as integrated_checks
-from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
-from ispom.estimators.modern.monocular import checks as monocular_checks
-from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.stereo import checks as stereo_checks
-from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.estimators.paper import checks as paper_checks
-from ispom.estimators.paper.integrated import IntegratedConfig
-from ispom.estimators.paper.monocular import MonocularConfig
-from ispom.estimators.paper.stereo import StereoConfig
-from ispom.estimators.survey import found
+from ispom.estimator import Method
+from ispom.estimators.survey import SURVEY
 from ispom.registry import Registry
 from ispom.sensors import SENSOR_KINDS
 from ispom.types import Kind, Rig
@@ -31,78 +21,20 @@ CAMERAS: Mapping[Kind, str] = {
     "stereo": "a left and a right camera",
     "cameras": "several cameras with names of their own",
 }
-TRANSFER, PER_UNIT = "scale transfer factor", "m per unit"
-BUILT_IN = (
-    Method(
-        "monocular",
-        VIDEO,
-        ModernMonocularConfig,
-        "own",
-        "key frames and local bundle adjustment (PTAM, 2007)",
-        TRANSFER,
-        checks=monocular_checks.CHECKS,
-        stages=monocular_checks.STAGES,
-    ),
-    Method(
-        "stereo",
-        STEREO,
-        ModernStereoConfig,
-        "metric",
-        "key frames, local bundle adjustment (ORB-SLAM2 2017)",
-        checks=stereo_checks.CHECKS,
-        stages=stereo_checks.STAGES,
-    ),
-    Method(
-        "integrated",
-        VIDEO | STEREO,
-        ModernIntegratedConfig,
-        "metric",
-        "continuous-time estimation on a cumulative B-spline (Spline Fusion 2013)",
-        PER_UNIT,
-        {"video": "monocular", "stereo": "stereo"},
-        integrated_checks.CHECKS,
-        integrated_checks.STAGES,
-    ),
-    Method(
-        "monocular.paper",
-        VIDEO,
-        MonocularConfig,
-        "own",
-        "Li, Liu and Yuan 2013, section 6.1",
-        TRANSFER,
-        checks=paper_checks.MONOCULAR,
-        stages=paper_checks.MONOCULAR_STAGES,
-    ),
-    Method(
-        "stereo.paper",
-        STEREO,
-        StereoConfig,
-        "metric",
-        "Li, Liu and Yuan 2013, section 6.2",
-        checks=paper_checks.STEREO,
-        stages=paper_checks.STEREO_STAGES,
-    ),
-    Method(
-        "integrated.paper",
-        VIDEO | STEREO,
-        IntegratedConfig,
-        "metric",
-        "Li, Liu and Yuan 2013, section 6.3",
-        PER_UNIT,
-        {"video": "monocular.paper", "stereo": "stereo.paper"},
-        paper_checks.INTEGRATED,
-        paper_checks.INTEGRATED_STAGES,
-    ),
-)
-
-
-SURVEY = found()
-"""Methods that stand for a row of the paper's survey: they run only where they are chosen by name."""
+BUILT_IN = {
+    "monocular": "ispom.estimators.modern.monocular.estimator:METHOD",
+    "stereo": "ispom.estimators.modern.stereo.estimator:METHOD",
+    "integrated": "ispom.estimators.modern.integrated.estimator:METHOD",
+    "monocular.paper": "ispom.estimators.paper.monocular:METHOD",
+    "stereo.paper": "ispom.estimators.paper.stereo:METHOD",
+    "integrated.paper": "ispom.estimators.paper.integrated:METHOD",
+}
+"""Where each method is: its module is imported when the method is used."""
 REGISTRY = Registry(
     "ispom.methods",
     Method,
     "method",
-    lambda: (*BUILT_IN, *found()),
+    {**BUILT_IN, **SURVEY},
     "install the package that adds it, or name its program by --external",
 )
 """Entry points of this group name a Method, or a function that gives one."""
@@ -153,12 +85,9 @@ def default_methods(rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
 
     Of a rig with neither a video camera nor a pair, those of the survey that step on its cameras.
     """
-    built_in = {m.name for m in BUILT_IN}
-    of_paper = {name for name in built_in if name.endswith(".paper")}
-    of_variant = of_paper if variant == "paper" else built_in - of_paper
-    possible = possible_methods(rig)
-    chosen = tuple(name for name in possible if name in of_variant)
-    return chosen or tuple(name for name in possible if method(name).sensors == {"cameras"})
+    of_variant = (name for name in BUILT_IN if name.endswith(".paper") == (variant == "paper"))
+    chosen = tuple(name for name in of_variant if method(name).possible(rig))
+    return chosen or tuple(name for name in possible_methods(rig) if method(name).sensors == {"cameras"})
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
 from importlib.metadata import entry_points
-from types import MappingProxyType
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from ispom.errors import InputError
 
@@ -21,6 +21,35 @@ Item = TypeVar("Item", bound=Named)
 _REGISTRIES: list[Registry] = []
 
 
+def named(reference: str, package: str | None = None) -> Any:
+    """Returns what MODULE:NAME names; a module that begins with a dot is one of the `package`."""
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module, package), name)
+
+
+class _Items(Mapping[str, Item]):
+    """Values by name. One that is given as MODULE:NAME is imported when it is first asked for."""
+
+    def __init__(self, items: Mapping[str, Item | str], kind: type[Item]) -> None:
+        self._items, self._kind = dict(items), kind
+
+    def __getitem__(self, name: str) -> Item:
+        item = self._items[name]
+        if isinstance(item, str):
+            loaded = named(item)
+            item = self._items[name] = loaded if isinstance(loaded, self._kind) else loaded()
+        return item
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+
 class Registry(Generic[Item]):
     """Values of one kind by name: first the built-in ones, then those of installed packages, sorted.
 
@@ -29,16 +58,15 @@ class Registry(Generic[Item]):
     """
 
     def __init__(
-        self,
-        group: str,
-        kind: type[Item],
-        word: str,
-        built_in: Iterable[Item] | Callable[[], Iterable[Item]],
-        hint: str = "",
+        self, group: str, kind: type[Item], word: str, built_in: Iterable[Item] | Mapping[str, str], hint: str = ""
     ) -> None:
-        """`word` is what messages call the kind, `hint` ends the message about an unknown name. A function `built_in`
-        is called again after a value was added to any registry: its values depend on those of another one."""
-        self.group, self.word, self._built_in = group, word, built_in
+        """`word` is what messages call the kind, `hint` ends the message about an unknown name. `built_in` may name
+        each value as MODULE:NAME, or a function that returns it: it is imported when it is first used, and the
+        function is called again after a value was added to any registry, for it may depend on that."""
+        self.group, self.word = group, word
+        self.built_in = dict[str, Item | str](
+            built_in if isinstance(built_in, Mapping) else {item.name: item for item in built_in}
+        )
         self._kind, self._hint = kind, hint
         self._added: list[Item] = []
         self._items: Mapping[str, Item] | None = None
@@ -92,11 +120,8 @@ class Registry(Generic[Item]):
         for registry in _REGISTRIES:
             registry._items = None
 
-    def _first(self) -> Iterable[Item]:
-        return self._built_in() if callable(self._built_in) else self._built_in
-
     def _load(self) -> tuple[Mapping[str, Item], tuple[str, ...]]:
-        items, skipped = {item.name: item for item in self._first()}, []
+        items, skipped = dict(self.built_in), []
         for entry in sorted(entry_points(group=self.group), key=lambda e: e.name):
             try:
                 loaded = entry.load()
@@ -110,7 +135,7 @@ class Registry(Generic[Item]):
                 continue
             items[item.name] = item
         items |= {item.name: item for item in self._added}
-        return MappingProxyType(items), tuple(skipped)
+        return _Items(items, self._kind), tuple(skipped)
 
 
 def faults() -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from tests.tag_scene import tag_sequence
 
 METHODS = ("monocular", "stereo", "integrated")
 PAPER = tuple(f"{name}.paper" for name in METHODS)
-SURVEY = tuple(m.name for m in methods.SURVEY if not m.asks)
+SURVEY = tuple(name for name in methods.SURVEY if not method(name).asks)
 ALL = (*METHODS, *PAPER, *SURVEY)
 OWN_SEQUENCES = {"tags": tag_sequence, "lines.monocular": line_sequence}
 """What methods that need something special in the scene are tested on."""

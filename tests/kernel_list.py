@@ -22,7 +22,7 @@ from ispom.methods import BUILT_IN, SURVEY, method
 from ispom.types import Rig
 
 PATH = Path(__file__).parents[1] / "ispom" / FILE
-METHODS = tuple(m.name for m in (*BUILT_IN, *SURVEY))
+METHODS = (*BUILT_IN, *SURVEY)
 
 
 def run_method(name: str) -> None:

@@ -182,7 +182,7 @@ def test_a_sequence_of_times_that_decrease_is_refused() -> None:
         type(plain)("p", plain.rig, plain.times_ns[::-1].copy(), plain.kinds, plain.load)
 
 
-@pytest.mark.parametrize("name", [m.name for m in methods.BUILT_IN])
+@pytest.mark.parametrize("name", methods.BUILT_IN)
 def test_built_in_methods_refuse_other_measurements_by_a_sentence(name: str) -> None:
     rig = doubles.rig().changed(wheel=WheelOdometer())
     estimator: Any = methods.method(name).config().build(rig)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, Literal
 
-from ispom.registry import Registry
+import tyro
 
+from ispom.registry import Registry, named
+
+from ..engine.options import with_flags
 from ..engine.playback import Builder
 
 APP = __name__.partition(".")[0]
@@ -29,19 +31,18 @@ class Command:
 
     def options_class(self) -> Any:
         """Returns the class of its options."""
-        return _named(self.options)
+        return self.options if isinstance(self.options, type) else named(self.options, APP)
+
+    def read(self, words: Sequence[str]) -> Any:
+        """Returns its options from the words after its name. Raises SystemExit for help, and after a mistake."""
+        options = with_flags(self.options_class(), words)
+        return tyro.cli(options, prog=f"ispom {self.name}", args=words)
 
     def execute(self, options: Any, words: Sequence[str], builder: Builder) -> int:
         """Carries the command out, and returns the exit code."""
         given = {"words": words, "builder": builder}
-        return _named(self.function)(options, *(given[need] for need in self.needs))
-
-
-def _named(reference: Any) -> Any:
-    if not isinstance(reference, str):
-        return reference
-    module, _, name = reference.partition(":")
-    return getattr(import_module(module, APP), name)
+        function = named(self.function, APP) if isinstance(self.function, str) else self.function
+        return function(options, *(given[need] for need in self.needs))
 
 
 B = ("builder",)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
-from typing import Annotated, Union
+from typing import Annotated, NoReturn, Union
 
 import tyro
 
@@ -26,8 +26,6 @@ MISUSE, BROKEN_PIPE = 2, 141
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
     """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user,
     reported in one sentence."""
-    description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
-    description += " --version prints which version this is."
     arguments = list(sys.argv[1:] if arguments is None else arguments) or ["app"]
     try:
         if arguments == ["--version"]:
@@ -35,14 +33,13 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
             sys.stdout.flush()
             return 0
         try:
-            known = COMMANDS.items()
-            choices = tuple(Annotated[each.options_class(), tyro.conf.subcommand(name)] for name, each in known.items())
-            options = tyro.cli(Union[choices], prog="ispom", description=description, args=arguments)  # type: ignore # noqa: UP007
+            name = arguments[0].replace("_", "-")
+            command = COMMANDS.get(name) if name in COMMANDS.names() else _none_of_them(arguments)
+            options = command.read(arguments[1:])
         finally:
             sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
         for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
-        command = next(each for each in known.values() if each.options_class() is type(options))
         code = command.execute(options, arguments[1:], builder)
         sys.stdout.flush()
         return code
@@ -57,6 +54,16 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
         return _misuse(printable(f"{what} cannot be used ({reason}): check the path, its permissions and free space"))
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _none_of_them(arguments: Sequence[str]) -> NoReturn:
+    """Prints the help of all commands, or what is wrong with the first word, and ends."""
+    classes = {name: command.options_class() for name, command in COMMANDS.items().items()}
+    choices = tuple(Annotated[options, tyro.conf.subcommand(name)] for name, options in classes.items())
+    description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
+    description += " --version prints which version this is."
+    tyro.cli(Union[choices], prog="ispom", description=description, args=arguments)  # type: ignore # noqa: UP007
+    raise AssertionError("a command was read that is not in the table")
 
 
 def _misuse(sentence: str) -> int:

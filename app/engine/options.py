@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from ispom.calibration.opening import open_guessed
-from ispom.calibration.tracked.self_calibration import self_calibrated
-from ispom.methods import Config, Variant, names, registry
+from ispom.calibration.opening import open_guessed, with_estimated_camera
+from ispom.methods import Config, Variant, method, names
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
@@ -21,32 +21,60 @@ def _field(name: str) -> str:
     return name.replace(".", "_").replace("-", "_")
 
 
-if TYPE_CHECKING:
-    Name = str
+Name = str if TYPE_CHECKING else Literal[names()]
 
-    class Settings: ...
-else:
-    Name = Literal[names()]
-    Settings = make_dataclass(
-        "Settings",
-        [
-            (_field(name), Annotated[method.config, tyro.conf.arg(name=name)], field(default_factory=method.config))
-            for name, method in registry().items()
-        ],
-        frozen=True,
-        kw_only=True,
-    )
-"""The configs of all methods, a field each: so every setting is a flag, as in `--stereo.paper.max-tracks 300`."""
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of some methods as flags: a field for each, as `--stereo.paper.max-tracks 300`."""
+
+    @staticmethod
+    def of(methods: Iterable[str]) -> type[Settings]:
+        """Returns the class with a field for each of these methods; none has one in `Settings` itself."""
+        configs = {name: method(name).config for name in methods}
+        flags: Any = [
+            (_field(name), Annotated[config, tyro.conf.arg(name=name)], field(default_factory=config))
+            for name, config in configs.items()
+        ]
+        return make_dataclass("Settings", flags, bases=(Settings,), frozen=True, kw_only=True)
+
+
+def with_flags(options: type, words: Iterable[str]) -> type:
+    """Returns the class of options with flags for the settings of the methods that the words name: for all of them
+    where the words ask for help, or have a flag that is none, whose message names the nearest ones.
+
+    A command imports the methods that it uses only, and reads the documentation of no other.
+    """
+    own = {f.name for f in fields(options)}
+    if "settings" not in own:
+        return options
+    flags = {word[2:].partition("=")[0].replace("-", "_") for word in words if word.startswith("--")}
+    flags -= own | {f"no_{name}" for name in own}
+    owners = [_owner(flag) for flag in flags]
+    settings = Settings.of(name for name in names() if name in owners or None in owners or "-h" in words)
+    flag: Any = tyro.conf.arg(name="", prefix_name=False)
+    chosen: Any = ("settings", Annotated[settings, flag], field(default_factory=settings))
+    described = {"__doc__": options.__doc__}
+    return make_dataclass(options.__name__, [chosen], bases=(options,), namespace=described, frozen=True, kw_only=True)
+
+
+def _owner(flag: str) -> str | None:
+    """Returns the method that has a setting of this name, as in `stereo.paper.max_tracks`; None where none has."""
+    found = [name for name in names() if flag.startswith(f"{name}.".replace("-", "_"))]
+    return max(found, key=len, default=None)
 
 
 def config_of(settings: Settings) -> Config:
-    """The settings of all methods."""
-    return Config({name: getattr(settings, _field(name)) for name in names()})
+    """The settings of the methods that have flags."""
+    return Config({name: getattr(settings, _field(name)) for name in names() if hasattr(settings, _field(name))})
 
 
-def settings_of(config: Config) -> Settings:
-    """The same settings as flags have them."""
-    return Settings(**{_field(name): config.of(name) for name in names()})
+def settings_of(config: Config, flags: type[Settings] | None = None) -> Settings:
+    """The same settings as flags have them: of the class `flags`, or of one that has those of `config`."""
+    if flags is None:
+        flags = Settings.of(config.given)
+    own = {f.name for f in fields(flags)}
+    return flags(**{_field(name): config.of(name) for name in names() if _field(name) in own})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +112,7 @@ class SourceOptions:
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options, with the camera that its images describe where it has no
         calibration; InputError where that cannot be, or may not."""
-        return self_calibrated(self.opened(source, policy))
+        return with_estimated_camera(self.opened(source, policy))
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
@@ -111,6 +139,7 @@ class Options(SourceOptions, Programs):
     variant: Variant | None = None
     """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern."""
     settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
+    """Its class is replaced by `with_flags`."""
 
     @property
     def of_source(self) -> SourceOptions:
@@ -119,5 +148,5 @@ class Options(SourceOptions, Programs):
 
     @property
     def config(self) -> Config:
-        """The settings of all methods."""
+        """The settings of the methods."""
         return config_of(self.settings)

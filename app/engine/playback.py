@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
+from ispom.estimator import STEREO
 from ispom.geometry import Pose, Similarity
-from ispom.methods import STEREO, Config, kinds_of
+from ispom.methods import Config, kinds_of
 from ispom.methods import method as registered
 from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.solvers.influence.problem import Problem

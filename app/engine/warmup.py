@@ -24,7 +24,7 @@ from ispom.methods import BUILT_IN, Config, with_dependencies
 log = logging.getLogger(__name__)
 MESSAGE = "Compiling the estimators once for this computer"
 COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
-DEFAULT = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
+DEFAULT = tuple(name for name in BUILT_IN if not name.endswith(".paper"))
 """What most sources are run with: compiled in advance where nobody has said yet what is to run."""
 MOST_PROCESSES = 4
 """A process takes 350 MB, and the longest kernel a fifth of the whole time."""

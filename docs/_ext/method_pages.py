@@ -17,7 +17,7 @@ import yaml
 from markdown_text import as_cell, as_prose, table
 
 from ispom.estimator import Method
-from ispom.methods import BUILT_IN, SURVEY
+from ispom.methods import BUILT_IN, SURVEY, method
 from ispom.settings import Setting, settings
 from ispom.types import Check
 
@@ -32,7 +32,7 @@ KINDS = {
 
 def methods() -> tuple[Method, ...]:
     """All methods of this package; those of installed packages document themselves."""
-    return (*BUILT_IN, *SURVEY)
+    return tuple(map(method, (*BUILT_IN, *SURVEY)))
 
 
 def page_name(method: str) -> str:

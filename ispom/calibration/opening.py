@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ispom.calibration.tracked.self_calibration import self_calibrated
 from ispom.features.pair_look import with_look
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
@@ -21,4 +20,13 @@ def open_guessed(source: str, **options: Any) -> Sequence:
 
 def open_calibrated(source: str, **options: Any) -> Sequence:
     """The same, with that camera estimated from the first images: it takes a while."""
-    return self_calibrated(open_guessed(source, **options))
+    return with_estimated_camera(open_guessed(source, **options))
+
+
+def with_estimated_camera(sequence: Sequence) -> Sequence:
+    """Returns the sequence with its camera estimated where it is a guess."""
+    if sequence.guess is None:
+        return sequence
+    from ispom.calibration.tracked.self_calibration import self_calibrated
+
+    return self_calibrated(sequence)

@@ -6,15 +6,18 @@ A pose is a Similarity world_from_node: the scale of one camera drifts as well, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, csr_array
-from scipy.sparse.linalg import SuperLU, splu
 from scipy.special import chdtri
 
 from ispom.geometry import Array, Pose, Similarity, skew, so3_exp, so3_log
 from ispom.numerics.levenberg_marquardt import minimise
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 ITERATIONS, TOLERANCE = 20, 1e-9
 """Largest number of steps of one optimisation, and the relative decrease of the cost that ends it. From odometry with a
@@ -212,6 +215,8 @@ class _Graph:
         held = np.zeros(self.size)
         held[FREEDOM - 1 :: FREEDOM] = float(not self.scaled)
         index = np.arange(self.size)
+        from scipy.sparse.linalg import splu  # imported here: a run without a loop does not use it
+
         normal = csc_array(jacobian.T @ jacobian)
         normal = normal + coo_array((held + damping * normal.diagonal(), (index, index)), shape=normal.shape)
         return splu(csc_array(normal), permc_spec="MMD_AT_PLUS_A")

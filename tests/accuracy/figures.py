@@ -105,7 +105,7 @@ def opened(name: str, source: str) -> Sequence:
 
 def methods_for(name: str, sequence: Sequence) -> list[str]:
     """Returns the built-in methods that are measured on a recording."""
-    possible = [m.name for m in BUILT_IN if m.name in possible_methods(sequence.rig)]
+    possible = [name for name in BUILT_IN if name in possible_methods(sequence.rig)]
     return [m for m in possible if name != TWO_RATE or m in INTEGRATED]
 
 

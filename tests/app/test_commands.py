@@ -10,6 +10,8 @@ import pytest
 from ispom_app.cli import commands
 from ispom_app.cli.commands import COMMANDS
 
+from ispom.registry import named
+
 HEAVY = ("viser", "rerun", "aiohttp", "open3d", "trimesh", "matplotlib", "plotly", "pyarrow", "scipy.optimize")
 CODE = f"""
 import sys
@@ -24,7 +26,8 @@ sys.stderr.write(" ".join(name for name in {HEAVY} if name in sys.modules))
 @pytest.mark.parametrize("name", COMMANDS.names())
 def test_a_command_has_a_function_that_takes_what_it_is_given(name: str) -> None:
     command = COMMANDS.get(name)
-    function = commands._named(command.function)
+    assert isinstance(command.function, str)
+    function = named(command.function, commands.APP)
     options, *needs = inspect.signature(function).parameters.values()
     given = [each.name for each in needs if each.name in ("words", "builder")]
     assert given == list(command.needs)

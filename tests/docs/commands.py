@@ -51,8 +51,6 @@ def installed(word: str) -> str:
 
 def main() -> None:
     """Reads command lines as JSON from standard input, and prints what is wrong with each, or nothing."""
-    import tyro
-
     from ispom.errors import InputError
     from ispom.methods import add, names
 
@@ -78,7 +76,7 @@ def main() -> None:
         said = StringIO()
         try:
             with redirect_stderr(said), redirect_stdout(said):
-                options = tyro.cli(known[words[0]].options_class(), prog=f"ispom {words[0]}", args=words[1:])
+                options = known[words[0]].read(words[1:])
             if until := getattr(options, "until", None):
                 parse(until, names_of)
         except (SystemExit, KeyError, InputError) as fault:

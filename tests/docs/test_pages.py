@@ -12,9 +12,10 @@ from types import ModuleType
 
 import pytest
 
+from ispom.estimator import Method
 from ispom.io.calibrations.dialects import modules
 from ispom.io.poses.dialects import modules as pose_modules
-from ispom.methods import BUILT_IN, SURVEY
+from ispom.methods import BUILT_IN, SURVEY, method
 from ispom.settings import settings
 from tests.docs.commands import command_lines, pages
 
@@ -87,8 +88,8 @@ def test_the_figures_are_those_of_the_script() -> None:
         assert path.read_text(encoding="utf-8") == draw(), f"run python docs/concepts/figures.py: {path.name} is old"
 
 
-@pytest.mark.parametrize("method", (*BUILT_IN, *SURVEY), ids=lambda m: m.name)
-def test_every_method_has_a_page(method, generated: dict[str, str]) -> None:
+@pytest.mark.parametrize("method", [method(name) for name in (*BUILT_IN, *SURVEY)], ids=lambda m: m.name)
+def test_every_method_has_a_page(method: Method, generated: dict[str, str]) -> None:
     page = generated[f"methods/{re.sub(r'[^a-z0-9]', '_', method.name)}.md"]
     for setting in settings(method.config):
         assert f"--{method.name}.{setting.name.replace('_', '-')}`" in page
@@ -102,11 +103,11 @@ def test_the_default_methods_say_what_to_do_about_each_check() -> None:
     import yaml
 
     known = yaml.safe_load((DOCS / "methods" / "advice.yaml").read_text(encoding="utf-8"))
-    for method in BUILT_IN:
-        for check in method.checks.values():
+    for name in BUILT_IN:
+        for check in method(name).checks.values():
             if check.kind in ("requirement", "warning"):
-                assert check.key in known["checks"] or check.topic in known["topics"], f"{method.name}.{check.key}"
-    existing = {check.key for method in (*BUILT_IN, *SURVEY) for check in method.checks.values()}
+                assert check.key in known["checks"] or check.topic in known["topics"], f"{name}.{check.key}"
+    existing = {check.key for name in (*BUILT_IN, *SURVEY) for check in method(name).checks.values()}
     assert set(known["checks"]) <= existing, "advice about a check that is gone"
 
 

@@ -9,9 +9,10 @@ import pytest
 
 from ispom.ensemble import build, run
 from ispom.methods import BUILT_IN, Config
+from ispom.methods import method as registered
 from ispom.types import Check, Decision, Measurement, Sequence, Step, TrackStatus, by_key
 
-CHECKS = {method.name: method.checks for method in BUILT_IN}
+CHECKS = {name: registered(name).checks for name in BUILT_IN}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_each_check_and_each_stage_of_a_built_in_method_is_a_sentence(method: st
         for text in (check.passes, check.fails or check.passes):
             assert text.endswith(".") and text[0] in "{ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", (check.key, text)
         assert check.fails or check.kind == "finding", check.key
-    stages = {m.name: m.stages for m in BUILT_IN}[method]
+    stages = registered(method).stages
     own = {name for step in steps if step.method == method for name in step.seconds if ": " not in name}
     assert own <= stages.keys() and all(text.endswith(".") for text in stages.values())
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pkgutil
+from importlib import import_module
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -11,6 +13,7 @@ from ispom import registry
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimator import Method
+from ispom.estimators import survey
 from ispom.estimators.paper.stereo import StereoConfig
 from ispom.methods import (
     BUILT_IN,
@@ -28,7 +31,7 @@ from ispom.simulation.cameras import ring_rig
 from ispom.types import Measurement, Sequence
 from tests.alone import METHODS, OF_CAMERAS, PAPER
 
-NAMES = tuple(each.name for each in (*BUILT_IN, *SURVEY))
+NAMES = (*BUILT_IN, *SURVEY)
 
 
 @pytest.fixture
@@ -60,6 +63,16 @@ def test_the_built_in_methods_in_their_order() -> None:
     assert with_dependencies(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
     with pytest.raises(InputError, match=r"'slam' is no method: choose from monocular.* by --external"):
         method("slam")
+
+
+def test_each_module_of_the_survey_that_has_a_method_is_listed() -> None:
+    modules = [import_module(f"{survey.__name__}.{module.name}") for module in pkgutil.iter_modules(survey.__path__)]
+    found = {each.METHOD.name: f"{each.__name__}:METHOD" for each in modules if hasattr(each, "METHOD")}
+    assert found == SURVEY and sorted(SURVEY) == list(SURVEY)
+
+
+def test_each_method_has_the_name_under_which_it_is_listed() -> None:
+    assert [method(name).name for name in NAMES] == list(NAMES)
 
 
 def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:

@@ -28,10 +28,11 @@ from .job import Job, Origin
 from .options import Run
 from .output import describe, write_inputs
 from .play import Played, play
-from .suspicions import suspicions
 
 NO_MOTION = "no method found any motion"
 """In the sentence of a run without two poses: by this an experiment knows it from other failures."""
+LEAST_FRAMES = 12
+"""A run of fewer is a trial, of which nothing is suspected: they say little."""
 
 
 def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
@@ -41,6 +42,10 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
     """
     job = completed(options, builder, origin)
     _print(job)
+    if len(job.seen.film) < LEAST_FRAMES:
+        return 0
+    from .suspicions import suspicions  # imported here: it brings the doctor
+
     with terminable():
         for line in suspicions(job):
             sys.stdout.write(f"{printable(line)}\n")

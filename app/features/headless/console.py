@@ -8,10 +8,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
-
 from ispom.methods import Config
 from ispom.stop import LOOK_S, check_stop
 
@@ -25,6 +21,8 @@ def wait_for_compiler() -> None:
     """Waits for numba's first compilation, and says so on standard error: how far it is on a terminal, else once."""
     if warmup.finished():
         return
+    from rich.console import Console
+
     console = Console(stderr=True)
     if not console.is_terminal:
         sys.stderr.write(f"ispom: {warmup.message()}\n")
@@ -46,14 +44,20 @@ def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], No
 
     The function raises what ends the command, as `check_stop`.
     """
+    if quiet or not sys.stderr.isatty():
+        yield check_stop
+        return
+    from rich.console import Console  # imported here: many runs have no terminal
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]:.1f} frames/s,"),
         TimeRemainingColumn(),
     )
-    console = Console(stderr=True)
-    with Bar(*columns, TextColumn("left"), console=console, disable=quiet or not console.is_terminal) as bar:
+    with Bar(*columns, TextColumn("left"), console=Console(stderr=True)) as bar:
         task, start, count = bar.add_task("", total=total, rate=0.0), time.monotonic(), 0
 
         def advance() -> None:

@@ -10,7 +10,7 @@ import tyro
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.io.files import confined
-from ispom.methods import with_dependencies
+from ispom.methods import Config, with_dependencies
 
 from ...engine.options import config_of, settings_of
 from ...engine.playback import Builder, Stage
@@ -28,7 +28,8 @@ def fork(options: Fork, words: Sequence[str], builder: Builder = build) -> int:
     """
     run = read_run_file(options.run)
     config = run.configs()
-    options = tyro.cli(Fork, prog="ispom fork", args=words, default=replace(options, settings=settings_of(config)))
+    default = replace(options, settings=settings_of(config, type(options.settings)))
+    options = tyro.cli(type(options), prog="ispom fork", args=words, default=default)
     if options.at < 0:
         raise InputError(f"--at is {options.at}: give a frame of the run, counted from 0")
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)
@@ -38,7 +39,7 @@ def fork(options: Fork, words: Sequence[str], builder: Builder = build) -> int:
     again = Run(
         source=found.source,
         methods=options.methods or run.methods,
-        settings=settings_of(config_of(options.settings)),
+        settings=settings_of(Config({**config.given, **config_of(options.settings).given})),
         out=options.out,
         recording=options.recording,
         frame=run.frame,

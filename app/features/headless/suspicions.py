@@ -27,8 +27,6 @@ from .seen import Seen
 
 FRAMES = 45
 """Frames of the main camera in the doctor's stretch, as `ispom doctor` takes by itself."""
-LEAST_FRAMES = 12
-"""Fewer are a trial, and say little."""
 EXPLAINED = frozenset(key for key in DOUBTS if key.startswith(("pair_", "images_"))) - {"images_title"}
 """Keys of notes about what makes the doctor's tracks wrong, too; a title is left out."""
 CALIBRATION = "counterfactual"
@@ -38,12 +36,12 @@ MISTAKES = frozenset({suspect.key for suspect in SUSPECTS if suspect.how == CALI
 
 
 def suspicions(job: Job) -> Iterator[str]:
-    """Yields a sentence each; none for a simulation, whose faults are known, a live source, or a trial of few frames.
+    """Yields a sentence each; none for a simulation, whose faults are known, and a live source.
 
     Raises what `check_stop` raises.
     """
     sequence, seen = job.playback.sequence, job.seen
-    if job.options.source.startswith("sim:") or sequence.grow is not None or len(seen.film) < LEAST_FRAMES:
+    if job.options.source.startswith("sim:") or sequence.grow is not None:
         return
     yield from of_film(seen, sequence)
     paths = {} if seen.finished is None else seen.finished.trajectories

@@ -23,7 +23,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import STEREO, VIDEO, require_frame
+from ispom.estimator import PER_UNIT, STEREO, VIDEO, Method, require_frame
 from ispom.estimators.frame_interval import FrameInterval
 from ispom.estimators.paper import checks
 from ispom.geometry import Pose
@@ -327,3 +327,16 @@ def _checks_of(segment: Segment, last_scale: float | None) -> tuple[Decision, ..
         checks.SEGMENT_TURN.of(rotation, DOUBTFUL_DEG),
         checks.END_ORIENTATION.of(residual, DOUBTFUL_DEG),
     )
+
+
+METHOD = Method(
+    "integrated.paper",
+    VIDEO | STEREO,
+    IntegratedConfig,
+    "metric",
+    "Li, Liu and Yuan 2013, section 6.3",
+    PER_UNIT,
+    {"video": "monocular.paper", "stereo": "stereo.paper"},
+    checks.INTEGRATED,
+    checks.INTEGRATED_STAGES,
+)

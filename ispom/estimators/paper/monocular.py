@@ -28,7 +28,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import VIDEO, require_frame
+from ispom.estimator import TRANSFER, VIDEO, Method, require_frame
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.paper import checks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
@@ -754,3 +754,15 @@ def _landmarks(exposure: Frame, after: MonocularState, update: WindowUpdate) -> 
     landmarks = update.window.landmarks
     ids, here, there = np.intersect1d(after.ids, landmarks.ids, return_indices=True)
     return Landmarks(ids, landmarks.xyz[there], colours_at(exposure.image, after.uv[here]))
+
+
+METHOD = Method(
+    "monocular.paper",
+    VIDEO,
+    MonocularConfig,
+    "own",
+    "Li, Liu and Yuan 2013, section 6.1",
+    TRANSFER,
+    checks=checks.MONOCULAR,
+    stages=checks.MONOCULAR_STAGES,
+)

@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import STEREO, require_frame
+from ispom.estimator import STEREO, Method, require_frame
 from ispom.estimators.paper import checks
 from ispom.features.interfaces import Features
 from ispom.features.klt import Klt
@@ -435,3 +435,14 @@ def _landmarks(rig: Rig, pair: Frame, cloud: Cloud, world_from_rig: Pose | None,
     near = cloud.xyz_in_left[:, 2] <= limit_m
     xyz = (world_from_rig @ rig.rig_from_left).apply(cloud.xyz_in_left[near])
     return Landmarks(cloud.ids[near], xyz, colours_at(pair.left, cloud.features.uv[near]))
+
+
+METHOD = Method(
+    "stereo.paper",
+    STEREO,
+    StereoConfig,
+    "metric",
+    "Li, Liu and Yuan 2013, section 6.2",
+    checks=checks.STEREO,
+    stages=checks.STEREO_STAGES,
+)

@@ -257,7 +257,7 @@ def _lab(colour) -> np.ndarray:
 
 
 def test_no_two_methods_of_this_package_share_a_colour():
-    methods = [method.name for method in (*BUILT_IN, *SURVEY)]
+    methods = [*BUILT_IN, *SURVEY]
     assert len({colours.of(name) for name in methods}) == len(methods)
 
 

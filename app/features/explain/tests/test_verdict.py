@@ -11,7 +11,7 @@ from ispom.estimators.modern.monocular import checks as monocular
 from ispom.estimators.modern.second_motion import SECOND_MOTION
 from ispom.estimators.modern.stereo import checks as stereo
 from ispom.estimators.paper import checks as paper
-from ispom.methods import BUILT_IN
+from ispom.methods import BUILT_IN, method
 from ispom.types import Check, Decision, Status, Step
 
 FALSE = re.compile(r"[<>≤≥]")
@@ -96,21 +96,21 @@ def test_a_method_without_words_of_its_own_gets_a_verdict_from_its_checks() -> N
     assert found("stereo", Status.TRACKING, Decision("odd", 1, 2, False, kind="finding")).severity == Severity.OK
 
 
-@pytest.mark.parametrize("method", BUILT_IN, ids=lambda m: m.name)
-def test_no_check_prints_a_comparison_that_is_false(method) -> None:
-    for check in method.checks.values():
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_no_check_prints_a_comparison_that_is_false(name: str) -> None:
+    for check in method(name).checks.values():
         for value, threshold in ((0.5, 2.0), (2.0, 0.5)):
             decision = check.of(value, threshold)
             for status in Status:
-                made = verdict(step(method.name, status, decision), 0, {})
+                made = verdict(step(name, status, decision), 0, {})
                 assert made.headline and not FALSE.search(made.sentence), made.sentence
                 assert made.sentence.endswith(".") and ".." not in made.sentence and made.detail[-1:] != "."
 
 
 def test_each_built_in_method_that_finds_poses_has_a_topic() -> None:
-    for method in BUILT_IN:
-        topics = {check.topic for check in method.checks.values()}
-        assert "pose" in topics or method.asks, method.name
+    for each in map(method, BUILT_IN):
+        topics = {check.topic for check in each.checks.values()}
+        assert "pose" in topics or each.asks, each.name
 
 
 def test_the_worst_of_several() -> None:

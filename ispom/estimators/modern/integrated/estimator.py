@@ -13,7 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from ispom.estimator import STEREO, VIDEO, require_frame
+from ispom.estimator import PER_UNIT, STEREO, VIDEO, Method, require_frame
+from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.alignment import stereo_from_window, video_poses
 from ispom.estimators.modern.integrated.localise import localise
 from ispom.estimators.modern.integrated.observe import check_right_matches, observe, with_pair, with_video, without_pair
@@ -201,3 +202,16 @@ class ModernIntegrated:
 def _seconds(part: Step) -> dict[str, float]:
     """Returns the times of the stages of the method that this one depends on."""
     return {f"{part.method}: {stage}": seconds for stage, seconds in part.seconds.items()}
+
+
+METHOD = Method(
+    "integrated",
+    VIDEO | STEREO,
+    ModernIntegratedConfig,
+    "metric",
+    "continuous-time estimation on a cumulative B-spline (Spline Fusion 2013)",
+    PER_UNIT,
+    {"video": "monocular", "stereo": "stereo"},
+    checks.CHECKS,
+    checks.STAGES,
+)

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import VIDEO, require_frame
+from ispom.estimator import TRANSFER, VIDEO, Method, require_frame
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.conclude import (
     as_step,
@@ -221,3 +221,15 @@ def _track_with_map(
         outcome = add_keyframe(setup, state, outcome, frame)
         watch.lap("key frame")
     return state, outcome
+
+
+METHOD = Method(
+    "monocular",
+    VIDEO,
+    ModernMonocularConfig,
+    "own",
+    "key frames and local bundle adjustment (PTAM, 2007)",
+    TRANSFER,
+    checks=checks.CHECKS,
+    stages=checks.STAGES,
+)

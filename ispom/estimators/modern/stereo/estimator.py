@@ -9,8 +9,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimator import STEREO, require_frame
+from ispom.estimator import STEREO, Method, require_frame
 from ispom.estimators.modern.second_motion import Follow
+from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.height import height_prior
 from ispom.estimators.modern.stereo.keyframe import exchanged_since, keyframe_tests, new_points, start_obstacles
 from ispom.estimators.modern.stereo.localise import LocalisedFrame
@@ -249,3 +250,14 @@ class ModernStereo:
     @cached_property
     def _left_from_rig(self) -> Pose:
         return self.rig.rig_from_left.inverse()
+
+
+METHOD = Method(
+    "stereo",
+    STEREO,
+    ModernStereoConfig,
+    "metric",
+    "key frames, local bundle adjustment (ORB-SLAM2 2017)",
+    checks=checks.CHECKS,
+    stages=checks.STAGES,
+)
