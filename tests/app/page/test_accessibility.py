@@ -45,10 +45,13 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-@pytest.mark.parametrize("mode", ["debug", "compare", "learn"])
-def test_the_page_has_contrast_and_names(page: Page, mode: str, scheme: str) -> None:
+@pytest.mark.parametrize(
+    ("mode", "content"), [("debug", "#panels .card"), ("compare", "#compare .pair button"), ("learn", "#learn li")]
+)
+def test_the_page_has_contrast_and_names(page: Page, mode: str, content: str, scheme: str) -> None:
     in_scheme(page, scheme)
     page.tab.locator(f"#modes input[value={mode}]").check(force=True)
+    page.tab.locator(content).first.wait_for()
     assert violations(page.tab) == []
 
 
@@ -67,6 +70,7 @@ def test_our_texts_in_the_left_pane_have_contrast(page: Page, tab: str) -> None:
     in_scheme(page, "dark")
     page.tab.locator("#modes input[value=debug]").check(force=True)
     page.controls.get_by_role("tab", name=tab, exact=True).click()
+    page.controls.get_by_role("tab", name=tab, exact=True, selected=True).wait_for()
     frame = next(frame for frame in page.tab.frames if "viser" in frame.url)
     ours = [line for line in violations(frame) if line.startswith("color-contrast")]
     assert ours == []

@@ -8,7 +8,7 @@ from urllib.parse import parse_qsl
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, NOT_NEW, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, NOT_NEW, App, Page, app, browser, expect  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
@@ -175,7 +175,7 @@ def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     page.until("window.ispom.axis.marks.bookmarks?.marks.length === 2", "the second one")
     assert page.tab.evaluate("window.ispom.axis.marks.bookmarks.marks")[1]["note"] == "here it jumps"
     page.tab.locator("#axis").hover(position={"x": 176 + 904 * 33 / 43, "y": 3})
-    assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
+    expect(page.tab.locator("#axis-hint")).to_contain_text("bookmark: here it jumps")
     go(page, 2)
     page.controls.get_by_role("button", name="Go to", exact=True).click()
     page.until("state.index === 33", "the bookmark's frame")

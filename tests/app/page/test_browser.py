@@ -47,6 +47,8 @@ FLAGS = [
     "--disable-dev-shm-usage",
 ]
 PATIENCE_MS = 60_000
+expect = playwright.expect
+expect.set_options(timeout=PATIENCE_MS)
 NOT_NEW = "localStorage.setItem('ispom.captions', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44
@@ -151,11 +153,17 @@ class Page:
 
     def until(self, condition: str, what: str, patience_ms: float = 0) -> None:
         # Not wait_for_function: that evaluates strings inside the page, which the page's security policy forbids.
-        script = f"(() => {{ const state = window.ispom?.state; return Boolean(state && ({condition})); }})()"
+        script = f"(async () => {{ const state = window.ispom?.state; return Boolean(state && ({condition})); }})()"
         until = time.monotonic() + (patience_ms or PATIENCE_MS) / 1000
         while not self.tab.evaluate(script):
             assert time.monotonic() < until, f"timed out waiting for {what}; {self.state}; console {self.faults}"
             self.tab.wait_for_timeout(50)
+
+    def resize(self, width: int, height: int) -> None:
+        """Gives the window another size, which the page hears of and follows in its next animation frame."""
+        self.tab.set_viewport_size({"width": width, "height": height})
+        self.until(f"innerWidth === {width} && innerHeight === {height}", "the size of the window")
+        self.tab.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def send(self, message: str) -> None:
         """As the page's own keys and bar do it."""
@@ -189,9 +197,9 @@ def test_it_plays_by_itself(page: Page):
     page.until(f"state.ended || state.index > {first} + 3", "the frame counter to advance")
     page.until("state.ended && !state.playing", "the end")
     assert page.state["computed"] == TOTAL
-    assert page.tab.locator("#exposure").inner_text() == f"frame {TOTAL - 1} / {TOTAL - 1}"
-    assert page.tab.locator("#methods .method").count() == 3
-    assert re.search(r"Stereo.*\d mm?$", page.tab.locator("#methods .method").nth(1).inner_text().replace("\n", " "))
+    expect(page.tab.locator("#exposure")).to_have_text(f"frame {TOTAL - 1} / {TOTAL - 1}")
+    expect(page.tab.locator("#methods .method")).to_have_count(3)
+    expect(page.tab.locator("#methods .method").nth(1)).to_have_text(re.compile(r"^Stereo.*\d mm?$"))
 
 
 def test_viser_shows_its_panels(page: Page):
@@ -252,7 +260,8 @@ def settled(page: Page) -> bytes:
 
 def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):
     page.send("{do: 'seek', index: 12}")
-    page.until("window.ispom.viewer.stage.shown?.index === 12", "Rerun to stand at the frame shown")
+    shown = "window.ispom.viewer.stage.shown"
+    page.until(f"{shown}?.index === 12 && {shown}.complete", "Rerun to stand at the frame shown")
     before = stands(page)
     page.controls.get_by_role("tab", name="View").click()
     drawn = len(page.state["hidden"])  # colours of tracks that are not chosen

@@ -28,6 +28,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
     opened.until(f"state.computed === {TOTAL}", "the end")
     opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
+    opened.until("state.index === state.total - 1 && !state.playing", "the last frame")
     yield opened
     assert not opened.faults
     opened.tab.close()

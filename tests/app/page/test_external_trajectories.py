@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ispom_app.presentation import colours
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, serving  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, serving  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -43,12 +43,12 @@ def choose(page: Page, option: str) -> None:
 def test_the_table_and_the_curves_have_the_other_program(page: Page):
     tab(page, "Branches")
     page.controls.get_by_text("Other programs").wait_for()
-    cells = page.controls.locator("tr", has_text="orb").first.locator("td").all_inner_texts()
-    assert cells[0].endswith("orb") and re.fullmatch(r"[\d.]+ mm SE\(3\)", cells[1]) and cells[2] == "0"
+    cells = page.controls.locator("tr", has_text="orb").first.locator("td")
+    expect(cells).to_have_text([re.compile("orb$"), re.compile(r"^[\d.]+ mm SE\(3\)$"), "0"])
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
-    page.until("document.querySelectorAll('[data-name=error] .now > div').length >= 3", "the curves")
-    sign = page.tab.locator('.plot[data-name="error"] .now > div').last
-    assert colours.css(colours.colour_of_external(0)) in sign.get_attribute("style")
+    signs = page.tab.locator('.plot[data-name="error"] .now > div')
+    signs.nth(2).wait_for()
+    expect(signs.last).to_have_attribute("style", re.compile(re.escape(colours.css(colours.colour_of_external(0)))))
 
 
 def test_the_integration_is_clicked_through_step_by_step(page: Page):

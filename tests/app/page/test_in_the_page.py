@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, apart, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, apart, app, browser, expect  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -51,14 +51,14 @@ def test_an_error_is_dismissed_covers_nothing_and_does_not_come_back(page: Page)
 
 
 def test_a_long_message_never_pushes_the_exposure_out_of_the_bar(page: Page):
-    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
     page.tab.evaluate("document.getElementById('compiling').textContent = 'compiling the estimators '.repeat(20)")
     box = page.tab.locator("#time").bounding_box()
     assert box["x"] + box["width"] <= 1280
 
 
 def test_apply_stays_visible_below_open_settings(page: Page):
-    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_text("Stereo settings", exact=True).click()
     page.controls.locator("label:visible", has_text="max tracks").first.wait_for()
@@ -96,8 +96,8 @@ ROWS_IN_THE_STAGE = """(() => {
 @pytest.mark.parametrize(("width", "height"), [(760, 900), (1067, 600), (1280, 720), (1920, 1080)])
 def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: int, height: int):
     """1067x600 are what a browser's zoom of 150 % leaves of 1600x900."""
-    page.tab.set_viewport_size({"width": width, "height": height})
-    page.tab.locator("#left").wait_for(state="visible" if width > 900 else "hidden")
+    page.resize(width, height)
+    expect(page.tab.locator("#left")).to_be_visible(visible=width > 900)
     assert page.tab.evaluate(TEXTS_IN_A_ROW) == "[]"
     box = page.tab.locator("#exposure").bounding_box()
     assert box["width"] > 0 and box["x"] + box["width"] <= width, "the frame counter"
@@ -105,7 +105,7 @@ def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: i
     if width < 900:
         page.tab.locator("#fold").click()
         page.tab.locator("#left").wait_for()
-    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
 
 
 def test_the_splitter_never_cuts_the_controls(page: Page):
@@ -126,14 +126,14 @@ def test_a_pose_and_its_error_are_two_things(page: Page):
     assert "from the ground truth" in stereo.get_attribute("title")
     label = "(e) => getComputedStyle(e, '::before').content + ' ' + getComputedStyle(e, '::before').display"
     for width in (1280, 1600):
-        page.tab.set_viewport_size({"width": width, "height": 720})
+        page.resize(width, 720)
         text = stereo.locator(".error").evaluate(label)
         assert "ATE" in text and "none" not in text.split()[-1]
 
 
 def test_branches_are_not_lost_without_a_question(page: Page):
     """Opening a source discarded them silently."""
-    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
     page.send("{do: 'seek', index: 10}")
     page.until("state.index === 10", "the seek")
     page.controls.get_by_role("tab", name="Methods").click()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
 from tests.app.page.test_in_the_page import FAKE
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
@@ -69,16 +68,14 @@ def test_a_row_of_the_table_is_selected_by_click_and_by_key(page: Page):
     page.until(f"state.selected === '{wanted[0]}'", "the row where Enter was pressed")
 
 
-def drawn_anew(page: Page, change: str) -> None:
-    """Sends a change, and waits until the panel is other HTML than before."""
-    page.controls.locator("body").evaluate(
-        "(body) => (body.old = [...body.querySelectorAll('[data-select], [data-seek]')].at(-1))"
-    )
-    page.send(change)
-    until = time.monotonic() + PATIENCE_MS / 1000
-    while page.controls.locator("body").evaluate("(body) => body.old.isConnected"):
-        assert time.monotonic() < until, "timed out waiting for the panel to be drawn anew"
-        page.tab.wait_for_timeout(50)
+def redraw(page: Page, selected: str) -> None:
+    """Selects one of the tracks, or none, and waits until the table is drawn again with its row in bold."""
+    page.send(f"{{do: 'select', what: '{selected}'}}")
+    bold = page.controls.locator("tr[data-select][style*='font-weight:700']")
+    if selected:
+        expect(bold).to_have_attribute("data-select", selected)
+    else:
+        expect(bold).to_have_count(0)
 
 
 def scrolled(page: Page) -> list[float]:
@@ -94,28 +91,26 @@ def test_walking_the_rows_by_key_keeps_the_place_when_the_table_is_redrawn(page:
     rows.nth(13).focus()
     before = scrolled(page)
     assert max(before) > 0
-    drawn_anew(page, f"{{do: 'select', what: '{wanted[2]}'}}")
+    redraw(page, wanted[2])
     assert scrolled(page) == before
     page.tab.keyboard.press("Enter")
     page.until(f"state.selected === '{wanted[13]}'", "the row that has the focus still")
-    drawn_anew(page, "{do: 'select', what: ''}")
+    redraw(page, "")
     page.tab.keyboard.press("Tab")
     page.tab.keyboard.press("Enter")
     page.until(f"state.selected === '{wanted[14]}'", "the row below it")
 
 
 def test_where_its_row_is_gone_the_focus_is_in_its_place_until_the_row_is_back(page: Page):
-    go_on = "action('end')"
     rows, focus = page.controls.locator("tr[data-select]"), page.controls.locator("tr[data-select]:focus")
     rows.nth(3).focus()
     wanted, at_end = focus.get_attribute("data-select"), page.state["index"]
-    drawn_anew(page, "{do: 'seek', index: 0}")
-    there = [rows.nth(i).get_attribute("data-select") for i in range(rows.count())]
-    assert wanted not in there
-    assert focus.get_attribute("data-select") == there[3]
-    drawn_anew(page, go_on)
+    page.send("{do: 'seek', index: 0}")
+    page.controls.locator(f"tr[data-select='{wanted}']").wait_for(state="detached")
+    assert focus.get_attribute("data-select") == rows.nth(3).get_attribute("data-select")
+    page.send("action('end')")
     page.until(f"state.index === {at_end}", "the end")
-    assert focus.get_attribute("data-select") == wanted
+    expect(focus).to_have_attribute("data-select", wanted)
 
 
 def test_a_redrawn_part_takes_the_focus_from_nothing_outside_of_it(page: Page):
@@ -123,20 +118,19 @@ def test_a_redrawn_part_takes_the_focus_from_nothing_outside_of_it(page: Page):
     wanted = rows.nth(0).get_attribute("data-select")
     rows.nth(3).focus()
     page.tab.locator("#splitter").focus()
-    drawn_anew(page, f"{{do: 'select', what: '{wanted}'}}")
+    redraw(page, wanted)
     assert page.tab.locator("#splitter:focus").count() == 1
 
 
 def test_a_press_counts_where_the_table_is_redrawn_before_the_button_is_released(page: Page):
     rows = page.controls.locator("tr[data-select]")
-    wanted = [rows.nth(i).get_attribute("data-select") for i in (0, 4)]
-    rows.nth(1).hover()
-    rows.nth(1).click()
+    wanted = [rows.nth(i).get_attribute("data-select") for i in (1, 0, 4)]
+    redraw(page, wanted[0])
     rows.nth(4).hover()
     page.tab.mouse.down()
-    drawn_anew(page, f"{{do: 'select', what: '{wanted[0]}'}}")
+    redraw(page, wanted[1])
     page.tab.mouse.up()
-    page.until(f"state.selected === '{wanted[1]}'", "the row that was pressed")
+    page.until(f"state.selected === '{wanted[2]}'", "the row that was pressed")
 
 
 def test_a_key_frame_is_selected_in_the_matrix(page: Page):

@@ -17,7 +17,7 @@ from ispom_app.session.state import State
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import with_values
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 NAME = "monocular.parallax"
@@ -167,7 +167,7 @@ def test_a_click_into_a_plot_shows_the_frame_there_and_hovering_its_value(page: 
     cursor = page.tab.locator("#cursor").bounding_box()
     assert abs(cursor["x"] - box["x"] - x) < 20 and cursor["height"] > box["height"]
     page.tab.mouse.move(box["x"] + x + 5, box["y"] + 20)
-    assert "Monocular: " in page.tab.locator("#axis-hint").inner_text()
+    expect(page.tab.locator("#axis-hint")).to_contain_text("Monocular: ")
 
 
 @in_chromium

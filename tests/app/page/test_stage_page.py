@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser, expect  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -35,7 +35,8 @@ def opened(browser, app: App) -> Iterator[Staged]:  # noqa: F811
 @pytest.fixture
 def page(opened: Staged) -> Staged:
     opened.send("{do: 'seek', index: 20}")
-    opened.until("window.ispom.viewer.stage.shown?.index === 20", "the frame that tests start from")
+    shown = "window.ispom.viewer.stage.shown"
+    opened.until(f"{shown}?.index === 20 && {shown}.complete", "the frame that tests start from")
     return opened
 
 
@@ -133,7 +134,7 @@ def test_a_hand_that_turns_the_view_is_left_alone_until_the_path_is_framed_again
     page.tab.mouse.down()
     page.tab.mouse.move(x + 30, y + 10, steps=3)
     page.tab.mouse.up()
-    assert page.tab.locator("#eyes [aria-pressed=true]").count() == 0
+    expect(page.tab.locator("#eyes [aria-pressed=true]")).to_have_count(0)
     before = page.tab.evaluate(f"{EYES}.length")
     page.send("{do: 'seek', index: 1}")
     page.until("window.ispom.viewer.stage.shown?.index === 1", "a frame whose path is much shorter")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, tiny  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, tiny  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -35,7 +35,7 @@ def run(page: Page) -> None:
 
 
 def test_a_wrong_value_is_reported_in_one_sentence(page: Page) -> None:
-    assert field(page, "values").input_value() == "100, 200, 400, 800", "proposed"
+    expect(field(page, "values")).to_have_value("100, 200, 400, 800")  # proposed
     field(page, "values").fill("100, 20")
     run(page)
     page.until("state.notices.some(n => n.text.includes('give a value from 50 to 3000'))", "the refusal")
@@ -51,7 +51,7 @@ def test_the_values_are_run_and_listed_together(page: Page) -> None:
     errors = page.state["sweep"]["ate_m"]
     assert sorted(errors) == ["200", "400"] and all(0 < error < 0.1 for error in errors.values())
     page.controls.get_by_text("2 of 2 runs").wait_for()
-    assert page.controls.get_by_text("Error against the value").is_visible()
+    page.controls.get_by_text("Error against the value").wait_for()
 
 
 def test_a_value_is_shown_as_a_branch(page: Page) -> None:

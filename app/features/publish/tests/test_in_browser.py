@@ -18,7 +18,7 @@ from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.stored import nobody
 from ispom_app.views.web.numbers import of_exposure, over_time
 
-from tests.app.page.test_browser import CHROMIUM, Page, browser  # noqa: F401 - a fixture
+from tests.app.page.test_browser import CHROMIUM, Page, browser, expect  # noqa: F401 - a fixture
 from tests.app.page.test_keys import FAKE
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
@@ -80,15 +80,17 @@ def test_keys_move_and_the_stage_follows(page: Page) -> None:
 
 
 def test_a_picture_is_taken_of_the_frame_that_is_shown(page: Page) -> None:
+    page.until("window.ispom.viewer.stage?.shown", "the stage")
     asked = "window.ispom.viewer.stage.redraw()({ set_time: ({ timeline }) => timeline })"
     assert page.tab.evaluate(asked) == "exposure"
 
 
 def test_the_time_dock_seeks_and_a_reload_returns_there(page: Page, url: str) -> None:
+    page.send("{do: 'seek', index: 0}")
     box = page.tab.locator("#axis").bounding_box()
     page.tab.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 12)
+    page.until("state.index > 3 && state.index < state.total - 1", "the frame at the click")
     index = page.state["index"]
-    assert 3 < index < page.state["total"] - 1
     page.until(f"location.hash.includes('at={index}')", "the address")
     page.tab.reload()
     at(page, index)
@@ -108,14 +110,14 @@ def test_a_loop_is_played_round(page: Page) -> None:
     for index, key in ((2, "i"), (5, "o")):
         page.send(f"{{do: 'seek', index: {index}}}")
         page.tab.keyboard.press(key)
-    assert page.state["loop"] == [2, 5]
+    page.until("String(state.loop) === '2,5'", "the loop")
     page.tab.keyboard.press("Space")
     page.until("state.playing && state.index === 3", "the loop")
     page.until("state.playing && state.index === 5", "its end")
     page.until("state.playing && state.index === 2", "its start")
     page.tab.keyboard.press("l")
     page.tab.keyboard.press("Home")
-    assert page.state["loop"] is None
+    page.until("state.loop === null && state.index === 0", "no loop")
 
 
 def test_a_click_on_an_event_goes_to_its_frame(page: Page) -> None:
@@ -123,7 +125,7 @@ def test_a_click_on_an_event_goes_to_its_frame(page: Page) -> None:
     index = int(event.get_attribute("data-seek") or "")
     event.click()
     at(page, index)
-    assert event.get_attribute("aria-current") == "true"
+    expect(event).to_have_attribute("aria-current", "true")
     page.tab.keyboard.press("Shift+n")
     page.until(f"state.index < {index}", "the event before")
 
@@ -137,14 +139,15 @@ def test_a_check_is_plotted_by_a_click_and_a_quantity_by_its_name(page: Page) ->
     name = check.get_attribute("data-plot")
     check.click()
     page.tab.locator(f".plot[data-name='{name}']").wait_for()
-    assert check.get_attribute("aria-pressed") == "true" and page.tab.locator(".plot").count() == before + 1
+    expect(check).to_have_attribute("aria-pressed", "true")
+    expect(page.tab.locator(".plot")).to_have_count(before + 1)
     page.until(f"state.address.plots.endsWith({name!r})", "the address")
     page.tab.locator("#add-plot").fill("alive")
     page.tab.locator("#add-plot").press("Enter")
     page.tab.locator(".plot[data-name='alive']").wait_for()
     for each in (name, "alive"):
         page.tab.locator(f".plot[data-name='{each}'] button").last.click()
-    assert page.tab.locator(".plot").count() == before
+    expect(page.tab.locator(".plot")).to_have_count(before)
 
 
 def test_layers_are_hidden_and_shown(page: Page) -> None:
@@ -184,11 +187,11 @@ def test_numbers_are_saved_as_the_app_does(page: Page, runs: tuple[Path, Path]) 
 
 
 def test_a_narrow_window_has_everything_one_above_the_other(page: Page) -> None:
-    page.tab.set_viewport_size({"width": 600, "height": 900})
+    page.resize(600, 900)
     stage, panels, dock = (page.tab.locator(each).bounding_box() for each in ("#viewer", ".panels", "#dock"))
     assert stage["y"] + stage["height"] <= panels["y"] + 1 and panels["y"] + panels["height"] <= dock["y"] + 1
     assert min(stage["width"], panels["width"]) == 600
-    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.resize(1280, 720)
 
 
 def test_two_runs_are_compared(browser, pair: Path) -> None:  # noqa: F811
@@ -197,7 +200,7 @@ def test_two_runs_are_compared(browser, pair: Path) -> None:  # noqa: F811
         page.tab.get_by_text("Compare", exact=True).click()
         place = page.tab.locator("#compare")
         place.locator("table td").first.wait_for()
-        assert place.locator("select").nth(1).input_value() == "live:1"
+        expect(place.locator("select").nth(1)).to_have_value("live:1")
         place.locator(".verdict").wait_for()
         assert not place.locator(".images").is_visible() and not page.faults
         page.tab.close()

@@ -11,7 +11,7 @@ from ispom_app.features.headless.command import run
 from ispom_app.features.headless.options import Run as Options
 
 from tests.app import helpers
-from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, expect, launched  # noqa: F401 - a fixture
 from tests.app.page.test_keys import FAKE
 from tests.sequences.kitti_folder import make_drive
 
@@ -118,7 +118,7 @@ def test_two_runs_that_are_selected_are_compared_on_one_stage(page: Page) -> Non
         "A was selected first"
     )
     page.tab.locator("#compare table tr").nth(2).wait_for()
-    assert page.tab.locator("#compare tr.of").count() == 2, "the method that both have, and the whole run"
+    expect(page.tab.locator("#compare tr.of")).to_have_count(2)  # the method that both have, and the whole run
     page.tab.locator("#compare .which span").filter(has_text="Frame").wait_for()
     drawn = "[...document.querySelectorAll('#compare .images img')].every((image) => image.naturalWidth > 0)"
     page.until(drawn, "both images")
@@ -132,7 +132,7 @@ def test_after_a_fork_the_mode_compare_compares_it_with_its_parent(page: Page) -
     page.until("state.index === 20", "the frame")
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_role("button", name="Fork at frame").click()
-    page.until("state.address.branch !== '0' && !state.playing", "the fork")
+    page.until("state.address.branch === 1 && !state.playing", "the fork")
     page.tab.locator("#modes input[value=compare]").check(force=True)
     page.until("state.compared?.[3]", "the comparison")
     first = "document.querySelector('#compare .pair option:checked')?.textContent"
