@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ispom.calibration.tracked.self_calibration import self_calibrated
+from ispom.calibration.opening import with_estimated_camera
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import confined, exists
 from ispom.io.rig import read_rig
@@ -94,7 +94,7 @@ def _sequence(
             sequence = opener(allowed.source, allowed.options)
         if compare and run.images_sha256 is not None and not run.source.startswith("sim:"):
             sequence = compared(sequence, run.images_sha256, run.source)
-        sequence = self_calibrated(sequence).used_by(kinds)
+        sequence = with_estimated_camera(sequence).used_by(kinds)
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its frames have other times"

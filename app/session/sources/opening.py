@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ispom.calibration.tracked.self_calibration import self_calibrated
+from ispom.calibration.opening import with_estimated_camera
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods, with_dependencies
@@ -92,7 +92,7 @@ class SourceOpener:
         self._asked.add(source)
         if sequence.guess is not None:
             progress(f"{without_secrets(source)} has no calibration: finding focal length and distortion in its images")
-            sequence = self_calibrated(sequence)
+            sequence = with_estimated_camera(sequence)
         possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self.variant)
         if not possible:
             raise InputError(
