@@ -1,4 +1,4 @@
-"""What sensors other than cameras recorded, as tables: text files whose first line names the columns.
+"""Measurements of sensors other than cameras in tables: text files whose first line names the columns.
 
 Columns are separated by commas, or by white space where the first line has no comma. Names: `time_ns` or `time_s`;
 of an IMU `gx gy gz` [rad/s] and `ax ay az` [m/s^2]; of GNSS `x y z` [m] east, north and up, or `lat lon height`
@@ -56,7 +56,7 @@ def read_measurements(path: Path, columns: Mapping[str, str] | None = None) -> T
 def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
     """Reads a table; `columns` maps the usual names to those of the file.
 
-    Raises InputError that names the line of what is no number, and where times are missing or do not increase.
+    Raises InputError that names the line of an invalid number, and for times that are missing or do not increase.
     """
     lines = [(i, text.strip()) for i, text in enumerate(read_text(path).splitlines(), 1) if text.strip()]
     if not lines:

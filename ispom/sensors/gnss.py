@@ -24,8 +24,8 @@ from ispom.types import GnssAntenna, GnssFix, Measurement
 LOCAL, GEODETIC = ("x", "y", "z"), ("lat", "lon", "height")
 SIGMAS = ("sigma_x", "sigma_y", "sigma_z")
 """Columns of tables, besides `sigma` of all three."""
-LEAST_SIGMA, MOST_SIGMA = 1e-12, 1e9
-"""Standard deviations [m] whose squares, and their inverses, are still numbers."""
+MIN_SIGMA, MAX_SIGMA = 1e-12, 1e9
+"""Range of standard deviations [m], whose squares and inverse squares are still finite."""
 MOST_WAITING = 50
 """Fixes that wait for a node."""
 LOCAL_FROM_AHEAD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -135,8 +135,8 @@ def _sigma(table: Table, default_m: float | None) -> Array:
     else:
         raise InputError(f"{table.path} has no column sigma: add it, or give `sigma_m` [m] of the fixes")
     for end in (sigma.min(), sigma.max()):
-        if not LEAST_SIGMA <= end <= MOST_SIGMA:
-            bounds = f"give a value from {LEAST_SIGMA:g} to {MOST_SIGMA:g}"
+        if not MIN_SIGMA <= end <= MAX_SIGMA:
+            bounds = f"give a value from {MIN_SIGMA:g} to {MAX_SIGMA:g}"
             raise InputError(f"{table.path}: a standard deviation is {end:g}, {bounds}")
     return sigma
 

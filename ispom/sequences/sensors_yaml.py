@@ -28,7 +28,7 @@ from ispom.io.sensor_tables import read_measurements
 from ispom.io.values import MAX_TIME_S, number, sensor_name
 from ispom.plausibility.times import time_doubts
 from ispom.sensors import SENSOR_KINDS
-from ispom.sensors.gnss import LEAST_SIGMA, MOST_SIGMA
+from ispom.sensors.gnss import MAX_SIGMA, MIN_SIGMA
 from ispom.sensors.kind import FileOptions, Readings
 from ispom.sequences.recorded_sensors import RecordedSensor, measurements_of
 from ispom.sequences.sensor_doubts import file_kinds, frames_ns_of, mount_doubts, sensor_doubts
@@ -155,7 +155,7 @@ def _on_clock(path: Path, name: str, entry: dict[Any, Any], read: Readings) -> R
 
 
 def _sigma_m(path: Path, name: str, entry: dict[Any, Any]) -> float | None:
-    return _number(path, name, entry, "sigma_m", None, LEAST_SIGMA, MOST_SIGMA)
+    return _number(path, name, entry, "sigma_m", None, MIN_SIGMA, MAX_SIGMA)
 
 
 def _number(path: Path, name: str, entry: dict[Any, Any], key: str, default: Any, least: float, most: float) -> Any:

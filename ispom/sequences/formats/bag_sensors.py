@@ -24,7 +24,7 @@ from ispom.geometry import Array, Pose
 from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, BagFile
 from ispom.io.poses.dialects.ros_bag import TF, pose_topics
 from ispom.io.values import LARGEST, MAX_TIME_S
-from ispom.sensors.gnss import LEAST_SIGMA, MOST_SIGMA, geodetic_values
+from ispom.sensors.gnss import MAX_SIGMA, MIN_SIGMA, geodetic_values
 from ispom.sensors.kind import Readings
 from ispom.sequences.recorded_sensors import RecordedSensor, imu_origin
 from ispom.sequences.sensor_discovery import NO_POSE, imu_noise_beside, imu_pose_beside, numbered
@@ -261,7 +261,7 @@ def _gnss_readings(bag: BagFile, topic: str, own_clock: bool) -> Readings:
         return [message.latitude, message.longitude, message.altitude, *sigma]
 
     times_ns, values = _rows(bag, topic, own_clock, row)
-    sigma = np.clip(values[:, 3:], LEAST_SIGMA, MOST_SIGMA)
+    sigma = np.clip(values[:, 3:], MIN_SIGMA, MAX_SIGMA)
     return Readings("gnss", times_ns, geodetic_values(f"{bag.path}: {topic}", values[:, :3], sigma))
 
 

@@ -9,5 +9,5 @@ from ispom.io.mapping import read_mapping
 
 
 def looks_like_scenario(path: Path) -> bool:
-    """Whether it is a YAML file that names a scene; InputError for one that is not valid."""
+    """Checks whether a path is a YAML file that names a scene. Raises InputError for an invalid file."""
     return not is_folder(path) and path.suffix.lower() in (".yaml", ".yml") and "scene" in read_mapping(path)

@@ -21,10 +21,10 @@ from ispom.solvers.window.observation import robust_cost
 from ispom.solvers.window.prior import POSE, Prior, Sandwich
 from ispom.solvers.window.problem import Window
 
-FIXED = 1e30
+FIXED_INFORMATION = 1e30
 """Information of a correction that is fixed: a standard deviation of 1e-15, below the rounding of all other numbers. So
-it takes no step, and its rows and columns stay in covariances and priors, whose unknowns are numbered alike in all."""
-FARTHEST = 10.0
+it takes no step, while covariances and priors keep its rows and columns: all of them have the same unknowns."""
+MAX_DEPTH_GROWTH = 10.0
 """Largest factor by which one step may increase the depth of a point."""
 
 
@@ -135,7 +135,7 @@ class Equations:
         right[:poses], right[poses:last] = -reduced.by_poses.ravel(), -reduced.by_corrections
         for term in window.terms:
             term.add(window, matrix, right)
-        matrix[poses:, poses:] += np.diag(np.where(window.extra_sigma > 0, 0.0, FIXED))
+        matrix[poses:, poses:] += np.diag(np.where(window.extra_sigma > 0, 0.0, FIXED_INFORMATION))
         return Equations(matrix, right, eliminated)
 
     @property
@@ -178,4 +178,4 @@ def as_inverse_depths(window: Window, step: Array) -> Array:
     axis = window.rotations[first, 2]
     depth = np.einsum("mi,mi->m", axis, window.points) + window.translations[first, 2]
     farther = np.einsum("mi,mi->m", axis, step) / np.where(np.abs(depth) > 1e-9, depth, 1e-9)
-    return step / np.maximum(1 - farther, farther / (FARTHEST - 1))[:, None]
+    return step / np.maximum(1 - farther, farther / (MAX_DEPTH_GROWTH - 1))[:, None]

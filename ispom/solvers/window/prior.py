@@ -16,8 +16,8 @@ POSE = 6
 LENS = 2
 """Number of lens corrections of one camera, or of both of a pair, see adjustment.Window.extra."""
 LEAST_SIGMA = 1e-6
-"""Least prior standard deviation of a correction [rad, share, s]: less than a thousandth of a pixel, as good as
-exact."""
+"""Least prior standard deviation of a correction [rad, relative, s]: less than a thousandth of a pixel, practically
+fixed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Further linear observations of the corrections: `design` times them is `seen`, normalised and Cauchy-weighted."""
+    """Further linear observations `seen` = `design` @ corrections, normalised and Cauchy-weighted."""
 
     design: Array
     """(N, E) Jacobian."""

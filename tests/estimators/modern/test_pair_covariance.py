@@ -11,13 +11,13 @@ from scipy.optimize import least_squares
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.estimators.modern.stereo.window import with_frame_covariance
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust
 from ispom.solvers.window.prior import anchored
 from ispom.types import Camera, Rig
 from tests.estimators.modern.test_noise import flown
+from tests.nees import band
 
 ERROR, SCALE, BASELINE, FX = 1e-3, 5e-3, 0.3, 100.0
 SETUP = (

@@ -17,10 +17,10 @@ from ispom.estimators.modern.stereo.rolling_window import (
     with_motions,
 )
 from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Camera, Rig
+from tests.nees import band
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
 BASELINE_M, INTERVAL_S, NOISE = 0.4, 0.3, 0.17 / 460
