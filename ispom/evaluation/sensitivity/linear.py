@@ -81,7 +81,7 @@ def solve(scene: Scene, values: Values, adjustment: Adjustment, errors: Array, s
     rotations = values.rotations[scene.view]
     by_point = root * (scene.by_point(q) @ rotations)
     xyz = values.xyz_in_world[scene.point]
-    by_pose = np.concatenate([-by_point, by_point @ _skews(xyz)], axis=2)
+    by_pose = np.concatenate([-by_point, by_point @ skew(xyz)], axis=2)
     free = np.array(adjustment.sigmas) > 0
     by_extra = root * scene.by_extra(q) * free
     count, points = len(scene.times_ns), len(values.xyz_in_world)
@@ -137,11 +137,3 @@ def _blocks(values: Array, column: NDArray[np.int64], count: int) -> sparse.csr_
     index = np.arange(n * rows).reshape(n, rows, 1), (width * column)[:, None, None] + np.arange(width)
     where = [np.broadcast_to(each, values.shape).ravel() for each in index]
     return sparse.csr_array((values.ravel(), (where[0], where[1])), shape=(n * rows, width * count))
-
-
-def _skews(xyz: Array) -> Array:
-    """Returns (N, 3, 3) [x]x."""
-    out = np.zeros((len(xyz), 3, 3))
-    for i, axis in enumerate(np.eye(3)):
-        out += xyz[:, i, None, None] * skew(axis)
-    return out

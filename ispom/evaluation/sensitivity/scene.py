@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.geometry import Array, Pose
 from ispom.io.maps import SceneMap
+from ispom.numerics.reprojection import reprojected
 from ispom.solvers.right_camera import BOTH, COLUMNS, PAIR, by_column, by_row, drift
 from ispom.solvers.window.prior import LENS
 from ispom.types import FrameName, Rig
@@ -148,15 +149,12 @@ class Scene:
 
     def by_point(self, in_camera: Array) -> Array:
         """Returns the derivative (N, 2 or 3, 3) of the errors by the point in its camera, without corrections."""
-        iz = 1 / in_camera[:, 2]
-        columns = [in_camera[:, 0] * iz, in_camera[:, 1] * iz]
-        if self.is_pair:
-            columns.append(columns[0] - self.rig.baseline_m * iz)
-        out = np.zeros((len(iz), len(columns), 3))
-        for row, (value, axis) in enumerate(zip(columns, (0, 1, 0), strict=False)):
-            out[:, row, axis] = iz
-            out[:, row, 2] = -value * iz
-        return out
+        _, by_point, _ = reprojected(in_camera)
+        if not self.is_pair:
+            return by_point
+        right = by_point[:, :1].copy()
+        right[:, 0, 2] += self.rig.baseline_m / in_camera[:, 2] ** 2
+        return np.concatenate([by_point, right], axis=1)
 
     def by_extra(self, in_camera: Array) -> Array:
         """Returns the derivative (N, 2 or 3, E) of the errors by the corrections, at zero."""
