@@ -82,7 +82,7 @@ class Stage(Page):
 
     def __init__(self, *args, **kwargs) -> None:
         super().__init__(*args, **kwargs)
-        self.tab.set_viewport_size({"width": 1280, "height": 884})
+        self.resize(1280, 884)
 
     def views(self) -> dict[str, View]:
         seek(self, 30)

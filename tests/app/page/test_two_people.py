@@ -37,8 +37,9 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     follower.until(
         "window.ispom.shown.index === 19 && window.ispom.viewer.stage.shown?.index === 19", "a look at the one before"
     )
-    assert "look at" not in driver.tab.locator("#people").inner_text()
     seek(driver, 22)
+    driver.until("state.index === 22", "the seek")
+    assert "look at" not in driver.tab.locator("#people").inner_text()
     follower.until("state.index === 22 && window.ispom.shown.index === 19", "to stay where they look")
     assert "Person 1 is in control, you look at frame 19" in follower.tab.locator("#people").inner_text()
     follower.tab.locator("#people").get_by_role("button", name="Follow").click()
