@@ -1,7 +1,7 @@
-"""Local bundle adjustment: poses of a window of keyframes and the points they observe, by reprojection error.
+"""Local bundle adjustment: optimises the poses of a window of keyframes and the points they observe.
 
-Runs the windowed bundle adjustment (solvers/window) with one camera, without prior and corrections: the first poses are
-fixed instead.
+Runs the windowed bundle adjustment (solvers/window) for one camera, with fixed first poses in place of a prior, and
+without corrections of the calibration.
 """
 
 from __future__ import annotations

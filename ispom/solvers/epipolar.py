@@ -1,8 +1,8 @@
-"""Points of unknown depth: what a camera sees of them lies on the epipolar line of where another one saw them.
+"""Points of unknown depth constrain a pose by their distance from the epipolar line.
 
-Where the point is along its ray is no unknown of its own: for each pose it is where the ray comes nearest to what is
-seen, so that only the error across the line is left. Nearer than the scene, or farther than infinitely far, it cannot
-be: there the whole error counts, and a camera that hardly moved has two constraints of each point on how it turned.
+The depth is not an unknown: for each pose it is the one that projects nearest to the observation, which leaves the
+error across the epipolar line. The depth is bounded by the nearest point of the scene and by infinity. At a bound the
+error along the line remains as well, so that each point constrains the rotation of a camera at rest by two equations.
 """
 
 from __future__ import annotations
@@ -17,30 +17,33 @@ from ispom.numerics.robust import cauchy_weights
 from ispom.numerics.vectors import matrix, plus, scaled, times, vector
 
 LEAST_INVERSE_DEPTH = 1e-6
-"""Of the nearest point's: as good as infinitely far."""
+"""Least inverse depth, relative to that of the nearest point: practically infinity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Points of unknown depth, seen by two cameras."""
+    """M points of unknown depth, observed by two cameras."""
 
     directions: Array
-    """(M, 3) to them from the first camera, in the world; of length 1 along its optical axis."""
+    """(M, 3) rays from the first camera, in world axes; their component along its optical axis is 1."""
     origin: Array
-    """(3,) centre of that camera, in the world."""
+    """(3,) centre of the first camera, in the world."""
     nearest: float
-    """Least depth in that camera."""
+    """Least depth in the first camera."""
     seen: Array
-    """(M, 2) normalised, in the second one."""
+    """(M, 2) observations in the second camera, normalised."""
 
     @staticmethod
     def of(world_from_first: Pose, first: Array, nearest: float, seen: Array) -> Rays:
-        """`first`, `seen` (M, 2): normalised coordinates in the two cameras."""
+        """Returns the rays of points with normalised coordinates `first` and `seen` (M, 2) in the two cameras."""
         directions = np.column_stack([first, np.ones(len(first))]) @ world_from_first.rotation.T
         return Rays(directions, world_from_first.translation, nearest, seen)
 
     def errors(self, camera_from_world: Pose) -> tuple[Array, Array]:
-        """(M, 2) from where the second camera saw them, and (M, 2, 6) by a left twist of its pose; inf, 0 behind it."""
+        """Returns the errors (M, 2) in the second image, and their derivatives (M, 2, 6) by a left twist of its pose.
+
+        Behind the camera errors are inf, and derivatives 0.
+        """
         errors, by_twist = np.empty((len(self.seen), 2)), np.zeros((len(self.seen), 2, 6))
         origin = camera_from_world.apply(self.origin[None])
         given = (read_only(a) for a in (self.directions, camera_from_world.rotation[None], origin, self.seen))
@@ -48,9 +51,12 @@ class Rays:
         return errors, by_twist
 
     def normal(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
-        """(6, 6) and (6,): normal equations with Cauchy weights, in units of `scale`, of errors in both images."""
+        """Returns the normal equations (6, 6) and (6,) with Cauchy weights, in units of `scale`.
+
+        An observation in each of two images contributes to an error, so its variance is twice that of one.
+        """
         errors, by_twist = self.errors(camera_from_world)
-        variance = 2 * scale**2  # of two images
+        variance = 2 * scale**2
         weights = cauchy_weights((errors**2).sum(axis=1), variance**0.5) / variance
         weighted = (weights[:, None, None] * by_twist).reshape(-1, 6)
         return weighted.T @ by_twist.reshape(-1, 6), np.where(np.isfinite(errors), errors, 0.0).ravel() @ weighted
@@ -58,7 +64,8 @@ class Rays:
 
 @kernel()
 def _errors(directions, rotation, origin, seen, largest, errors, by_twist):
-    """`rotation` (1, 3, 3) camera_from_world, `origin` (1, 3) in the camera, `largest` inverse depth."""
+    """Fills errors and derivatives. `rotation` (1, 3, 3) is camera_from_world, `origin` (1, 3) the first camera's
+    centre in the second one, `largest` the largest inverse depth."""
     turn, base = matrix(rotation, 0), vector(origin, 0)
     for m in range(len(directions)):
         far = times(turn, vector(directions, m))
@@ -83,7 +90,7 @@ def _errors(directions, rotation, origin, seen, largest, errors, by_twist):
         ex, ey = x - seen[m, 0], y - seen[m, 1]
         u = iz, 0.0, -iz * x, -x * y, 1.0 + x * x, -y
         v = 0.0, iz, -iz * y, -1.0 - y * y, x * y, x
-        # Across the line: what lies along it the depth takes up.
+        # Projects the error onto the normal of the line: the depth compensates the component along it.
         xx, xy, yy = (ly * ly, -lx * ly, lx * lx) if free else (1.0, 0.0, 1.0)
         errors[m, 0], errors[m, 1] = xx * ex + xy * ey, xy * ex + yy * ey
         for i in range(6):

@@ -1,9 +1,9 @@
 """Bundle adjustment over a window of frames of a generalised camera: any number of cameras at known poses in a rig.
 
-Points are inverse depths along the rays of the frames that saw them first (their anchors). Each is seen by one camera
-over time, and, where fields of view overlap, by a second one. Metric scale is in the known distances between cameras:
-through points that two of them see, or through rotations of the rig, which move its cameras differently (Pless, Using
-many cameras as one, CVPR 2003). `scale_sigma` says how well either determines it.
+Points are inverse depths along the rays of the frames that observed them first (their anchors). Each is observed by one
+camera over time, and, where fields of view overlap, by a second one. The known distances between cameras determine the
+metric scale: through points that two of them observe, or through rotations of the rig, which move its cameras
+differently (Pless, Using many cameras as one, CVPR 2003). `scale_sigma` is the standard deviation of the scale.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ from ispom.solvers.least_squares import adjust as adjusted
 from ispom.types import Rig
 
 LEAST_DEPTH = 1e-9
-"""Of a point relative to the length of its ray; with less it is behind the camera."""
-BEHIND_PX = 1e3
-"""Error of a point behind the camera."""
+"""Least depth of a point, relative to the length of its ray; with less it is behind the camera."""
+ERROR_BEHIND_PX = 1e3
+"""Error that a point behind the camera is given [px]."""
 LEAST_INVERSE_DEPTH = 1e-6
-"""[1/m]: as good as infinitely far."""
-ITERATIONS, TOLERANCE = 10, 1e-4
+"""Least inverse depth [1/m]: a point 1000 km away."""
+MAX_ITERATIONS, TOLERANCE = 10, 1e-4
 KNOWN_LENGTH = 1e-3
 """Relative standard deviation of a length that defines the unit, for covariances in that unit."""
-AGREEING = 8
-"""Points whose depths are known: a few may be false matches, which are tied to nothing else."""
-FREE = 1e6
-"""Relative standard deviation of a length that is not held."""
+MIN_POINTS_FOR_SCALE = 8
+"""Number of points whose depths must determine the scale: a few may be false matches, which no other point
+contradicts."""
+FREE_LENGTH = 1e6
+"""Relative standard deviation of a length that is practically free."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class Cameras:
     centres: Array
     """(C, 3) in the rig [m]."""
     focal_px: Array
-    """(C,) turns errors on the plane z = 1 into pixels."""
+    """(C,) focal lengths, which convert errors on the plane z = 1 into pixels."""
 
     @staticmethod
     def of(rig: Rig, names: tuple[str, ...]) -> Cameras:
@@ -60,14 +61,14 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """K frames, and M points that they see; observations are on the plane z = 1 of their cameras."""
+    """K frames, and M points that they observe; observations are on the plane z = 1 of their cameras."""
 
     rotations: Array
     """(K, 3, 3) world_from_rig."""
     translations: Array
     """(K, 3)."""
     camera: NDArray[np.int64]
-    """(M,) that sees the point over time."""
+    """(M,) camera that observes the point over time."""
     anchor: NDArray[np.int64]
     """(M,) frame whose observation is the point's ray."""
     rho: Array
@@ -75,9 +76,9 @@ class Window:
     own: Array
     """(K, M, 2) observations by its camera; NaN where there is none."""
     other: NDArray[np.int64]
-    """(K, M) second camera that sees the point in that frame; -1 for none."""
+    """(K, M) second camera that observes the point in that frame; -1 for none."""
     other_xy: Array
-    """(K, M, 2) observations by that."""
+    """(K, M, 2) observations by the second camera."""
 
     def pose(self, frame: int) -> Pose:
         """world_from_rig."""
@@ -96,7 +97,7 @@ class Window:
         )  # fmt: skip
 
     def rays(self) -> Array:
-        """(M, 3) of the anchors, in their cameras, with z = 1."""
+        """Returns the rays (M, 3) of the anchors' observations, in their cameras, with z = 1."""
         return np.column_stack([self.own[self.anchor, np.arange(len(self.anchor))], np.ones(len(self.anchor))])
 
 
@@ -130,34 +131,34 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Of N observations [px], and their derivatives by right rotations and world translations of the frames."""
+    """Errors of N observations, and their derivatives by right rotations and world translations of the frames."""
 
     px: Array
-    """(N, 2)."""
+    """(N, 2) reprojection errors [px]."""
     ahead: NDArray[np.bool_]
     """(N,) whether the point is in front of the camera."""
     by_anchor: Array
-    """(N, 2, 6) by (translation, rotation) of the anchor's frame,"""
+    """(N, 2, 6) derivatives by (translation, rotation) of the anchor's frame."""
     by_frame: Array
-    """(N, 2, 6) of the frame that sees it,"""
+    """(N, 2, 6) derivatives by those of the observing frame."""
     by_rho: Array
-    """(N, 2) and by the inverse depth."""
+    """(N, 2) derivatives by the inverse depth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """N points in the cameras that see them, in homogeneous coordinates: none is too far away."""
+    """N points in the observing cameras. Homogeneous coordinates are finite at any distance."""
 
     in_anchor: Array
-    """(N, 3) in the rig of the anchor's frame,"""
+    """(N, 3) in the rig of the anchor's frame."""
     in_rig: Array
-    """(N, 3) in the rig of the frame that sees it,"""
+    """(N, 3) in the rig of the observing frame."""
     depth: Array
-    """(N,) in the camera, relative to that in the anchor's,"""
+    """(N,) depth in the observing camera, relative to that in the anchor's."""
     ahead: NDArray[np.bool_]
-    """(N,) whether it is in front of the camera,"""
+    """(N,) whether the point is in front of the camera."""
     x: Array
-    """(N, 2) and where, on the plane z = 1; meaningless behind the camera."""
+    """(N, 2) projection on the plane z = 1; meaningless behind the camera."""
 
     @staticmethod
     def of(window: Window, cameras: Cameras, seen: Seen) -> Projected:
@@ -171,9 +172,9 @@ class Projected:
         return Projected(in_anchor, in_rig, y[:, 2], ahead, y[:, :2] / np.where(ahead, y[:, 2], 1.0)[:, None])
 
     def errors_px(self, cameras: Cameras, seen: Seen) -> Array:
-        """Returns reprojection errors (N, 2); `BEHIND_PX` behind the camera."""
+        """Returns reprojection errors (N, 2); `ERROR_BEHIND_PX` behind the camera."""
         errors = (self.x - seen.xy) * cameras.focal_px[seen.camera][:, None]
-        return np.where(self.ahead[:, None], errors, BEHIND_PX)
+        return np.where(self.ahead[:, None], errors, ERROR_BEHIND_PX)
 
 
 def distances_px(window: Window, cameras: Cameras, seen: Seen) -> Array:
@@ -205,11 +206,12 @@ def errors_of(window: Window, cameras: Cameras, seen: Seen) -> Errors:
 
 
 def resect(window: Window, cameras: Cameras, seen: Seen, frame: int, width_px: float) -> tuple[Window, Array]:
-    """Moves one frame so that known points of all cameras fall on their observations: generalised resection.
+    """Localises one frame by known points of all cameras: generalised resection.
 
-    Gauss-Newton with Cauchy weights, as wide at first as the errors are. Returns the errors (N,) [px], too.
+    Gauss-Newton with the Cauchy loss, at first as wide as the errors. Returns the window with the new pose, and the
+    errors (N,) [px].
     """
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         errors = errors_of(window, cameras, seen)
         squares = (errors.px**2).sum(axis=1)
         width = max(width_px, float(np.median(np.sqrt(squares)))) if len(squares) else width_px
@@ -233,17 +235,20 @@ class Adjusted:
     errors_px: Array
     """(N,) of the observations."""
     rho_sigma: Array
-    """(M,) standard deviations of inverse depths, in the present unit; inf for points that are seen once."""
+    """(M,) standard deviations of inverse depths, in the window's unit; inf for points that are observed once."""
     scale_sigma: float
-    """Relative standard deviation of the best known length, the displacement or the depth of several points: inf where
-    nothing determines the scale."""
+    """Relative standard deviation of the best determined length, which is the displacement or the depth of several
+    points; inf where nothing determines the scale."""
     scale_step: float = 0.0
-    """By how much that of the displacement would change in the next step, relatively, if nothing held it."""
+    """Relative change of the displacement's length in the next step, if no prior held it."""
 
 
-def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE) -> Adjusted:
-    """Optimises all points and all frames but the first; `held`: relative standard deviation with which the distance
-    of the last frame but one (of two frames, the last one) from the first keeps its length."""
+def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE_LENGTH) -> Adjusted:
+    """Optimises all points and all frames but the first.
+
+    `held` is the relative standard deviation of a prior: the last frame but one (of two frames, the last one) keeps its
+    distance from the first.
+    """
     seen, frames = Seen.of(window), len(window.rotations)
     far = max(1, frames - 2)
     way = window.translations - window.translations[0]
@@ -252,7 +257,7 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     length_of_far = Length(far, length, np.array([max(held * length, 1e-12)]))
     if len(seen.point):
         problem = replace(free, families=(*free.families, length_of_far)) if length > 1e-6 else free
-        window = adjusted(problem, window, ITERATIONS, TOLERANCE, narrow=True).values
+        window = adjusted(problem, window, MAX_ITERATIONS, TOLERANCE, narrow=True).values
         way = window.translations - window.translations[0]
         length, last = float(np.linalg.norm(way[far])), float(np.linalg.norm(way[-1]))
     equations = normal_equations(free, window)
@@ -272,13 +277,13 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
         side = reduced.gradient(equations.shared_gradient, equations.block_gradients)
         scale_step = -float(way[-1] @ (covariance @ side)[-6:-3]) / last**2
     depths = np.sort(sigmas(covariance) / window.rho)
-    depth = float(depths[AGREEING - 1]) if len(depths) >= AGREEING else np.inf
+    depth = float(depths[MIN_POINTS_FOR_SCALE - 1]) if len(depths) >= MIN_POINTS_FOR_SCALE else np.inf
     errors_px = distances_px(window, cameras, seen)
     return Adjusted(window, seen, errors_px, sigmas(_inverse(long)), min(relative, depth), scale_step)
 
 
 def _problem(seen: Seen, cameras: Cameras, noise_px: float, window: Window) -> Problem[Window]:
-    """All frames but the first, and all points, by their observations alone."""
+    """Returns the problem of all frames but the first, and all points, with their observations only."""
     frames = len(window.rotations)
 
     def moved(now: Window, shared: Array, blocks: Array) -> Window:
@@ -311,7 +316,7 @@ class ImagePoints(Family[Window]):
 
 @dataclass(frozen=True, eq=False)
 class Length(Family[Window]):
-    """The distance of a frame from the first one is known."""
+    """A known distance of a frame from the first one."""
 
     frame: int
     length: float
@@ -331,8 +336,8 @@ class Length(Family[Window]):
 
 
 def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, NDArray[np.bool_]]:
-    """Returns the window without a frame, and which (M,) of its points are left in it; those anchored in that frame
-    are anchored in the next one that sees them."""
+    """Returns the window without a frame, and the mask (M,) of the points that remain. Points with their anchor in that
+    frame get the next frame that observes them."""
     left = np.isfinite(window.own[..., 0])
     left[frame] = False
     first = left.argmax(axis=0)
@@ -355,7 +360,7 @@ def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, ND
 
 
 def scaled(window: Window, factor: float) -> Window:
-    """Returns the window with all lengths but those of the rig multiplied, about its first frame."""
+    """Returns the window with all lengths, except those of the rig, multiplied about the first frame."""
     way = window.translations - window.translations[0]
     return replace(window, translations=window.translations[0] + factor * way, rho=window.rho / factor)
 
@@ -376,7 +381,7 @@ def _moved(window: Window, frames: NDArray[np.int64], steps: Array) -> Window:
 
 
 def _inverse(information: Array) -> Array:
-    """Returns the covariance; what is not determined at all gets a huge one."""
+    """Returns the covariance; undetermined unknowns get a huge one."""
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     floor = 1e-12 * max(float(values[-1]) if len(values) else 0.0, 1e-12)
     return (vectors / np.maximum(values, floor)) @ vectors.T

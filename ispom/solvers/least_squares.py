@@ -22,13 +22,13 @@ from ispom.kernels import kernel
 from ispom.numerics.levenberg_marquardt import FIRST, LOWEST, Minimum, minimise
 
 T = TypeVar("T")
-BEHIND = 1e8
-"""Squared residual, in widths, of an observation that has no prediction, such as a point behind its camera."""
-SHORT = 0.1
-"""Share of a step over which its second derivative is a finite difference."""
+SQUARE_BEHIND = 1e8
+"""Squared residual, in squared widths, of an observation without a prediction, such as a point behind its camera."""
+CURVATURE_STEP = 0.1
+"""Share of a step over which the residuals' second derivative along it is computed by finite differences."""
 FINE_FIRST, FINE_LOWEST = 1e-7, 1e-12
 """First and least damping along curved valleys, along which the cost curves 1e-9 times as much as across, or less."""
-HIGHEST = 1e8
+HIGHEST_DAMPING = 1e8
 """Damping at which no step is expected to lower the cost."""
 
 Loss = Callable[[Array], tuple[Array, Array]]
@@ -36,7 +36,7 @@ Loss = Callable[[Array], tuple[Array, Array]]
 
 
 def quadratic(squares: Array) -> tuple[Array, Array]:
-    """The loss of normally distributed errors."""
+    """Returns the loss of normally distributed errors."""
     return squares, np.ones_like(squares)
 
 
@@ -60,32 +60,32 @@ class Derivatives:
     """Derivatives of K residuals of R rows."""
 
     by_shared: Array
-    """(K, R, C) by the shared unknowns that the residual depends on,"""
+    """(K, R, C) derivatives by the shared unknowns that the residual depends on."""
     columns: NDArray[np.int64]
-    """(K, C) and which ones these are; -1 for one that is fixed."""
+    """(K, C) indices of these unknowns; -1 for one that is fixed."""
     by_block: Array
-    """(K, R, D) by the residual's own block,"""
+    """(K, R, D) derivatives by the residual's own block."""
     block: NDArray[np.int64]
-    """(K,) and which one that is; -1 for none."""
+    """(K,) index of this block; -1 for none."""
 
     @staticmethod
     def of_shared(by_shared: Array, columns: NDArray[np.int64]) -> Derivatives:
-        """Of residuals without a block."""
+        """Returns the derivatives of residuals without a block."""
         count, rows, _ = by_shared.shape
         return Derivatives(by_shared, columns, np.zeros((count, rows, 0)), np.full(count, -1))
 
     def contiguous(self) -> Derivatives:
-        """The same in memory that the kernels are compiled for."""
+        """Returns the same in contiguous arrays, for which the kernels are compiled."""
         floats = [np.require(each, requirements=("C", "W")) for each in (self.by_shared, self.by_block)]
         whole = [np.require(each, np.int64, ("C", "W")) for each in (self.columns, self.block)]
         return Derivatives(floats[0], whole[0], floats[1], whole[1])
 
 
 class Family(ABC, Generic[T]):
-    """Residuals of one kind: how they and their derivatives follow from the values, and what they weigh.
+    """Residuals of one kind, with their derivatives, widths and loss.
 
-    Image points are one, a prior is another one. Cost, normal equations, elimination and covariance take all families
-    of a problem alike: a new term is a new family.
+    Image points are one family, a prior is another one. Cost, normal equations, elimination and covariance treat all
+    families of a problem in the same way: a new term is a new family.
     """
 
     widths: Array
@@ -103,13 +103,13 @@ class Family(ABC, Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class Prior(Family[T]):
-    """What is known of P shared unknowns beforehand, of each by itself."""
+    """An independent prior of each of P shared unknowns."""
 
     away: Callable[[T], Array]
     """Returns the unknowns' differences (P,) from their means."""
     widths: Array
     columns: NDArray[np.int64]
-    """(P,) which of the shared unknowns they are."""
+    """(P,) indices of these shared unknowns."""
 
     def residuals(self, values: T) -> Array:
         return self.away(values)[:, None]
@@ -120,7 +120,7 @@ class Prior(Family[T]):
 
 @dataclass(frozen=True, eq=False)
 class Problem(Generic[T]):
-    """What is adjusted: residuals, unknowns, and how values follow from a step."""
+    """The residuals, the unknowns, and how values follow from a step."""
 
     families: tuple[Family[T], ...]
     moved: Callable[[T, Array, Array], T]
@@ -161,7 +161,7 @@ class Eliminated:
         return shared, -inner - (self.inverse @ (self.mixed @ shared)[..., None])[..., 0]
 
     def block_covariances(self, shared: Array) -> Array:
-        """Returns the covariances (N, D, D) of the blocks, of that of the shared unknowns (G, G)."""
+        """Returns the covariances (N, D, D) of the blocks, from that of the shared unknowns (G, G)."""
         by_shared = self.inverse @ self.mixed
         return self.inverse + by_shared @ shared @ np.swapaxes(by_shared, 1, 2)
 
@@ -184,13 +184,13 @@ class NormalEquations:
     scores: Array
     """(N, G) each block's part of the shared unknowns' gradient."""
     shared_gradient: Array
-    """(G,) with the part of residuals without a block."""
+    """(G,) whole gradient, including residuals without a block."""
     block_gradients: Array
     """(N, D)."""
 
     def eliminated(self, damping: float, narrow: bool = False) -> Eliminated:
-        """Eliminates the blocks; `damping` is added to all diagonals, as a share of them: of the shared unknowns before
-        their elimination, or after it with `narrow`."""
+        """Eliminates the blocks. `damping` raises all diagonals by this share of them: those of the shared unknowns
+        before the elimination, or after it with `narrow`."""
         own = np.eye(self.blocks.shape[1])
         inverse = np.linalg.inv(self.blocks * (1 + damping * own) + 1e-12 * own)
         root = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
@@ -219,10 +219,10 @@ def adjust(
 ) -> Minimum[T]:
     """Minimises the cost from `start` on by Levenberg-Marquardt.
 
-    `narrow` is for unknowns that are known much worse together than each by itself, as where the scale is nearly free:
-    they are damped less. `curved` is for valleys that are narrow and bent, as where focal length, depths and rotations
-    are correlated: a straight step soon leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna,
-    arXiv:1201.5885) corrects a step by the residuals' second derivative along it, with the same equations.
+    `narrow` is for correlated unknowns, as where the scale is nearly free: they are damped less. `curved` is for
+    narrow, bent valleys of the cost, as where focal length, depths and rotations are correlated: a straight step soon
+    leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) corrects a step by the
+    residuals' second derivative along it, with the same equations.
     """
     linearised_at: list = [None, None, None]
 
@@ -234,10 +234,10 @@ def adjust(
         eliminated = equations.eliminated(damping, narrow)
         shared, blocks = eliminated.solve(equations.shared_gradient, equations.block_gradients)
         if curved:
-            ends = [problem.moved(values, s * shared, s * blocks) for s in (-SHORT, SHORT)]
+            ends = [problem.moved(values, s * shared, s * blocks) for s in (-CURVATURE_STEP, CURVATURE_STEP)]
             second = [
                 np.nan_to_num(
-                    (each.residuals(ends[0]) - 2 * each.residuals(values) + each.residuals(ends[1])) / SHORT**2
+                    (each.residuals(ends[0]) - 2 * each.residuals(values) + each.residuals(ends[1])) / CURVATURE_STEP**2
                 )
                 for each in problem.families
             ]
@@ -247,11 +247,13 @@ def adjust(
         return problem.moved(values, shared, blocks)
 
     first, lowest = (FINE_FIRST, FINE_LOWEST) if curved else (FIRST, LOWEST)
-    return minimise(start, lambda values: cost(problem, values), stepped, iterations, tolerance, HIGHEST, first, lowest)
+    return minimise(
+        start, lambda values: cost(problem, values), stepped, iterations, tolerance, HIGHEST_DAMPING, first, lowest
+    )
 
 
 def _squares(family: Family[T], residuals: Array) -> Array:
-    return np.nan_to_num((residuals**2).sum(1) / family.widths**2, nan=BEHIND)
+    return np.nan_to_num((residuals**2).sum(1) / family.widths**2, nan=SQUARE_BEHIND)
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,8 +298,8 @@ class _Linearised(Generic[T]):
 
 @kernel()
 def _add_gradients(by_shared, columns, by_block, block, weighted, scores, others, own):
-    """Adds to each block's part of the shared gradient (N, G), to the part without a block (G,), and to the blocks'
-    own (N, D)."""
+    """Adds the residuals to each block's part of the shared gradient (N, G), to the part without a block (G,), and to
+    the blocks' own gradients (N, D)."""
     for k in range(len(block)):
         b = block[k]
         for i in range(columns.shape[1]):
@@ -318,7 +320,7 @@ def _add_gradients(by_shared, columns, by_block, block, weighted, scores, others
 
 @kernel()
 def _add_matrices(by_shared, columns, by_block, block, weights, shared, mixed, blocks):
-    """Adds to the matrices of shared unknowns (G, G), of both (N, D, G), and of blocks (N, D, D)."""
+    """Adds the residuals to the matrices of shared unknowns (G, G), of both (N, D, G), and of blocks (N, D, D)."""
     rows, size = by_shared.shape[1], by_block.shape[2]
     for k in range(len(block)):
         b, weight = block[k], weights[k]

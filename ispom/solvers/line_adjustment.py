@@ -1,10 +1,11 @@
-"""Lines in three and more views: displacements from known rotations, and the adjustment of all poses and lines.
+"""Lines in three and more views: displacements from known rotations, and bundle adjustment of poses and lines.
 
 Three planes through one line of the scene are linearly dependent. With rotations known, that is one linear equation in
 the centres of the cameras for each line (Spetsakis and Aloimonos, Structure from motion using line correspondences,
-IJCV 1990; Taylor and Kriegman, PAMI 1995). Two views of a line say nothing about the motion.
+IJCV 1990; Taylor and Kriegman, PAMI 1995). Two views of a line do not constrain the motion.
 
-In the adjustment a line is the segment that its first view observed, with one inverse depth at each end. Residuals are
+In the bundle adjustment a line is the segment that its first view observed, with one inverse depth at each end.
+Residuals are
 distances of the observed ends from the projected line (Bartoli and Sturm, Structure-from-motion using lines, CVIU
 2005), so that a line without parallax, or one that reaches behind a camera, is no special case.
 """
@@ -22,16 +23,16 @@ from ispom.numerics.robust import cauchy_cost, cauchy_weights
 from ispom.solvers.lines import KnownDirections, direction_steps
 
 SAMPLES, SAMPLE_SIZE = 500, 5
-"""Of lines: five equations fix two displacements up to their common scale."""
-ITERATIONS, TOLERANCE = 25, 1e-4
+"""Number of RANSAC samples, and lines of each: five equations fix two displacements up to their common scale."""
+MAX_ITERATIONS, TOLERANCE = 25, 1e-4
+"""Largest number of steps, and the relative decrease of the cost that ends them."""
 
 
 def displacements(normals: Array, limit: float, seed: int = 0) -> tuple[Array, NDArray[np.bool_]]:
-    """Returns the centres (2, 3) of the second and third camera in the first one, of joint length 1, and which lines
-    fit (N,).
+    """Returns the centres (2, 3) of the second and third camera in the first one, and the mask (N,) of inlier lines.
 
-    `normals` (3, N, 3): of the lines' planes in the three views, all turned into the first camera. `limit`: angle
-    [rad] by which a normal may be off. The sign is open.
+    The centres have joint length 1; their common sign is not determined. `normals` (3, N, 3): normals of the lines'
+    planes in the three views, all rotated into the first camera. `limit`: largest error [rad] of an inlier's normal.
     """
     m = normals
     direction = np.linalg.svd(np.moveaxis(m, 0, 1))[2][:, -1]
@@ -64,15 +65,15 @@ class LineViews:
     anchor: NDArray[np.int64]
     """(N,) the first view of each line."""
     x: Array
-    """(N, 2, 2) its ends there, normalised."""
+    """(N, 2, 2) the line's ends in that view, normalised."""
     rho: Array
-    """(N, 2) inverse depths of both ends there."""
+    """(N, 2) inverse depths of both ends in that view."""
     line: NDArray[np.int64]
     """(M,) line of each observation."""
     view: NDArray[np.int64]
-    """(M,) its view."""
+    """(M,) view of each observation."""
     ends: Array
-    """(M, 2, 2) its observed ends, normalised."""
+    """(M, 2, 2) observed ends, normalised."""
 
     @property
     def xyz(self) -> Array:
@@ -89,18 +90,18 @@ def _rays(x: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Projected:
-    """Of M observations."""
+    """Residuals and derivatives of M observations."""
 
     residual: Array
-    """(M, 2)."""
+    """(M, 2) distances of the observed ends from the projected line, normalised."""
     by_ends: Array
-    """(M, 2, 2, 3): of the residual of each observed end by each projected end (scaled by its inverse depth)."""
+    """(M, 2, 2, 3) derivative of each residual by each projected end (scaled by its inverse depth)."""
     q: Array
     """(M, 2, 3) the projected ends times their inverse depths."""
     rotation: Array
     """(M, 3, 3) view_from_anchor."""
     translation: Array
-    """(M, 3)."""
+    """(M, 3) view_from_anchor."""
 
 
 def _projected(views: LineViews) -> _Projected:
@@ -125,11 +126,10 @@ def line_residuals(views: LineViews) -> Array:
 
 
 def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, width: float, fixed: int) -> LineViews:
-    """Returns all poses but the first `fixed`, and all inverse depths, by Levenberg-Marquardt with Cauchy's loss.
+    """Optimises all poses but the first `fixed`, and all inverse depths, by Levenberg-Marquardt with Cauchy's loss.
 
-    `directions`: of each view, segments whose direction is known. `sigma`: standard deviation of an observed end,
-    normalised; `width` of the loss, in standard deviations. With one fixed pose the distance between the first two
-    views stays what it is.
+    `directions`: segments of known direction in each view. `sigma`: standard deviation of an observed end, normalised;
+    `width` of the loss, in standard deviations. With one fixed pose the distance between the first two views is kept.
     """
     count = len(views.poses)
     n, k, a = views.line, views.view, views.anchor[views.line]
@@ -188,12 +188,12 @@ def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, 
         moved = replace(v, poses=poses, rho=v.rho + rho_step)
         return _rescaled(moved, views) if fixed == 1 else moved
 
-    found = minimise(views, cost, stepped, ITERATIONS, TOLERANCE).values
+    found = minimise(views, cost, stepped, MAX_ITERATIONS, TOLERANCE).values
     return replace(found, poses=tuple(Pose.from_xyzw(p.xyzw, p.translation) for p in found.poses))
 
 
 def _rescaled(views: LineViews, like: LineViews) -> LineViews:
-    """Returns the same with the distance between the first two views as there; the first pose stays."""
+    """Scales the views about the first pose, so that the distance between the first two is that of `like`."""
     first = views.poses[0]
     now, before = ((v.poses[1] @ v.poses[0].inverse()).translation for v in (views, like))
     factor = float(np.linalg.norm(before) / max(np.linalg.norm(now), 1e-12))

@@ -1,9 +1,9 @@
 """Geometry of straight lines: vanishing directions, the rotation from them, and the pose from known lines.
 
-An image line and the centre of the camera span a plane, of which the unit normal is n (camera frame). A line of the
-scene lies in it: n . (R x + t) = 0 for its points x, and n . R d = 0 for its direction d (Hartley and Zisserman 2003,
-8.1; Taylor and Kriegman, Structure and motion from line segments, PAMI 1995). Residuals are distances in the image: of
-the projected ends from the observed line, and of the observed ends from a line to the vanishing point.
+An image line and the centre of the camera span a plane with unit normal n (camera frame), which contains the line of
+the scene: n . (R x + t) = 0 for its points x, and n . R d = 0 for its direction d (Hartley and Zisserman 2003, 8.1;
+Taylor and Kriegman, Structure and motion from line segments, PAMI 1995). Residuals are distances in the image: of the
+projected ends from the observed line, and of the observed ends from a line to the vanishing point.
 """
 
 from __future__ import annotations
@@ -15,21 +15,25 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 
-PAIRS = 400
-"""Samples of two lines for each vanishing direction."""
-MIN_LINES, MIN_SHARE = 8, 0.06
-"""Lines of a vanishing direction, and share of the total length of all lines."""
-MAX_TURN = np.tan(np.radians(2.5))
-"""Angle by which a segment may point beside its vanishing point; short ones point anywhere."""
-REFINEMENTS = 6
-DIRECTIONS = 4
-"""Vanishing directions of one image at most."""
+DIRECTION_SAMPLES = 400
+"""Number of RANSAC samples of two lines for each vanishing direction."""
+MIN_LINES_OF_DIRECTION, MIN_SHARE_OF_DIRECTION = 8, 0.06
+"""Least number of lines of a vanishing direction, and their least share of the total length of all lines."""
+MAX_SLOPE = np.tan(np.radians(2.5))
+"""Tangent of the largest angle (2.5 degrees) between a segment and the line to its vanishing point; the offset of the
+ends alone would admit short segments of any direction."""
+DIRECTION_ITERATIONS = 6
+"""Number of least-squares iterations of a vanishing direction."""
+MAX_DIRECTIONS = 4
+"""Largest number of vanishing directions of one image."""
 SAMPLES, SAMPLE_SIZE, SAMPLE_ITERATIONS = 200, 4, 5
-"""Of lines for the pose: three lines fix it; four make degenerate samples rare."""
-ITERATIONS = 12
-LARGEST = np.array([3.0] * 3 + [0.3] * 3)
-"""Step of an iteration: bad samples would go astray [unit of the scene], [rad]."""
-NEAREST = 1e-2
+"""Number of samples of lines for a pose, lines of each, and Gauss-Newton iterations on each. Three lines fix the pose;
+with four, degenerate samples are rare."""
+POSE_ITERATIONS = 12
+"""Number of Gauss-Newton iterations of the refined pose."""
+MAX_STEP = np.array([3.0] * 3 + [0.3] * 3)
+"""(6,) largest step of an iteration: translation [unit of the scene], rotation [rad]. Bad samples would diverge."""
+MIN_DEPTH = 1e-2
 """Least depth of a projected end; ends behind the camera count as outliers."""
 
 
@@ -42,24 +46,24 @@ class Observed:
 
     @property
     def length(self) -> Array:
-        """(N,)."""
+        """Returns the lengths (N,), normalised."""
         return np.linalg.norm(self.x[:, 1] - self.x[:, 0], axis=1)
 
     @property
     def middles(self) -> Array:
-        """(N, 3) unit rays of their middles."""
+        """Returns the unit rays (N, 3) of the segments' middles."""
         rays = _rays(self.x.mean(axis=1))
         return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
     @property
     def normals(self) -> Array:
-        """(N, 3) unit normals of the planes through the camera."""
+        """Returns the unit normals (N, 3) of the planes through the camera's centre."""
         n = np.cross(*np.moveaxis(_rays(self.x), 1, 0))
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
     @property
     def lines(self) -> Array:
-        """(N, 3): their product with (x, y, 1) is the distance from the line."""
+        """Returns the line coefficients (N, 3), whose product with (x, y, 1) is the distance from the line."""
         n = self.normals
         return n / np.linalg.norm(n[:, :2], axis=1, keepdims=True)
 
@@ -75,8 +79,8 @@ def _rays(x: Array) -> Array:
 
 
 def offsets_from_direction(seen: Observed, directions: Array) -> Array:
-    """Returns (N, D): by how much the ends of each segment are off a line through its middle and the vanishing point
-    of each unit direction (D, 3), in normalised coordinates."""
+    """Returns the normalised distances (N, D) of each segment's ends from the line through its middle and the vanishing
+    point of each unit direction (D, 3)."""
     middle = _rays(seen.x.mean(axis=1))
     through = np.cross(middle[:, None], directions[None])
     scale = np.maximum(np.linalg.norm(through[..., :2], axis=2), 1e-9)
@@ -84,19 +88,20 @@ def offsets_from_direction(seen: Observed, directions: Array) -> Array:
 
 
 def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[Array, NDArray[np.int64]]:
-    """Returns the unit directions (D, 3) in the camera that most segments point to, and of each segment (N,) the number
-    of its direction, or -1. Sequential RANSAC, then least squares. `limit`: largest offset of an end, normalised.
+    """Returns the unit vanishing directions (D, 3) in the camera, and the index (N,) of each segment's one, or -1.
+
+    Sequential RANSAC, then least squares. `limit`: largest offset of an end, normalised.
     """
     group, directions = np.full(len(seen), -1), list[Array]()
     rng, normals, length = np.random.default_rng(seed), seen.normals, seen.length
-    limits = np.minimum(limit, MAX_TURN * length / 2)
+    limits = np.minimum(limit, MAX_SLOPE * length / 2)
     total = length.sum()
-    while len(directions) < DIRECTIONS:
+    while len(directions) < MAX_DIRECTIONS:
         free = np.flatnonzero(group < 0)
-        if len(free) < MIN_LINES:
+        if len(free) < MIN_LINES_OF_DIRECTION:
             break
         weight = length[free] / length[free].sum()
-        first, second = rng.choice(free, (2, PAIRS), p=weight)
+        first, second = rng.choice(free, (2, DIRECTION_SAMPLES), p=weight)
         candidates = np.cross(normals[first], normals[second])
         size = np.linalg.norm(candidates, axis=1)
         candidates = candidates[size > 1e-3] / size[size > 1e-3, None]
@@ -104,13 +109,13 @@ def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[A
             break
         fits = offsets_from_direction(seen[free], candidates) < limits[free, None]
         direction = candidates[int((fits * length[free, None]).sum(axis=0).argmax())]
-        for _ in range(REFINEMENTS):
+        for _ in range(DIRECTION_ITERATIONS):
             offset = offsets_from_direction(seen[free], direction[None])[:, 0]
             weight = 1 / (1 + (offset / (0.5 * limit)) ** 2) ** 2 * (offset < 2 * limits[free])
             n = normals[free] * (length[free] * np.sqrt(weight))[:, None]
             direction = np.linalg.eigh(n.T @ n)[1][:, 0]
         inliers = free[offsets_from_direction(seen[free], direction[None])[:, 0] < limits[free]]
-        if len(inliers) < MIN_LINES or length[inliers].sum() < MIN_SHARE * total:
+        if len(inliers) < MIN_LINES_OF_DIRECTION or length[inliers].sum() < MIN_SHARE_OF_DIRECTION * total:
             break
         group[inliers] = len(directions)
         directions.append(direction)
@@ -124,11 +129,11 @@ def vanishing_directions(seen: Observed, limit: float, seed: int = 0) -> tuple[A
 def rotation_from_directions(
     seen: Array, known: Array, predicted: Array, limit_rad: float
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Returns the rotation camera_from_world (3, 3) that carries known directions (K, 3) to seen ones (D, 3), and which
-    known one each of those is (D,), or -1.
+    """Returns the rotation camera_from_world (3, 3) from vanishing directions, and the index (D,) of each one's match.
 
-    They are paired by the `predicted` rotation (3, 3), to within an angle; what the directions leave open stays as
-    predicted.
+    `known` (K, 3): directions in the world. `seen` (D, 3): directions in the camera. They are matched by the
+    `predicted` rotation (3, 3), to within `limit_rad`; -1 for no match. Components of the rotation that the directions
+    do not determine are those of the prediction.
     """
     match = np.full(len(seen), -1)
     if not len(seen) or not len(known):
@@ -150,7 +155,7 @@ def rotation_from_directions(
 
 @dataclass(frozen=True, eq=False)
 class KnownLines:
-    """N lines of the scene as they are seen in one image."""
+    """N lines of the scene that are observed in one image."""
 
     seen: Observed
     xyz: Array
@@ -164,13 +169,13 @@ class KnownLines:
 
 @dataclass(frozen=True, eq=False)
 class KnownDirections:
-    """N segments whose direction in the world is known."""
+    """N segments of known direction in the world."""
 
     seen: Observed
     direction: Array
     """(N, 3) unit vectors."""
     sigma: Array
-    """(N,) of the offset of a segment's ends, normalised."""
+    """(N,) standard deviation of the offset of a segment's ends, normalised."""
 
 
 def end_offsets(rotations: Array, translations: Array, lines: Array, xyz: Array) -> Array:
@@ -178,7 +183,7 @@ def end_offsets(rotations: Array, translations: Array, lines: Array, xyz: Array)
     (M, 3, 3), (M, 3), from observed lines (M, N, 3) or (N, 3); inf behind a camera."""
     q = np.einsum("mij,...nej->mnei", rotations, xyz) if xyz.ndim == 3 else np.einsum("mij,mnej->mnei", rotations, xyz)
     q = q + translations[:, None, None]
-    depth = np.where(q[..., 2] > NEAREST, q[..., 2], np.nan)
+    depth = np.where(q[..., 2] > MIN_DEPTH, q[..., 2], np.nan)
     offset = np.einsum("...ni,...nei->...ne", lines, q) / depth
     return np.where(np.isfinite(offset), offset, np.inf)
 
@@ -186,7 +191,7 @@ def end_offsets(rotations: Array, translations: Array, lines: Array, xyz: Array)
 def _steps(rotations: Array, translations: Array, lines: Array, xyz: Array) -> tuple[Array, Array]:
     """Returns residuals (M, N, 2) and their derivatives (M, N, 2, 6) by a left twist of camera_from_world."""
     q = np.einsum("mij,mnej->mnei", rotations, xyz) + translations[:, None, None]
-    valid = q[..., 2] > NEAREST
+    valid = q[..., 2] > MIN_DEPTH
     inverse = np.where(valid, 1 / np.where(valid, q[..., 2], 1.0), 0.0)
     offset = np.einsum("mni,mnei->mne", lines, q) * inverse
     by_point = np.repeat(lines[:, :, None], 2, axis=2) * inverse[..., None]
@@ -195,8 +200,10 @@ def _steps(rotations: Array, translations: Array, lines: Array, xyz: Array) -> t
 
 
 def sampled_pose(known: KnownLines, guesses: list[Pose], limit: float, seed: int = 0) -> Pose:
-    """Returns the camera_from_world under which most lines fit: Gauss-Newton on samples of lines, from each guess, and
-    the guesses themselves. `limit`: offset of an end, over its sigma, of an inlier."""
+    """Returns the camera_from_world with most inliers: of the guesses, and of Gauss-Newton on samples from each guess.
+
+    `limit`: largest offset of an inlier's end, in units of its sigma.
+    """
     rng, count = np.random.default_rng(seed), len(known.xyz)
     lines = known.seen.lines
     rotations, translations = (np.stack([getattr(g, n) for g in guesses]) for n in ("rotation", "translation"))
@@ -210,7 +217,7 @@ def sampled_pose(known: KnownLines, guesses: list[Pose], limit: float, seed: int
                 a, b = by.reshape(SAMPLES, -1, 6), residual.reshape(SAMPLES, -1)
                 normal = np.einsum("mki,mkj->mij", a, a) + 1e-9 * np.eye(6)
                 step = -np.linalg.solve(normal, np.einsum("mki,mk->mi", a, b)[..., None])[..., 0]
-                step = np.clip(step, -LARGEST, LARGEST)
+                step = np.clip(step, -MAX_STEP, MAX_STEP)
                 turn = so3_exp(step[:, 3:])
                 r, t = turn @ r, np.einsum("mij,mj->mi", turn, t) + step[:, :3]
             all_r.append(r)
@@ -231,7 +238,7 @@ def refined_pose(
     """
     pose, lines = start, known.seen.lines
     normal = np.eye(6)
-    for _ in range(ITERATIONS):
+    for _ in range(POSE_ITERATIONS):
         residual, by = _steps(pose.rotation[None], pose.translation[None], lines[None], known.xyz[None])
         r, a = (residual[0] / known.sigma).ravel(), (by[0] / known.sigma[..., None]).reshape(-1, 6)
         if directions is not None and len(directions.seen):
@@ -240,7 +247,7 @@ def refined_pose(
             a = np.concatenate([a, np.hstack([np.zeros_like(by_turn), by_turn]) / directions.sigma[:, None]])
         weight = 1 / (1 + (r / width) ** 2)
         normal = (a * weight[:, None]).T @ a + 1e-9 * np.eye(6)
-        step = np.clip(-np.linalg.solve(normal, a.T @ (weight * r)), -LARGEST, LARGEST)
+        step = np.clip(-np.linalg.solve(normal, a.T @ (weight * r)), -MAX_STEP, MAX_STEP)
         pose = Pose.exp(step) @ pose
         if np.abs(step).max() < 1e-8:
             break
@@ -272,7 +279,7 @@ def nearest_on_lines(x: Array, xyz: Array) -> Array:
 
 
 def _products(x: Array, xyz: Array) -> tuple[Array, ...]:
-    """Returns what the normal equations of the distance between ray r and line p + s d consist of, each (N, 2)."""
+    """Returns the terms (N, 2) of the normal equations of the distance between ray r and line p + s d."""
     rays, start = _rays(x.reshape(-1, 2, 2)), xyz[:, :1]
     along = xyz[:, 1:] - start
     rr, rd, dd = (rays * rays).sum(2), (rays * along).sum(2), (along * along).sum(2)
@@ -281,7 +288,7 @@ def _products(x: Array, xyz: Array) -> tuple[Array, ...]:
 
 
 def squared(directions: Array, limit_rad: float) -> Array:
-    """Returns unit directions (K, 3) of which those at nearly right angles to the first ones are made so."""
+    """Makes unit directions (K, 3) orthogonal to the first ones where they are nearly so, to within `limit_rad`."""
     out = directions.copy()
     for k in range(1, len(out)):
         for before in out[:k]:

@@ -1,5 +1,8 @@
-"""The pose of a camera or a rectified pair from known points: motion-only adjustment (sections 6.1, step 4, and 6.2)
-from a predicted pose, else from the best of many small samples (RANSAC)."""
+"""Localises a camera or a rectified pair by known points: motion-only bundle adjustment (sections 6.1, step 4, and
+6.2).
+
+The start is a predicted pose, or else the best pose of many minimal samples (RANSAC).
+"""
 
 from __future__ import annotations
 
@@ -20,29 +23,31 @@ from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
 from ispom.solvers.epipolar import Rays
 
-ITERATIONS = 30
-"""At most; about eight are needed from a good guess."""
-LEAST = 6
-"""Points that a pose needs."""
+MAX_ITERATIONS = 30
+"""Largest number of Gauss-Newton iterations of `fit_pose`; from a good start about eight are enough."""
+MIN_POINTS = 6
+"""Least number of inliers of a pose: twice the three points that fix it."""
 MIN_INLIER_SHARE = 0.6
-"""A pose found from a prediction that fewer of its points agree with is sought again from samples."""
-SAMPLES = 1000
-"""Of four points, at most: where 30 % of the points agree with the pose, 850 of them hold such a sample at 99.9 %."""
-OPTIMISED_SAMPLES = 2000
-"""The same where each good sample is optimised."""
-UNIT = 1000.0
-"""Of image coordinates for OpenCV's newer samplers, which take thresholds to be of the size of pixels."""
+"""Least share of inliers of a pose from a prediction; with fewer, `locate` also tries RANSAC."""
+MAX_SAMPLES = 1000
+"""Largest number of samples of four points: with 30 % inliers, one of 850 samples has inliers only, at 99.9 %."""
+MAX_OPTIMISED_SAMPLES = 2000
+"""Largest number of samples of `resect_optimised`."""
+PIXELS_PER_UNIT = 1000.0
+"""Factor of normalised coordinates for OpenCV's USAC, which is written for thresholds of about a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseFit:
+    """A pose, and how the points fit it."""
+
     camera_from_world: Pose
     distances: Array
     """(N,) reprojection errors over all images, normalised; 1e9 behind the camera."""
     inliers: NDArray[np.bool_]
     """(N,) distances within the threshold."""
     information: Array
-    """(6, 6) of the left twist (rho, phi), the loss's scale taken as the standard deviation."""
+    """(6, 6) information of the left twist (rho, phi), for observations with the loss scale as standard deviation."""
 
 
 def fit_pose(
@@ -56,14 +61,18 @@ def fit_pose(
     widest: float = np.inf,
     rays: Rays | None = None,
 ) -> PoseFit | None:
-    """camera_from_world from points (N, 3) seen at normalised x, y (N, 2), or by a pair at x, y, right x (N, 3).
+    """Returns camera_from_world from known points; None with fewer than 6 points within `threshold` at the end.
 
-    The right x is NaN where unknown, else that of a perfect pair. Gauss-Newton with Cauchy weights of `scale`, wider at
-    first, at most `widest`: what agrees with a guess is that near, where it may be the lesser part. `prior` (6, 6):
-    information of the guess itself, which holds what the points leave open. `rays` pull as well, with half a point's
-    weight. None with fewer than 6 points within `threshold` at the end.
+    Gauss-Newton from `guess` with the Cauchy loss, whose width falls from the median error, at most `widest`, to
+    `scale`. A small `widest` is for a good guess, as from a sample, where most points may be outliers.
+
+    Args:
+        xyz: (N, 3) points in the world.
+        seen: (N, 2) normalised x, y, or (N, 3) x, y, right x of a perfect pair; the right x is NaN where unknown.
+        prior: (6, 6) information of the guess, for what the points do not determine.
+        rays: tracks of unknown depth, which contribute with half the weight of a point.
     """
-    if len(xyz) < LEAST:
+    if len(xyz) < MIN_POINTS:
         return None
     if seen.shape[1] == 2:
         pair = np.full((len(seen), 3), np.nan)
@@ -77,8 +86,8 @@ def fit_pose(
     baseline, depth = float(baseline), median(np.abs(xyz @ guess.rotation[2] + guess.translation[2]))
     _normal(xyz, seen, rotation, translation, baseline, 1.0, blocks, side, distances)
     wide = max(scale, min(widest, _median(distances)))
-    for _ in range(ITERATIONS):
-        # As wide as the errors still are: from a poor guess all points pull, in the end only those that agree.
+    for _ in range(MAX_ITERATIONS):
+        # The loss is as wide as the remaining errors: all points have weight at a poor guess, only inliers in the end.
         _normal(xyz, seen, rotation, translation, baseline, wide, blocks, side, distances)
         if prior is not None:
             pull = prior @ since
@@ -93,36 +102,37 @@ def fit_pose(
         wide = max(scale, min(wide / 2, _median(distances))) if wide > 2 * scale else scale
     _normal(xyz, seen, rotation, translation, baseline, scale, blocks, side, distances)
     inliers = distances <= threshold
-    if inliers.sum() < LEAST:
+    if inliers.sum() < MIN_POINTS:
         return None
     return PoseFit(Pose(rotation[0], translation[0]), distances, inliers, blocks[0, 0] + held)
 
 
 def _median(values: Array) -> float:
-    """The upper one of an even number."""
+    """Returns the median, the upper one of an even number of values."""
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])
 
 
 @dataclass(frozen=True)
 class Policy:
-    """When a pose counts as found. All in normalised units."""
+    """The thresholds of `locate`, in normalised units."""
 
     width: float
-    """Of the robust loss."""
+    """Width of the robust loss."""
     limit: float
     """Largest reprojection error of an inlier."""
     sample_limit: float
-    """The same for a pose from samples."""
+    """The same in RANSAC."""
     poor: float = np.inf
-    """A pose whose inliers have a larger median error is sought again from samples, too."""
+    """Median error of the inliers above which a pose from a prediction is poor, so that RANSAC is tried, too."""
 
 
 def locate(
     xyz: Array, seen: Array, predicted: Pose, policy: Policy, baseline: float = 0.0, prior: Array | None = None
 ) -> PoseFit | None:
-    """Returns camera_from_world as `fit_pose` does from the prediction; where that is poor, the better one of it and
-    the pose from samples, by the robust cost in which all outliers count the same.
+    """Returns the result of `fit_pose` from the prediction; if that is poor, the better of it and the pose by RANSAC.
+
+    The better one has the lower robust cost, in which all outliers have the same cost. None if neither has a pose.
     """
     args = policy.width, policy.limit, baseline, prior
     found = fit_pose(xyz, seen, predicted, *args)
@@ -141,16 +151,17 @@ def locate(
 
 
 def refine_pose(xyz: Array, x: Array, camera_from_world: Pose, threshold: float) -> PoseFit | None:
-    """Returns `fit_pose` of points (N, 3) seen at (N, 2), with a loss half as wide as the inlier threshold."""
+    """Returns `fit_pose` for points (N, 3) observed at (N, 2), with a loss half as wide as the inlier threshold."""
     return fit_pose(xyz, x, camera_from_world, threshold / 2, threshold)
 
 
-def resect(xyz: Array, x: Array, threshold: float, samples: int = SAMPLES) -> PoseFit | None:
+def resect(xyz: Array, x: Array, threshold: float, samples: int = MAX_SAMPLES) -> PoseFit | None:
     """Returns the pose from points (N, 3) and normalised coordinates (N, 2): P3P in RANSAC, then `fit_pose`.
 
-    At most so many `samples`; inliers are within `threshold`, normalised. None with fewer than 6. Deterministic.
+    `samples` is the largest number of samples; inliers are within `threshold`, normalised. None with fewer than 6
+    inliers. Deterministic.
     """
-    if len(xyz) < LEAST:
+    if len(xyz) < MIN_POINTS:
         return None
     cv2.setRNGSeed(0)
     found, rotvec, translation, index = cv2.solvePnPRansac(
@@ -163,55 +174,63 @@ def resect(xyz: Array, x: Array, threshold: float, samples: int = SAMPLES) -> Po
         confidence=0.999,
         flags=cv2.SOLVEPNP_AP3P,
     )
-    if not found or index is None or len(index) < LEAST:
+    if not found or index is None or len(index) < MIN_POINTS:
         return None
     best = _from_sample(xyz, x, rotvec, translation, threshold)
     if best is None or 2 * best.inliers.sum() < len(index):
-        # OpenCV poses its inliers by EPnP, which of a plane may give the mirrored pose.
+        # OpenCV fits the inliers by EPnP, which may give the mirrored pose if they are on a plane.
         some = np.asarray(index, np.int64).ravel()
         try:
             found, rotvec, translation = cv2.solvePnP(xyz[some], x[some], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
-        except cv2.error:  # it refuses points that all but coincide
+        except cv2.error:  # raised for points that nearly coincide
             return best
         best = _from_sample(xyz, x, rotvec, translation, threshold) if found else best
     return best
 
 
 def resect_optimised(xyz: Array, x: Array, threshold: float) -> PoseFit | None:
-    """Returns the same with each good sample optimised over what agrees with it (Chum et al. 2003): a sample of points
-    that lie close together, or whose depth is not well known, else finds a pose that only its neighbours agree with.
+    """Returns the result of `resect` with local optimisation (LO-RANSAC; Chum et al. 2003).
 
-    It takes up to ten times as long.
+    The pose of each good sample is refined over its inliers. Without this, a sample of neighbouring points, or of
+    points of uncertain depth, gives a pose that only its neighbours fit. It takes up to ten times as long.
     """
-    if len(xyz) < LEAST:
+    if len(xyz) < MIN_POINTS:
         return None
     options = cv2.UsacParams()
-    options.confidence, options.maxIterations, options.threshold = 0.999, OPTIMISED_SAMPLES, UNIT * threshold
+    options.confidence, options.maxIterations, options.threshold = (
+        0.999,
+        MAX_OPTIMISED_SAMPLES,
+        PIXELS_PER_UNIT * threshold,
+    )
     options.score, options.sampler = cv2.SCORE_METHOD_MSAC, cv2.SAMPLING_UNIFORM
     options.loMethod, options.loIterations, options.loSampleSize = cv2.LOCAL_OPTIM_INNER_AND_ITER_LO, 10, 20
     options.isParallel, options.randomGeneratorState = False, 0
     found, _, rotvec, translation, index = cv2.solvePnPRansac(
         np.ascontiguousarray(xyz),
-        np.ascontiguousarray(UNIT * x),
-        np.diag([UNIT, UNIT, 1.0]),
+        np.ascontiguousarray(PIXELS_PER_UNIT * x),
+        np.diag([PIXELS_PER_UNIT, PIXELS_PER_UNIT, 1.0]),
         None,
         params=options,
     )
-    if not found or index is None or len(index) < LEAST:
+    if not found or index is None or len(index) < MIN_POINTS:
         return None
     return _from_sample(xyz, x, rotvec, translation, threshold)
 
 
 def _from_sample(xyz: Array, x: Array, rotvec: MatLike, translation: MatLike, threshold: float) -> PoseFit | None:
-    """Outliers have little weight from the start: half of the threshold is the widest loss."""
+    """Returns `fit_pose` from the pose of a sample. The loss starts at half the threshold, so outliers have no
+    weight."""
     guess = Pose.from_rotvec(np.asarray(rotvec, float), np.asarray(translation, float))
     return fit_pose(xyz, x, guess, threshold / 2, threshold, widest=threshold / 2)
 
 
 @kernel()
 def _stepped(r, t, h, g, held, pull, since):
-    """The pose after a step by these normal equations, with those of the guess and rays: information (6, 6), gradient
-    (6,). Also the step's largest parts, way and turn: inf where there is no step. `since` (6,) grows by it."""
+    """Returns the pose after a Gauss-Newton step, and the largest components of its translation and rotation.
+
+    `held` (6, 6) and `pull` (6,) are information and gradient of the guess and of rays. Adds the step to `since` (6,).
+    Both components are inf if the equations are singular.
+    """
     damped, side, trace = np.empty((6, 6)), np.empty(6), 0.0
     for i in range(6):
         trace += h[0, 0, i, i]
@@ -238,7 +257,7 @@ def _stepped(r, t, h, g, held, pull, since):
 
 @kernel()
 def _normal(xyz, seen, r, t, baseline, scale, h, g, distances):
-    """Fills the normal equations (6, 6) and (6,), and the distances (N,) of the points from where they were seen."""
+    """Fills the normal equations (6, 6) and (6,), and the reprojection errors (N,)."""
     h[:], g[:] = 0.0, 0.0
     for n in range(len(xyz)):
         distances[n] = _add_point(n, xyz, seen, r, t, baseline, 1.0 / (scale * scale), h, g)
@@ -247,7 +266,7 @@ def _normal(xyz, seen, r, t, baseline, scale, h, g, distances):
 
 @part
 def _add_point(n, xyz, seen, r, t, baseline, per, h, g):
-    """Adds point n to the gradient and subtracts it from h; its distance."""
+    """Adds point n to the gradient, and subtracts it from h; returns its reprojection error."""
     q = plus(times(matrix(r, 0), vector(xyz, n)), vector(t, 0))
     if q[2] <= 1e-6:
         return 1e9

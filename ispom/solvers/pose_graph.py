@@ -16,10 +16,11 @@ from scipy.special import chdtri
 from ispom.geometry import Array, Pose, Similarity, skew, so3_exp, so3_log
 from ispom.numerics.levenberg_marquardt import minimise
 
-ITERATIONS, TOLERANCE = 20, 1e-9
+MAX_ITERATIONS, TOLERANCE = 20, 1e-9
 """Largest number of steps of one optimisation, and the relative decrease of the cost that ends it. From odometry with a
 drift of some percent four steps are enough."""
 FREEDOM = 7
+"""Number of components of a measured relative pose with scale."""
 OUTLIER, MEDIAN = float(chdtri(FREEDOM, 0.001)), float(chdtri(FREEDOM, 0.5))
 """Quantiles (99.9 % and 50 %) of the squared deviation of a correct measurement from the estimate of all others."""
 
@@ -34,7 +35,7 @@ class Edge:
     covariance: Array
     """(7, 7) covariance of its right perturbation (rho in then's frame and unit, phi [rad], ln scale)."""
     may_be_false: bool = False
-    """Whether it may be an outlier, such as a loop closure between scenes that look alike."""
+    """Whether it may be an outlier, such as a loop closure between two similar scenes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,7 @@ class _Graph:
             delta = self.factored(jacobian, damping).solve(-(jacobian.T @ residuals)).reshape(-1, FREEDOM)
             return places.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
 
-        return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
+        return minimise(start, cost, stepped, MAX_ITERATIONS, TOLERANCE).values
 
     def squares(self, nodes: _Places) -> Array:
         """Returns the squared normalised residuals (E,)."""

@@ -1,12 +1,16 @@
-"""What is wrong with a rectified pair: the lens of both cameras, and what the right one has beside it: turned, another
-focal length and lens, a late shutter.
+"""Calibration errors of a rectified stereo pair: 17 corrections, and how the right image depends on them.
 
-All errors are small, so each moves what the right camera sees by its share of a fixed pattern over the image (Brown
-1971 for the lens, signs as in OpenCV), at the place where a perfect camera would see it: with the one where it is seen,
-lenses off by 0.01 would leave up to 0.7 px. The left camera has the lens of both alone: see window.Window. A turn about
-x or y and a shift of the principal point differ in the second order only. So their sum is one unknown, the offset in
-the middle of the image, which is well known; the turn is the other, and stands for what it does beside that.
-Columns and rows tell a turn from decentring.
+Two corrections (`both_k1`, `both_k2`) are distortion that both cameras share. All others are errors of the right camera
+relative to the left one: rotation, focal length, distortion, position, and delay of the shutter.
+
+The errors are small, so the model is linear: each correction, times a fixed pattern over the image, shifts the points
+in the right image (Brown 1971 for distortion, signs as in OpenCV). The pattern is evaluated at the position that a
+perfect camera would observe. At the observed position instead, distortion errors of 0.01 would leave up to 0.7 px. The
+left camera has the shared distortion only, see window.Window.
+
+A rotation about x or y and a shift of the principal point differ to second order only. So the shift that they have in
+common, the offset in the middle of the image, is one unknown, which is well determined. `pitch` and `yaw` are the
+second-order remainder. Rotation and decentring are told apart by columns and rows together.
 """
 
 from __future__ import annotations
@@ -19,33 +23,45 @@ from ispom.kernels import kernel, part
 from ispom.solvers.window.prior import Evidence
 
 LEAST_DISPARITY = 1 / 2000
-"""Normalised; a smaller one says no more than that the point is far."""
+"""Normalised disparity: that of a point at 2000 baselines. Smaller ones do not determine the distance."""
 TERMS: tuple[str, ...] = (
     "both_k1", "both_k2", "offset_x", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "ahead",
     "lag", "offset_y", "down",
 )  # fmt: skip
-"""The unknowns in their order: radial distortion of both cameras; and of the right one beside that: right in the middle
-of the image [rad]; how it is turned about its own x, y, z axes [rad]; longer focal length, as a share; radial
-distortion, decentring, and what it grows by with r^2; how much farther ahead it sits, over the baseline; how late its
-shutter is [s]; down in the middle of the image [rad]; how much lower it sits, over the baseline. The focal length of
-both is none: a drive straight ahead tells less of it than a board, and all lengths would follow it."""
+"""The corrections in their order.
+
+- both_k1, both_k2: radial distortion of both cameras; all others are those of the right camera alone.
+- offset_x: shift to the right in the middle of the image [rad].
+- pitch, yaw, roll: rotation about its own x, y, z axes [rad].
+- focal: relative change of the focal length.
+- k1, k2: radial distortion; p1, p2: decentring; q1, q2: growth of the decentring with r^2.
+- ahead: displacement along the optical axis, relative to the baseline.
+- lag: delay of the shutter [s].
+- offset_y: shift down in the middle of the image [rad].
+- down: displacement down, relative to the baseline.
+
+The focal length of both cameras is not one of them: a straight drive determines it less well than a calibration board,
+and all lengths would depend on it.
+"""
 PAIR = len(TERMS)
+"""Number of corrections."""
 BOTH_K1, BOTH_K2, OFFSET_X, PITCH, YAW, ROLL, FOCAL, K1, K2, P1, P2, Q1, Q2, AHEAD, LAG = range(PAIR - 2)
 OFFSET_Y, DOWN = PAIR - 2, PAIR - 1
 BOTH = OFFSET_X
-"""Terms of both cameras: the first ones. See `without_lens`."""
+"""Number of corrections of both cameras, which are the first ones. See `without_lens`."""
 COLUMNS = OFFSET_Y
-"""Terms that columns show: the first ones. Rows show all."""
+"""Number of corrections that change columns (x), which are the first ones. Rows (y) depend on all."""
 INVERSIONS = 4
-"""Steps of an iteration; each leaves a few hundredths of the error before."""
+"""Number of fixed-point iterations that invert the distortion; each reduces the error to a few hundredths."""
 LEAST_S = 1e-5
-"""Steps of the difference quotient are not smaller."""
+"""Least step [s] of the difference quotient by time."""
 
 
 def by_column(seen: Array, disparity: Array, late: Array | None = None) -> Array:
-    """(N, COLUMNS) by how much x in the right image grows with each unknown, at ideal places (N, 2), normalised.
+    """Returns the derivatives (N, COLUMNS) of x in the right image by each correction; 0 where a position is NaN.
 
-    `late` (N, 2): how x and y grow with the lag, see `drift`; without it the lag does nothing. 0 where a place is NaN.
+    `seen` (N, 2): ideal normalised positions in the right image. `disparity` (N,), normalised. `late` (N, 2):
+    derivatives of x and y by the lag, see `drift`; 0 by default.
     """
     late = np.zeros((len(seen), 2)) if late is None else late
     return _by_column(np.ascontiguousarray(seen), np.ascontiguousarray(disparity), np.ascontiguousarray(late))
@@ -61,7 +77,7 @@ def _by_column(seen, disparity, late):
 
 @part
 def fill_column(out, n, x, y, disparity, late):
-    """Row n of `by_column`, zeros before."""
+    """Fills row n of `by_column`, which contains zeros before."""
     if x != x:
         return
     square, decentring = x * x + y * y, 2.0 * x * y
@@ -75,7 +91,10 @@ def fill_column(out, n, x, y, disparity, late):
 
 
 def by_row(seen: Array, disparity: Array, late: Array) -> Array:
-    """(N, E) the same of how much lower a point lies than in the left image."""
+    """Returns the derivatives (N, E) of y in the right image, minus y in the left one, by each correction.
+
+    Arguments are as in `by_column`.
+    """
     return _by_row(np.ascontiguousarray(seen), np.ascontiguousarray(disparity), np.ascontiguousarray(late))
 
 
@@ -96,13 +115,15 @@ def _by_row(seen, disparity, late):
 
 
 def lens_of_both(extra: Array) -> Array:
-    """(3,) what is wrong with the left lens: share of the focal length, k1, k2."""
+    """Returns the corrections (3,) of the left lens: relative change of the focal length (0), k1, k2."""
     return np.array([0.0, extra[BOTH_K1], extra[BOTH_K2]])
 
 
 def without_lens(seen: Array, extra: Array) -> Array:
-    """Places (N, 2) in the left image, normalised, without what is wrong with the lens of both; further columns stay.
-    `seen` is the place times 1 + both_k1 r^2 + both_k2 r^4."""
+    """Removes the distortion of both cameras from normalised positions (N, 2) in the left image; copies other columns.
+
+    Inverts seen = x (1 + both_k1 r^2 + both_k2 r^4).
+    """
     out = np.array(seen, np.float64, order="C")
     _remove_lens(out, float(extra[BOTH_K1]), float(extra[BOTH_K2]))
     return out
@@ -116,7 +137,7 @@ def _remove_lens(places, k1, k2):
 
 @part
 def lens_removed(u, v, k1, k2):
-    """`without_lens` of one place."""
+    """Returns `without_lens` of one position."""
     x, y = u, v
     for _ in range(INVERSIONS):
         square = x * x + y * y
@@ -126,9 +147,9 @@ def lens_removed(u, v, k1, k2):
 
 
 def without_errors(seen: Array, extra: Array, late: Array | None = None) -> Array:
-    """Observations (N, 3) of x, y in the left image and x in the right one, normalised, as a perfect pair's; NaN stays.
+    """Returns the observations (N, 3) that a perfect pair would have made; NaN stays NaN.
 
-    `late` as of `by_column`.
+    `seen` (N, 3): x, y in the left image and x in the right one, normalised. `late` is as in `by_column`.
     """
     late = np.zeros((len(seen), 2)) if late is None else late
     return _without_errors(np.ascontiguousarray(seen), extra, np.ascontiguousarray(late))
@@ -146,8 +167,11 @@ def _without_errors(seen, extra, late):
 
 @part
 def fill_ideal_column(out, n, x, y, right, extra, late):
-    """Row n of `by_column` where a perfect pair would see what the left camera without its errors sees at x, y and the
-    right one, with them, at `right`; zeros before. That place's x."""
+    """Fills row n of `by_column`, zeros before, at the position that a perfect right camera would observe; returns its
+    x.
+
+    x, y: corrected position in the left image; `right`: observed x in the right one.
+    """
     ideal = right
     for _ in range(INVERSIONS):
         fill_column(out, n, ideal, y, x - ideal, late)
@@ -159,10 +183,11 @@ def fill_ideal_column(out, n, x, y, right, extra, late):
 
 
 def drift(xyz: Array, rates: Array, lag: float, baseline: float) -> Array:
-    """(N, 2) how much x and y in the right image grow per second of lag, of points (N, 3) of the left camera.
+    """Returns the derivatives (N, 2) of normalised x and y in the right image by the lag [1/s].
 
-    `rates` (N, 6), or (1, 6) of all: change of camera_from_world (rho [m/s], phi [rad/s]; left). About `lag`: it is not
-    quite linear.
+    `xyz` (N, 3): points in the left camera [m]. `rates` (N, 6), or (1, 6) for all points: left twist of
+    camera_from_world per second (rho [m/s], phi [rad/s]). The motion in the image is not quite linear, so this is the
+    difference quotient over `lag` [s].
     """
     return _drift(np.ascontiguousarray(xyz), np.ascontiguousarray(rates), float(lag), float(baseline))
 
@@ -177,7 +202,7 @@ def _drift(xyz, rates, lag, baseline):
 
 @part
 def drift_of(point, rates, n, lag, baseline):
-    """`drift` of one point by the rate of row n."""
+    """Returns `drift` of one point by the rate of row n."""
     x, y, depth = point
     z = 1e-6 if depth < 1e-6 else depth
     step = lag if abs(lag) > LEAST_S else LEAST_S
@@ -199,10 +224,11 @@ def row_evidence(
     scale: float,
     iterations: int = 5,
 ) -> Evidence:
-    """What points (N,) say that lie `lower` (N,) in the right image than in the left one, normalised; NaN if unknown.
+    """Returns the evidence on the corrections from row differences between the two images.
 
-    `factors` (N, E) as of `by_row`, `extra` and `covariance` what is known without them; Cauchy loss of scale `scale`.
-    Rows have next to nothing to say of points and poses, beside the left image's rows from which they are found.
+    `lower` (N,): y in the right image minus y in the left one, normalised; NaN if unknown. `factors` (N, E): the result
+    of `by_row`. `extra` (E,) and `covariance` (E, E): the corrections' estimate without this evidence. Cauchy loss of
+    scale `scale`. Points and poses are held: they hardly depend on the right rows, as the left ones determine them.
     """
     good = np.isfinite(lower) & np.isfinite(factors).all(1)
     design, rows, ids = factors[good], lower[good], ids[good]
@@ -212,7 +238,7 @@ def row_evidence(
     known, error = np.linalg.inv(covariance[np.ix_(free, free)]), rows - design @ extra
     start, part, middle = error, design[:, free], len(rows) // 2
     for _ in range(iterations):
-        # As wide as the errors still are.
+        # The loss is as wide as the remaining errors.
         wide = max(scale, 1.5 * float(np.partition(np.abs(error), middle)[middle]))
         weight = 1 / (wide**2 + error**2)
         weighted, root = part.T * weight, np.sqrt(weight)

@@ -1,1 +1,2 @@
-"""What moved a pose: the problem that gave it, solved again in thought without a part of what it was made of."""
+"""The influence of each part of a problem (tracks, keyframes, priors) on a pose: solves the problem without the
+part."""

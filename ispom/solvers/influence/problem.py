@@ -1,7 +1,7 @@
-"""The door by which a method says what it solved, so that parts of it can be left out.
+"""The interface by which a method reports the problem that it solved, so that parts of it can be left out.
 
-A method opts in by `report_problem(...)` where it has solved for a pose. In a normal run nothing collects the problems,
-and a step gives the same result whether they are collected or not.
+A method opts in by calling `report_problem(...)` after it has solved for a pose. In a normal run nobody collects the
+problems; the result of a step is the same with and without collection.
 """
 
 from __future__ import annotations
@@ -23,34 +23,34 @@ PartKind = Literal["track", "group", "frame", "prior", "sensor"]
 
 @dataclass(frozen=True)
 class Part:
-    """Something that a pose was made of, and that can be left out."""
+    """A part of the problem's input that can be left out."""
 
     kind: PartKind
     name: str = ""
-    """Of a prior or a sensor; empty for the others."""
+    """Name of a prior or a sensor; empty for the others."""
     tracks: tuple[int, ...] = ()
-    """Ids of a track, or of a group of them."""
+    """Ids of the track, or of the tracks of a group."""
     time_ns: int | None = None
-    """Of a frame."""
+    """Time of a frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """How a part moved a pose: from where it would be without the part to where it is."""
+    """The difference between a pose and the pose without a part."""
 
     position: Array
-    """(3,) in the method's world, in its unit; NaN where the rest does not determine a pose."""
+    """(3,) in the method's world and unit; NaN where the other parts do not determine a pose."""
     rotation: Array
     """(3,) rotation vector in the camera [rad]."""
 
     @property
     def size(self) -> float:
-        """Length of the way."""
+        """Length of the change of position."""
         return float(np.linalg.norm(self.position))
 
     @staticmethod
     def of_twist(pose: Pose, twist: Array) -> Shift:
-        """Of a pose `world_from_camera` whose inverse was moved by a left `twist` (6,), to first order."""
+        """Returns the shift of `world_from_camera` if its inverse is moved by a left `twist` (6,), to first order."""
         return Shift(-pose.rotation @ twist[:3], np.asarray(twist[3:]))
 
     @staticmethod
@@ -59,34 +59,35 @@ class Shift:
 
 
 class Problem(Protocol):
-    """A solved problem that gave a pose."""
+    """A solved problem, whose result was a pose."""
 
     @property
     def frame(self) -> FrameName:
-        """Whose pose it gave: a camera, or the rig."""
+        """The coordinate frame whose pose was estimated: a camera, or the rig."""
         ...
 
     @property
     def pose(self) -> Pose:
-        """world_from_frame that it gave."""
+        """The estimated world_from_frame."""
         ...
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """All that can be left out, without groups."""
+        """All parts that can be left out, without groups."""
         ...
 
     def shifts(self, parts: tuple[Part, ...]) -> list[Shift]:
-        """What each of these parts did to the pose, from the solution on: a track to first order, a group together."""
+        """Returns the shift of the pose by each part, from the solution on: of tracks to first order, of groups at
+        once."""
         ...
 
     def really(self, part: Part) -> Shift:
-        """The same by solving again without the part, from the same start, until nothing changes any more."""
+        """Returns the same by solving without the part, from the original start to convergence."""
         ...
 
     def seen(self) -> tuple[NDArray[np.int64], Array]:
-        """Ids (M,) of the tracks, ascending, and where they are in the newest image (M, 2), normalised; NaN where they
-        are not."""
+        """Returns the ids (M,) of the tracks, ascending, and their normalised positions (M, 2) in the newest image; NaN
+        where it does not observe them."""
         ...
 
 
@@ -94,7 +95,7 @@ _collected: ContextVar[list[Problem] | None] = ContextVar("ispom_problems", defa
 
 
 def report_problem(problem: Callable[[], Problem]) -> None:
-    """Reports what was just solved, if problems are collected; `problem` is not called otherwise."""
+    """Reports the problem that was just solved, if problems are collected; `problem` is not called otherwise."""
     problems = _collected.get()
     if problems is not None:
         problems.append(problem())
@@ -102,7 +103,7 @@ def report_problem(problem: Callable[[], Problem]) -> None:
 
 @contextmanager
 def collecting_problems() -> Iterator[list[Problem]]:
-    """Collects the problems that are reported meanwhile, in this thread."""
+    """Collects the problems that are reported in this context, in this thread."""
     problems = list[Problem]()
     token = _collected.set(problems)
     try:

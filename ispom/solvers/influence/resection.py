@@ -1,6 +1,7 @@
-"""What moved a pose that was found from known points: leaving out tracks, and the prediction by motion.
+"""The influence of tracks, and of the predicted motion, on a pose that was localised by known points.
 
-As in `window`: tracks by one Newton step of what is left, with the loss's own curvature; more by repeated steps.
+As in `window`: a track is left out by one Newton step of the remaining problem, with the loss's own curvature, and
+several parts by repeated steps.
 """
 
 from __future__ import annotations
@@ -14,36 +15,36 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.solvers.epipolar import Rays
 from ispom.solvers.influence.problem import Part, Shift
-from ispom.solvers.localisation import LEAST
+from ispom.solvers.localisation import MIN_POINTS
 from ispom.solvers.window.covariance import inverse_curvature
 from ispom.types import FrameName
 
-STEPS, SMALL = 100, 1e-9
-"""Most steps of `really`, and the size of a last one [rad, median depths]."""
+MAX_STEPS, CONVERGED_STEP = 100, 1e-9
+"""Largest number of steps of `really`, and the size of the step that ends them [rad, median depths]."""
 MOTION, OPEN_TRACKS = "motion before", "tracks without a point"
 
 
 @dataclass(frozen=True, eq=False)
 class ResectionProblem:
-    """A pose that was found from points of the map."""
+    """A pose that was localised by points of the map."""
 
     ids: NDArray[np.int64]
     """(N,) ids of the tracks, ascending."""
     xyz: Array
-    """(N, 3) points, which are taken as known."""
+    """(N, 3) points, which are fixed."""
     observed: Array
     """(N, 3) normalised x, y, and right x, NaN where there is none; or (N, 2)."""
     camera_from_world: Pose
-    """The pose found."""
+    """The estimated pose."""
     scale: float
     """Width of the loss, normalised."""
     frame: FrameName
     baseline: float = 0.0
     guess: Pose | None = None
     information: Array | None = None
-    """(6, 6) of the guess, if it is a prior."""
+    """(6, 6) information of the guess, if it is a prior."""
     rays: Rays | None = None
-    """Tracks without a point, which pull as well."""
+    """Tracks without a point, which also contribute."""
 
     @property
     def pose(self) -> Pose:
@@ -62,7 +63,7 @@ class ResectionProblem:
 
     def really(self, part: Part) -> Shift:
         keep, without = self._left(part)
-        if keep.sum() < LEAST:
+        if keep.sum() < MIN_POINTS:
             return Shift.unknown()
         whole, found = (
             self._solved(k, w).inverse() for k, w in ((np.ones(len(keep), bool), frozenset[str]()), (keep, without))
@@ -78,17 +79,17 @@ class ResectionProblem:
 
     def _shift(self, terms: Terms, part: Part, rest: Array) -> Shift:
         keep, without = self._left(part)
-        if keep.sum() < LEAST:
+        if keep.sum() < MIN_POINTS:
             return Shift.unknown()
         return Shift.of_twist(self.pose, rest - terms.step(keep, without))
 
     def _solved(self, keep: NDArray[np.bool_], without: frozenset[str]) -> Pose:
-        """Solves again, from the pose found, by the weights as they come out."""
+        """Solves the remaining problem by reweighted steps from the estimated pose."""
         pose, depth = self.camera_from_world, float(np.median(self.camera_from_world.apply(self.xyz)[:, 2]))
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             step = self._terms(pose).step(keep, without, own=False)
             pose = Pose.exp(step) @ pose
-            if np.abs(step[:3]).max() < SMALL * abs(depth) and np.abs(step[3:]).max() < SMALL:
+            if np.abs(step[:3]).max() < CONVERGED_STEP * abs(depth) and np.abs(step[3:]).max() < CONVERGED_STEP:
                 break
         return pose
 
@@ -123,16 +124,16 @@ class Terms:
     """The normal equations of a pose, by part."""
 
     gradients: Array
-    """(N, 6)"""
+    """(N, 6) gradient of each point."""
     fixed: Array
-    """(N, 6, 6) with fixed weights."""
+    """(N, 6, 6) second derivatives with fixed weights."""
     own: Array
-    """(N, 6, 6) the loss's own."""
+    """(N, 6, 6) second derivatives of the loss itself."""
     held: dict[str, tuple[Array, Array]]
     """Information (6, 6) and gradient (6,) of each prior."""
 
     def step(self, keep: NDArray[np.bool_], without: frozenset[str], own: bool = True) -> Array:
-        """Returns the left twist (6,) to the minimum of what is kept."""
+        """Returns the left twist (6,) to the minimum of the remaining parts."""
         held = [terms for name, terms in self.held.items() if name not in without]
         information = sum((h for h, _ in held), np.zeros((6, 6)))
         gradient = self.gradients[keep].sum(axis=0) + sum((g for _, g in held), np.zeros(6))

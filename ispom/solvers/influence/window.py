@@ -1,11 +1,11 @@
-"""What moved the newest pose of a window: leaving out tracks, keyframes and the prior.
+"""The influence of tracks, keyframes and the prior on the newest pose of a window.
 
-To first order the pose moves by one Newton step of the problem that is left: H_r^-1 g_p, where g_p is the gradient of
-the part that is left out (its points eliminated) and H_r the curvature of all else. The curvature is the loss's own, as
-the weights of what is left change too. Tracks are left out one by one by the first two terms of the series
-H_r^-1 = H^-1 + H^-1 H_p H^-1 + ..., which needs no factorisation for each. What holds more (a group of tracks, a
-keyframe, the prior) is left out together, and the step is repeated from where it leads: with one step, groups of a
-fifth of all tracks were up to three times too large.
+To first order the pose moves by one Newton step of the remaining problem: H_r^-1 g_p, where g_p is the gradient of the
+part that is left out (its points eliminated) and H_r the curvature of all others. The curvature is the loss's own, as
+the weights of the others change too. Single tracks are left out by the first two terms of the series
+H_r^-1 = H^-1 + H^-1 H_p H^-1 + ..., which needs no factorisation for each. Larger parts (a group of tracks, a keyframe,
+the prior) are left out at once, and the step is repeated: one step overestimated the influence of groups of a fifth of
+all tracks by up to a factor of three.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from ispom.solvers.window.prior import POSE, Prior
 from ispom.solvers.window.scores import score_changes, track_scores
 from ispom.types import FrameName
 
-CONVERGED = 1e-10
-"""Share of the cost by which a last step of `really` may lower it."""
-STEPS = 100
-"""Most steps of `really`."""
-AGAIN, ENOUGH = 15, 1e-7
-"""The same of a part that is left out from the solution on."""
-LEAST_VIEWS = 2
-"""Keyframes that must see a point that takes part."""
+CONVERGED_DECREASE = 1e-10
+"""Relative decrease of the cost at which the steps of `really` end."""
+MAX_STEPS = 100
+"""Largest number of steps of `really`."""
+MAX_STEPS_FROM_SOLUTION, CONVERGED_FROM_SOLUTION = 15, 1e-7
+"""The same for a part that is left out from the solution on."""
+MIN_VIEWS = 2
+"""Least number of keyframes that observe a point."""
 PRIOR = "earlier keyframes"
 
 
@@ -43,15 +43,15 @@ class WindowProblem:
     """A window of keyframes that was optimised."""
 
     start: Window
-    """Before."""
+    """The window before the optimisation."""
     solved: Window
-    """After, with the same observations."""
+    """The window after it, with the same observations."""
     scale: float
     """Width of the loss, normalised."""
     ids: NDArray[np.int64]
     """(M,) ids of the points' tracks, ascending."""
     times_ns: tuple[int, ...]
-    """Of the keyframes."""
+    """Times of the keyframes."""
     frame: FrameName
 
     @property
@@ -66,7 +66,7 @@ class WindowProblem:
 
     @property
     def _anchors(self) -> int:
-        """Number of first keyframes that cannot be left out: the only one of the prior says where the world is."""
+        """Number of first keyframes that cannot be left out: the one that fixes the world, if it is the only one."""
         prior = self.solved.prior
         return 1 if prior is None or len(prior.rotations) == 1 else 0
 
@@ -75,7 +75,7 @@ class WindowProblem:
 
     def really(self, part: Part) -> Shift:
         windows = self.start, self._without(self.start, part)
-        whole, found = (_newest(adjust(window, self.scale, STEPS, CONVERGED).window) for window in windows)
+        whole, found = (_newest(adjust(window, self.scale, MAX_STEPS, CONVERGED_DECREASE).window) for window in windows)
         return _from(found, whole)
 
     def seen(self) -> tuple[NDArray[np.int64], Array]:
@@ -88,17 +88,18 @@ class WindowProblem:
         if part.kind == "track":
             (row,) = places(self.ids, np.array(part.tracks))
             return Shift.of_twist(self.pose, -self._alone[row])
-        found = adjust(self._without(self.solved, part), self.scale, AGAIN, ENOUGH).window
-        return _from(_newest(found), self._settled)
+        without = self._without(self.solved, part)
+        without = adjust(without, self.scale, MAX_STEPS_FROM_SOLUTION, CONVERGED_FROM_SOLUTION).window
+        return _from(_newest(without), self._converged)
 
     @cached_property
-    def _settled(self) -> Pose:
-        """The newest pose once the optimisation is done: it may have ended before."""
-        return _newest(adjust(self.solved, self.scale, AGAIN, ENOUGH).window)
+    def _converged(self) -> Pose:
+        """Returns the newest pose after convergence: the method may have ended its optimisation earlier."""
+        return _newest(adjust(self.solved, self.scale, MAX_STEPS_FROM_SOLUTION, CONVERGED_FROM_SOLUTION).window)
 
     @cached_property
     def _alone(self) -> Array:
-        """(M, 6) left twists of the newest pose without each track."""
+        """Returns the left twists (M, 6) of the newest pose without each track."""
         window = self.solved
         own = Equations.of(window, self.scale, second_order=OWN_CURVATURE)
         inverse = inverse_curvature(own.symmetric, Equations.of(window, self.scale).symmetric)
@@ -119,7 +120,7 @@ class WindowProblem:
             gone[places(self.ids, np.array(part.tracks, np.int64))] = True
             keep = ~gone[window.owners]
         views = np.bincount(window.owners[keep], minlength=len(window.points))
-        keep &= (views >= LEAST_VIEWS)[window.owners]
+        keep &= (views >= MIN_VIEWS)[window.owners]
         return only(window, keep)
 
 
@@ -142,13 +143,13 @@ def _newest(window: Window) -> Pose:
 
 
 def _from(before: Pose, after: Pose) -> Shift:
-    """Returns what leads from one world_from_camera to another."""
+    """Returns the shift from one world_from_camera to another."""
     return Shift(after.translation - before.translation, twist_of(after.inverse() @ before)[3:])
 
 
 def _gauge_alone(window: Window) -> Prior | None:
-    """Returns the prior that only says where the window is, how it is turned and, for one camera, its scale: what no
-    observation of the window says. The corrections keep the standard deviations of their calibration."""
+    """Returns the prior that only fixes the gauge: position, orientation and, for one camera, the scale of the window,
+    which no observation determines. The corrections keep the standard deviations of their calibration."""
     prior = window.prior
     if prior is None:
         return None

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.numerics.robust import Noise, cauchy_weights
 
-ROUNDS = 6
-"""Number of iterations of weights and depths; more change nothing that counts."""
-WIDER = 3.0
+ITERATIONS = 6
+"""Number of iterations of weights and depths."""
+LOSS_FACTOR = 3.0
 """Width of the loss, relative to that of bundle adjustment: poses are fixed, so residuals include their errors."""
 
 
@@ -41,7 +41,7 @@ def intersect(
 
     Views are camera_from_world: (C, 3, 3), (C, 3). Observation k is normalised coordinates seen[k] (2,) of point
     owners[k] in view cameras[k], sorted by point; `noise` is that of a coordinate. Solves weighted linear equations in
-    one unknown repeatedly, with the last depths and Cauchy weights of WIDER loss widths.
+    one unknown repeatedly, with the last depths and Cauchy weights of LOSS_FACTOR loss widths.
     """
     begin = np.searchsorted(owners, owners)
     origin, ray = cameras[begin], np.column_stack([seen[begin], np.ones(len(begin))])
@@ -53,11 +53,11 @@ def intersect(
     t = translations[cameras[later]] - _turned(turn, _turned(back, translations[origin])[later])
     offset, slopes = q[:, :2] - x * q[:, 2:], t[:, :2] - x * t[:, 2:]
     rho, information = np.zeros(count), np.ones(count)
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         near = rho[owner][:, None]
         z = np.maximum(q[:, 2:] + near * t[:, 2:], 1e-3)
         slope, value = slopes / z, offset / z
-        weights = cauchy_weights((value + slope * near) ** 2, WIDER * noise.width)
+        weights = cauchy_weights((value + slope * near) ** 2, LOSS_FACTOR * noise.width)
         weighted = np.where(near != 0, weights, 1.0) * slope
         information = 1e-12 + np.bincount(owner, (weighted * slope).sum(axis=1), count)
         rho = -np.bincount(owner, (weighted * value).sum(axis=1), count) / information

@@ -21,10 +21,10 @@ FOCAL_FACTORS = (1.0, 0.7, 1.4)
 FOCAL_RANGE = (0.55, 1.8)
 """Range of the focal length, relative to the given one: two standard deviations (30 % each) of a guess. A longer one
 would explain any image shift of a plane."""
-ITERATIONS, TOLERANCE = 20, 1e-4
+MAX_ITERATIONS, TOLERANCE = 20, 1e-4
 """Largest number of steps, and the relative decrease of the cost that ends them: only a median distance is computed
 from the result."""
-NUDGE = 1e-6
+DERIVATIVE_STEP = 1e-6
 """Relative step of the numerical derivative by the focal length."""
 
 
@@ -82,7 +82,7 @@ def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Arr
         focal = float(np.clip(values.focal * longer, *FOCAL_RANGE))
         return TurnAndZoom(so3_exp(step[:3]) @ values.rotation, values.zoom * float(zoom), focal)
 
-    return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
+    return minimise(start, cost, stepped, MAX_ITERATIONS, TOLERANCE).values
 
 
 def _derivatives(of: TurnAndZoom, x1: Array, at: Array) -> Array:
@@ -91,7 +91,7 @@ def _derivatives(of: TurnAndZoom, x1: Array, at: Array) -> Array:
     x, y = (ray[:, :2] / ray[:, 2:]).T
     one = np.ones_like(x)
     by_rotation = np.stack([np.stack([-x * y, one + x * x, -y], 1), np.stack([-one - y * y, x * y, x], 1)], 1)
-    by_focal = (replace(of, focal=of.focal * (1 + NUDGE)).moved(x1) - at) / NUDGE
+    by_focal = (replace(of, focal=of.focal * (1 + DERIVATIVE_STEP)).moved(x1) - at) / DERIVATIVE_STEP
     return np.concatenate([of.focal * of.zoom * by_rotation, at[:, :, None], by_focal[:, :, None]], axis=2)
 
 

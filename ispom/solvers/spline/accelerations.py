@@ -14,12 +14,12 @@ from ispom.solvers.spline.continuous import Solution, solve
 from ispom.solvers.spline.curve import add_smoothness
 from ispom.solvers.spline.problem import SplineProblem
 
-ROUNDS = 2
+ITERATIONS = 2
 """Number of times that accelerations and spline are estimated in turn. Images determine most of the accelerations, and
 a third round changes them by less than a percent."""
 LEAST_DETERMINED = 6.0
 """Least number of determined components of accelerations from which the prior is estimated."""
-LEAST = 0.1
+MIN_SIGMA = 0.1
 """Least standard deviation [rad/s^2, m/s^2]: zero would fix the motion. A rig at rest accelerates less."""
 
 
@@ -30,7 +30,7 @@ def solve_with_accelerations(problem: SplineProblem, iterations: int) -> Solutio
     that too few knots cannot follow would rotate them by ten times its own size.
     """
     begun = found = solve(problem, iterations)
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         better = solve(replace(found.problem, smoothness=accelerations(found)), iterations)
         found = replace(better, iterations=found.iterations + better.iterations)
     return replace(found, errors_before=begun.errors_before, cost_before=begun.cost_before)
@@ -52,6 +52,6 @@ def accelerations(solution: Solution) -> tuple[float, float]:
         determined = components - float(np.sum(information * covariance))
         if determined < LEAST_DETERMINED:
             return sigma
-        return max(sigma * float(np.sqrt(squares / determined)), LEAST)
+        return max(sigma * float(np.sqrt(squares / determined)), MIN_SIGMA)
 
     return size(True), size(False)

@@ -26,15 +26,16 @@ from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, Splin
 
 Tried = tuple[SplineProblem, Sampled, float]
 """Values, their poses at the frames, and their cost."""
-LONGER = 2.0
+OVER_RELAXATION = 2.0
 """Factor of a second, longer step (over-relaxation), taken if its cost is lower. With fixed weights, steps are too
 short where the loss flattens; trying it is cheap, and four such steps achieve as much as six others."""
-WIDER = 3
+MAX_WIDENINGS = 3
 """Largest number of times that the loss is widened if it is too narrow for the errors."""
 HIGHEST_DAMPING = 1e4
+"""Damping at which no step is expected to lower the cost."""
 NOT_MOVED = np.zeros((0, 3))
-UNSEEN = 1e-6
-"""Information of a knot without observations: a standard deviation of a kilometre, or no knowledge of an angle."""
+MIN_INFORMATION = 1e-6
+"""Information of a knot without observations: standard deviations of 1 km and of 1000 rad, which is any angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +151,9 @@ class Solution:
 def covariance_of(information: Array) -> Array:
     """Returns the inverse (n, n) of an information matrix; undetermined parameters get a large, finite variance."""
     found = inverse_factored(factor(information))
-    if (found.diagonal() < 1 / UNSEEN).all():  # not for NaN either
+    if (found.diagonal() < 1 / MIN_INFORMATION).all():  # not for NaN either
         return found
-    return inverse_factored(factor(information + UNSEEN * np.eye(len(information))))
+    return inverse_factored(factor(information + MIN_INFORMATION * np.eye(len(information))))
 
 
 def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
@@ -163,7 +164,7 @@ def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) 
     """
     begun, done = problem.sampled(), 0
     before, errors_before = _cost(problem, begun), np.sqrt(_squares(problem, begun))
-    for _ in range(WIDER):
+    for _ in range(MAX_WIDENINGS):
         typical = _typical(problem)
         if not typical > 2 * problem.loss:
             break
@@ -190,7 +191,7 @@ def _descended(problem: SplineProblem, iterations: int, tolerance: float) -> tup
     def stepped(values: Tried, damping: float) -> Tried:
         now, sampled, _ = values
         step, point_step = _step(now, sampled, damping)
-        once, longer = (_tried(_moved(now, share * step, share * point_step)) for share in (1.0, LONGER))
+        once, longer = (_tried(_moved(now, share * step, share * point_step)) for share in (1.0, OVER_RELAXATION))
         return longer if longer[2] < once[2] else once
 
     found = minimise(_tried(problem), lambda tried: tried[2], stepped, iterations, tolerance, HIGHEST_DAMPING)

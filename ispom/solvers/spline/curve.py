@@ -30,12 +30,12 @@ from ispom.numerics.vectors import (
 )
 
 ORDER = 4
-"""Knots that shape the spline at any one time."""
+"""Number of knots that determine the spline at any one time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """world_from_rig over time: segment i, from start_s + i spacing_s on, is shaped by knots i to i + 3."""
+    """world_from_rig over time: knots i to i + 3 determine segment i, which starts at start_s + i spacing_s."""
 
     start_s: float
     spacing_s: float
@@ -49,16 +49,16 @@ class Spline:
 
     @property
     def knot_times_s(self) -> Array:
-        """(K,) where each knot counts most."""
+        """Returns the times (K,) at which the weight of each knot is largest."""
         return self.start_s + self.spacing_s * (np.arange(len(self)) - 1)
 
     def at(self, times_s: Array) -> Sampled:
-        """Poses at times (E,) [s]; beyond either end, the outermost segment goes on."""
+        """Returns the poses at times (E,) [s]; beyond either end, the outermost segment is extrapolated."""
         times_s = np.ascontiguousarray(times_s, float)
         return Sampled(*_sample(self.start_s, self.spacing_s, self.rotations, self.positions, times_s))
 
     def moved(self, step: Array) -> Spline:
-        """With every knot changed by step (6 K,): its rotation [rad], then its position [m]."""
+        """Returns the spline with each knot changed by step (6 K,): its rotation [rad], then its position [m]."""
         rotations, positions = _moved(self.rotations, self.positions, np.ascontiguousarray(step, float))
         return Spline(self.start_s, self.spacing_s, rotations, positions)
 
@@ -72,16 +72,17 @@ class Sampled:
     positions: Array
     """(E, 3) [m]."""
     first: NDArray[np.int64]
-    """(E,) the first of the four knots that count."""
+    """(E,) the first of the four knots that determine the pose."""
     rotation_jacobians: Array
-    """(E, 4, 3, 3): how the rotation turns, in the moving frame, with that of each knot."""
+    """(E, 4, 3, 3) derivative of the rotation, in the moving frame, by that of each knot."""
     weights: Array
-    """(E, 4): how the position changes with that of each knot."""
+    """(E, 4) derivative of the position by that of each knot."""
     rates: Array
     """(E, 6): angular velocity in the moving frame [rad/s], velocity in the world [m/s]."""
 
     def jacobian(self, e: int, knots: int) -> Array:
-        """(6, 6 knots) of pose e (rotation in the moving frame, position in the world) by all knots."""
+        """Returns the Jacobian (6, 6 knots) of pose e (rotation in the moving frame, position in the world) by all
+        knots."""
         out = np.zeros((6, 6 * knots))
         for k in range(ORDER):
             column = 6 * (int(self.first[e]) + k)
@@ -110,7 +111,8 @@ def _sample(start, spacing, rotations, positions, times):
 
 @kernel()
 def between_knots(rotations):
-    """Rotation vectors (K - 1, 3) from each knot to the next, and the inverses (K - 1, 3, 3) of their Jacobians."""
+    """Returns the rotation vectors (K - 1, 3) from each knot to the next, and the inverses (K - 1, 3, 3) of their
+    Jacobians."""
     turns, inverses = np.empty((len(rotations) - 1, 3)), np.empty((len(rotations) - 1, 3, 3))
     for k in range(len(turns)):
         turn = log3(product(transposed(matrix(rotations, k)), matrix(rotations, k + 1)))
@@ -121,7 +123,7 @@ def between_knots(rotations):
 
 @part
 def _place(p, rates, e, positions, i, weights, changes):
-    """The position at time e and its velocity, from knots i to i + 3 with these weights and their rates of change."""
+    """Fills position and velocity at time e, from knots i to i + 3 with these weights and their rates of change."""
     for x in range(3):
         p[e, x] = 0.0
         for k in range(4):
@@ -131,11 +133,12 @@ def _place(p, rates, e, positions, i, weights, changes):
 
 @part
 def _turn(r, rates, jacobians, e, rotations, i, turns, inverses, shares, changes):
-    """The rotation at time e, its rate, and its Jacobians (4, 3, 3), which are zero before.
+    """Fills the rotation at time e, its rate, and its Jacobians (4, 3, 3), which are zero before.
 
-    From knot i on by a share of each of the three turns between knots, which change at these rates.
+    The rotation is that of knot i, times `shares` of the three rotations `turns` between knots; `changes` are the rates
+    of these shares.
     """
-    after = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the rotation by all later turns
+    after = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the product of all later rotations
     for k in range(2, -1, -1):
         turn = vector(turns, i + k)
         part_of_it, rate = scaled(shares[k], turn), times_transposed(after, scaled(changes[k], turn))
@@ -164,9 +167,10 @@ def _moved(rotations, positions, step):
 
 @kernel()
 def add_smoothness(rotations, positions, spacing, sigma_rad_s2, sigma_m_s2, hessian, right):
-    """Adds to the normal equations that accelerations are about zero; returns the cost.
+    """Adds a prior of zero accelerations to the normal equations; returns its cost.
 
-    A weak belief: it only decides where no image does. The knots' second difference is a cubic B-spline's acceleration.
+    It is weak, and matters only where no image determines the motion. A cubic B-spline's acceleration at a knot is the
+    second difference of the knots.
     """
     cost = 0.0
     wr, wp = 1.0 / (sigma_rad_s2 * spacing**2) ** 2, 1.0 / (sigma_m_s2 * spacing**2) ** 2

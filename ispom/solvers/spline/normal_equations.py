@@ -1,7 +1,8 @@
-"""The normal equations of a trajectory seen by several cameras, reduced to its spline: hot loops of `continuous`.
+"""The normal equations of a spline from the observations of several cameras, without the points: hot loops of
+`continuous`.
 
-Everything is sequential, so results repeat bit for bit. Unknowns, in this order: six per knot (rotation, position),
-then seven of the rig: rotation and position of the video camera, and how late its clock stamps.
+All loops are sequential, so results repeat bit for bit. Unknowns, in this order: six per knot (rotation, position),
+then seven of the rig: rotation and position of the video camera, and its time offset.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ispom.solvers.spline.observation import MIN_DEPTH, RIG, cauchy_weight, empt
 
 
 class Knots(NamedTuple):
-    """How the poses at the exposures follow the knots: the arrays of spline.Sampled."""
+    """The derivatives of the poses at the exposures by the knots: the arrays of spline.Sampled."""
 
     count: int
     first: NDArray[np.int64]
@@ -28,25 +29,26 @@ class Knots(NamedTuple):
 
 
 class Reduced(NamedTuple):
-    """Normal equations of knots and rig without the points; until the end, what is said of each pose apart."""
+    """Normal equations of knots and rig without the points. The terms of each pose are summed before they are mapped to
+    its knots."""
 
     hessian: Array
     """(n, n), its lower triangle."""
     right: Array
-    """(n,)."""
+    """(n,) right side."""
     poses: Array
-    """(E, 6, 6)."""
+    """(E, 6, 6) blocks of the poses."""
     poses_right: Array
-    """(E, 6)."""
+    """(E, 6) right sides of the poses."""
     poses_rig: Array
-    """(E, RIG, 6) of rig and pose."""
+    """(E, RIG, 6) blocks of rig and pose."""
 
 
 class Eliminated(NamedTuple):
-    """What gives back the steps of the points, once those of knots and rig are known."""
+    """The data from which the steps of the points follow, given those of knots and rig."""
 
     inverses: Array
-    """(M, 3, 3) of the points' own blocks; zero without an observation before its camera."""
+    """(M, 3, 3) inverses of the points' own blocks; zero without an observation before its camera."""
     sides: Array
     """(M, 3) right sides of the points."""
     mixed: Array
@@ -61,11 +63,11 @@ class Eliminated(NamedTuple):
 
 @kernel()
 def reduce(knots, observed, depth_prior, loss, damping, with_rig, moved):
-    """Hessian (n, n) and right side (n,) of spline and rig, without the points; and what finds the points' step.
+    """Returns Hessian (n, n) and right side (n,) of spline and rig, without the points; and the points' `Eliminated`.
 
     Observations are sorted by owner. Without `with_rig` the rig's rows stay zero. `depth_prior` (M, 2): expected
-    inverse depth and its inverse variance. Given `moved` (O, 3), not empty, right sides are those of observations that
-    are off by this instead of by their errors, with the weights that these give; the Hessian is then not whole.
+    inverse depth and its inverse variance. If `moved` (O, 3) is not empty, it replaces the errors in the right sides,
+    with the weights of the actual errors; the Hessian is then incomplete.
     """
     n, exposures, points = 6 * knots.count + RIG, len(observed.rotations), len(observed.points)
     reduced = Reduced(
@@ -108,9 +110,9 @@ def reduce(knots, observed, depth_prior, loss, damping, with_rig, moved):
 
 @part
 def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, reduced, eliminated, rows, by_rig):
-    """Adds what is known of point m, whose observations start at `begin`: where they end; the rows of knots they tell.
+    """Adds the terms of point m, whose observations start at `begin`.
 
-    From the first of these rows on, up to before the second.
+    Returns the end of the observations, and the range (first, end) of the knots' rows that they depend on.
     """
     eliminated.inverses[m, 2, 2] = depth_prior[m, 1]
     eliminated.sides[m, 2] = depth_prior[m, 1] * (depth_prior[m, 0] - observed.points[m, 2])
@@ -155,7 +157,7 @@ def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
 
 @part
 def fill_by_rig(out, rows, camera, rho, rates, e):
-    """(2, RIG): the errors of the video camera by the unknowns of the rig."""
+    """Fills the derivatives (2, RIG) of the video camera's errors by the unknowns of the rig."""
     for i in range(2):
         by_camera, by_rig = vector(rows.by_camera, i), vector(rows.by_rig, i)
         out[i, 0], out[i, 1], out[i, 2] = cross(by_camera, camera)
@@ -183,7 +185,7 @@ def _add_rig(m, weight, e, g, reduced, eliminated, rows, by_rig):
 
 @part
 def _invert(block, damping):
-    """A point's block (3, 3), damped, in its place."""
+    """Replaces a point's block (3, 3) by the inverse of the damped block."""
     kept = block[0, 0], block[0, 1], block[0, 2], block[1, 1], block[1, 2], block[2, 2]
     a, b, c = symmetric(inverse(damped(kept, damping)))
     store(block, 0, a)
@@ -193,7 +195,7 @@ def _invert(block, damping):
 
 @part
 def spread_over_knots(out, knots, e, mixed):
-    """Adds to out (3, n) a block (6, 3) of the pose at exposure e and a point, as one of the knots that shape it."""
+    """Adds a block (6, 3) of the pose at exposure e and a point to out (3, n), as blocks of the pose's knots."""
     for q in range(4):
         base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
         for j in range(3):
@@ -205,9 +207,9 @@ def spread_over_knots(out, knots, e, mixed):
 
 @part
 def _eliminate(m, low, high, with_rig, whole, spread, reduced, eliminated):
-    """Schur complement of point m: takes M V^-1 M' and M V^-1 b from knots and rig, M their blocks with the point.
+    """Schur complement of point m: subtracts M V^-1 M' and M V^-1 b from the terms of knots and rig.
 
-    Of one that is not `whole` only the right side is wanted.
+    M are their blocks with the point. Without `whole` only the right side is computed.
     """
     inverted, side, of_rig = eliminated.inverses[m], vector(eliminated.sides, m), eliminated.mixed_rig[m]
     # Loops that count from zero along views become vector instructions; from `low` on they would not.
@@ -240,9 +242,9 @@ def gain(inverted, a, b, c):
 
 @part
 def _add_pose(e, knots, reduced, by_knots):
-    """Adds what is said of the pose at exposure e to the four knots that shape it (lower triangle).
+    """Adds the terms of the pose at exposure e to those of its four knots (lower triangle).
 
-    `by_knots` (RIG, 24) is made use of.
+    `by_knots` (RIG, 24) is a buffer.
     """
     base, g = 6 * knots.first[e], len(reduced.right) - RIG
     _times_jacobian(by_knots, reduced.poses[e], knots, e)
@@ -266,7 +268,8 @@ def _add_pose(e, knots, reduced, by_knots):
 
 @part
 def _times_jacobian(out, block, knots, e):
-    """Into the first rows of out (RIG, 24): a block (n, 6) of something and the pose at exposure e, as of its knots."""
+    """Fills the first n rows of out (RIG, 24): a block (n, 6) with the pose at exposure e, times its knots'
+    Jacobian."""
     for k in range(len(block)):
         for q in range(4):
             turn, weight = knots.rotation_jacobians[e, q], knots.weights[e, q]

@@ -1,4 +1,4 @@
-"""The observations of a rig along its spline: the point's place, errors, and the derivatives of one observation."""
+"""The observations of a rig along its spline: the point's position, errors, and derivatives of one observation."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ispom.numerics.vectors import cross, dot, matrix, minus, plus, scaled, stor
 RIG = 7
 """Unknowns of the rig: rig_from_video's rotation (in the camera) [rad] and position [m], the clock offset [s]."""
 MIN_DEPTH = 1e-4
-"""Of a point in a camera, as a share of its distance from its anchor; nearer or behind, it tells nothing."""
+"""Least depth of a point in a camera, relative to its depth in its anchor; with less, the observation has no weight."""
 GROSS = 1e4
-"""Square of the error, in standard deviations, that such a point costs."""
+"""Squared error, in squared standard deviations, of such an observation."""
 IMAGES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, -1.0]])
-"""x, y and disparity by x, y and the right x."""
+"""Derivatives of x, y and disparity by x, y and the right x."""
 
 
 class Observed(NamedTuple):
@@ -46,24 +46,24 @@ class Observed(NamedTuple):
 
     @classmethod
     def of(cls, *values: Any) -> Observed:
-        """All arrays of one kind, so that kernels are compiled once."""
-        alike: list[Any] = [read_only(value) if isinstance(value, np.ndarray) else value for value in values]
-        return cls(*alike)
+        """Makes all arrays read-only and contiguous, so that kernels are compiled for one signature only."""
+        arrays: list[Any] = [read_only(value) if isinstance(value, np.ndarray) else value for value in values]
+        return cls(*arrays)
 
 
 class Rows(NamedTuple):
-    """Errors of one observation in standard deviations, and how they change: x, y and, of a pair, the disparity."""
+    """Errors of one observation in standard deviations, and their derivatives: x, y and, for a pair, the disparity."""
 
     errors: Array
     """(3,)."""
     by_camera: Array
-    """(3, 3) by the point's place in the camera, times its inverse depth as in `placed`."""
+    """(3, 3) derivatives by the point's position in the camera, times its inverse depth as in `placed`."""
     by_rig: Array
-    """(3, 3) by that in the rig."""
+    """(3, 3) derivatives by that in the rig."""
     by_pose: Array
-    """(3, 6) by the rig's rotation (in the rig) and position (in the world)."""
+    """(3, 6) derivatives by the rig's rotation (in the rig) and position (in the world)."""
     by_point: Array
-    """(3, 3)."""
+    """(3, 3) derivatives by the point's values."""
 
 
 @kernel()
@@ -73,7 +73,7 @@ def empty_rows():
 
 @kernel()
 def squared_errors(observed):
-    """(O,) squares of the reprojection errors, in standard deviations."""
+    """Returns the squared reprojection errors (O,), in squared standard deviations."""
     out = np.empty(len(observed.exposures))
     for o in range(len(out)):
         out[o] = _squared_error(observed, o)
@@ -91,7 +91,8 @@ def _squared_error(observed, o):
 
 @part
 def placed(observed, o):
-    """Where the point of observation o is, times its inverse depth (finite at infinity): in the rig, in the camera."""
+    """Returns the position of observation o's point, times its inverse depth (finite at infinity), in rig and
+    camera."""
     e, c, m = observed.exposures[o], observed.cameras[o], observed.owners[o]
     a, b, rho = vector(observed.points, m)
     from_rig = minus(vector(observed.anchors_t, m), vector(observed.positions, e))
@@ -103,7 +104,7 @@ def placed(observed, o):
 
 @part
 def image_errors(observed, o, camera):
-    """x, y, right x of a point before its camera, and the errors (3); that of an unknown disparity is 0."""
+    """Returns x, y, right x of a point before its camera, and the errors (3); that of an unknown disparity is 0."""
     iz, shift = 1.0 / camera[2], observed.baseline * observed.points[observed.owners[o], 2]
     x, y, right = camera[0] * iz, camera[1] * iz, (camera[0] - shift) * iz
     seen, per = vector(observed.seen, o), vector(observed.inverse_sigma, o)
@@ -113,21 +114,22 @@ def image_errors(observed, o, camera):
 
 @part
 def linearise(rows, observed, o, rig, camera):
-    """Fills the rows of an observation of a point before its camera: how many there are, 2 or 3."""
+    """Fills the rows of an observation of a point before its camera; returns their number, 2 or 3."""
     x, y, right, errors = image_errors(observed, o, camera)
     count, iz = 3 if observed.inverse_sigma[o, 2] > 0.0 else 2, 1.0 / camera[2]
     for i in range(count):
         rows.errors[i], per_z = errors[i], observed.inverse_sigma[o, i] * iz
         by_x, by_y, by_right = vector(IMAGES, i)
         by_camera = gradient_by_point(x, y, right, per_z, by_x, by_y, by_right)
-        # What the point's inverse depth changes of the right x is not only its place in the left camera.
+        # The right x depends on the inverse depth through the position in the left camera, and through the baseline.
         _fill_row(rows, i, observed, o, rig, by_camera, -by_right * per_z * observed.baseline)
     return count
 
 
 @part
 def _fill_row(rows, i, observed, o, rig, by_camera, by_depth):
-    """Of an error that changes with the place in the camera and, the place held, with the inverse depth."""
+    """Fills row i from an error's derivatives by the position in the camera and, at a fixed position, by the inverse
+    depth."""
     e, c, m = observed.exposures[o], observed.cameras[o], observed.owners[o]
     by_rig = times(matrix(observed.cameras_r, c), by_camera)
     by_world = times(matrix(observed.rotations, e), by_rig)

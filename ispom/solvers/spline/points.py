@@ -1,4 +1,4 @@
-"""The points of a spline's adjustment, from its knots: their steps, and how they follow it."""
+"""The points of a spline's bundle adjustment: their steps, derivatives and scores, from those of knots and rig."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ispom.solvers.spline.observation import MIN_DEPTH, RIG, empty_rows, lineari
 
 @kernel()
 def point_steps(step, knots, exposures, owners, eliminated):
-    """Back-substitution: steps (M, 3) of the points that go with a step (n,) of spline and rig."""
+    """Back-substitution: returns the points' steps (M, 3) for a step (n,) of spline and rig."""
     poses, left = np.zeros((len(knots.first), 6)), eliminated.sides.copy()
     for e in range(len(poses)):
         _step_of_pose(poses[e], e, knots, step)
@@ -42,13 +42,14 @@ def _subtract(left, mixed, step):
 
 @part
 def _multiply(left, block):
-    """left (3,) becomes V^-1 left, V^-1 a symmetric block (3, 3)."""
+    """Replaces left (3,) by V^-1 left, V^-1 a symmetric block (3, 3)."""
     left[0], left[1], left[2] = gain(block, left[0], left[1], left[2])
 
 
 @kernel()
 def views_moved(moves, knots, observed, with_rig):
-    """(O, 3) how far observations move with their own points' `moves` (M, n) of spline and rig, the points held."""
+    """Returns the shifts (O, 3) of observations by their own points' `moves` (M, n) of spline and rig, for fixed
+    points."""
     out, rows, by_rig, pose = np.zeros((len(observed.owners), 3)), empty_rows(), np.empty((2, RIG)), np.empty(6)
     for o in range(len(out)):
         rig, camera = placed(observed, o)
@@ -71,7 +72,7 @@ def views_moved(moves, knots, observed, with_rig):
 
 @kernel()
 def point_sensitivity(chosen, knots, exposures, owners, eliminated):
-    """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
+    """Returns the derivatives (K, 3, n) of the chosen points (K,) by the unknowns of spline and rig."""
     g, number = 6 * knots.count, np.full(len(eliminated.inverses), -1)
     out = np.zeros((len(chosen), 3, g + RIG))
     for i in range(len(chosen)):
@@ -91,7 +92,7 @@ def point_sensitivity(chosen, knots, exposures, owners, eliminated):
 
 @kernel()
 def point_scores(knots, exposures, owners, eliminated):
-    """Scores (M, n): each point's negative gradient by spline and rig, the point eliminated."""
+    """Returns the scores (M, n): each point's negative gradient by spline and rig, with the point eliminated."""
     g, steps = 6 * knots.count, eliminated.sides.copy()
     out, score = np.zeros((len(steps), g + RIG)), np.empty(6)
     for m in range(len(steps)):
@@ -107,13 +108,13 @@ def point_scores(knots, exposures, owners, eliminated):
 
 @part
 def _left(score, mixed, step):
-    """Of a score, once the point has gone its step (3,)."""
+    """Returns a component of a score after the point's step (3,)."""
     return score - mixed[0] * step[0] - mixed[1] * step[1] - mixed[2] * step[2]
 
 
 @part
 def _add_to_knots(out, e, knots, score):
-    """Adds what scores (6,) at the pose at exposure e to what scores at its knots."""
+    """Adds the score (6,) by the pose at exposure e to the scores by its knots."""
     for q in range(4):
         base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
         for k in range(3):

@@ -1,4 +1,4 @@
-"""Covariance of a camera's pose resected from points that are uncertain and correlated themselves."""
+"""Covariance of a camera's pose that was resected from uncertain, correlated points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ispom.solvers.window.covariance import cells, cluster_inflation, inverse_cu
 from ispom.solvers.window.kernels import FIXED_WEIGHTS, OWN_CURVATURE
 
 POSE = 6
-"""Unknowns of a pose."""
+"""Number of unknowns of a pose."""
 
 
 class Equations(NamedTuple):
@@ -136,8 +136,8 @@ def _left_out(groups: NDArray[np.int64], equations: Equations, inverse: Array) -
 
 @kernel()
 def _equations(observed, loss, second_order, follow, moved):
-    """Points follow the unknowns by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations;
-    `second_order` as in window.kernels.reduce_points."""
+    """Computes the `Equations`. `follow` (K, 3, n) are the derivatives of the points by the unknowns, `moved` (K, 2, n)
+    those of the observations, in standard deviations; `second_order` is as in window.kernels.reduce_points."""
     count = len(follow)
     found = Equations(
         np.zeros((POSE, POSE)),

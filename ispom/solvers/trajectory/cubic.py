@@ -11,16 +11,16 @@ from scipy.linalg import solve_banded
 from ispom.geometry import Array
 
 
-def cubic_at(knots: Array, values: Array, asked: Array) -> Array:
-    """Returns the curve (M, D) at `asked` (M,), through `values` (N, D) at at least two increasing `knots` (N,).
+def cubic_at(knots: Array, values: Array, at: Array) -> Array:
+    """Returns the curve (M, D) at `at` (M,), through `values` (N, D) at at least two increasing `knots` (N,).
 
     Three values give a parabola, two a line. De Boor 1978, A Practical Guide to Splines, chapter IV.
     """
     h = np.diff(knots)
     rise = np.diff(values, axis=0) / h[:, None]
     slope = _slopes(h, rise)
-    i = np.clip(np.searchsorted(knots, asked, side="right") - 1, 0, len(h) - 1)
-    u, step = (asked - knots[i])[:, None], h[i, None]
+    i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(h) - 1)
+    u, step = (at - knots[i])[:, None], h[i, None]
     square = (3 * rise[i] - 2 * slope[i] - slope[i + 1]) / step
     cube = (slope[i] + slope[i + 1] - 2 * rise[i]) / step**2
     return values[i] + u * (slope[i] + u * (square + u * cube))

@@ -23,10 +23,10 @@ from ispom.solvers.window.kernels import FIXED_WEIGHTS, Eliminated, Reduced, pad
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
-FIXED = 1e30
+FIXED_INFORMATION = 1e30
 """Information of a correction that is fixed: a standard deviation of 1e-15, below the rounding of all other numbers. So
 it takes no step, and its rows and columns stay in covariances and priors, whose unknowns are numbered alike in all."""
-FARTHEST = 10.0
+MAX_DEPTH_GROWTH = 10.0
 """Largest factor by which one step may increase the depth of a point."""
 
 
@@ -50,8 +50,8 @@ class Window:
     """Baseline of the pair; 0 for one camera."""
     extra: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) corrections. For one camera those of focal length f and radial distortion k: seen = x (1 + f + k |x|^2).
-    For a pair those of both cameras, and of the right one (see right_camera.TERMS): the left camera sees
-    x (1 + k |x|^2 + k2 |x|^4) by the first two, and `factors` @ `extra` is added to the right x."""
+    For a pair those of right_camera.TERMS: the left camera observes x (1 + k |x|^2 + k2 |x|^4) by the first two, and
+    `factors` @ `extra` is added to the right x."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) prior standard deviations; 0 fixes a correction."""
     factors: Array = field(default_factory=lambda: np.zeros((0, LENS)))
@@ -222,7 +222,7 @@ def _add_priors(window: Window, matrix: Array, right: Array) -> None:
         right[first:] -= gradient[p:]
     for i, sigma in enumerate(window.extra_sigma, first):
         if sigma <= 0:
-            matrix[i, i] += FIXED
+            matrix[i, i] += FIXED_INFORMATION
         elif prior is None:
             matrix[i, i] += sigma**-2
             right[i] -= window.extra[i - first] / sigma**2
@@ -262,4 +262,4 @@ def as_inverse_depths(window: Window, step: Array) -> Array:
     axis = window.rotations[first, 2]
     depth = np.einsum("mi,mi->m", axis, window.points) + window.translations[first, 2]
     farther = np.einsum("mi,mi->m", axis, step) / np.where(np.abs(depth) > 1e-9, depth, 1e-9)
-    return step / np.maximum(1 - farther, farther / (FARTHEST - 1))[:, None]
+    return step / np.maximum(1 - farther, farther / (MAX_DEPTH_GROWTH - 1))[:, None]

@@ -36,15 +36,17 @@ from ispom.solvers.window.kernels import LEAST_SHARE, OWN_CURVATURE, Eliminated
 from ispom.solvers.window.prior import POSE, PendingScores, Sandwich
 from ispom.solvers.window.scores import score_changes, track_scores
 
-CELLS = 7, 5
-"""Cells of the image, across and down: the tracks of one are a group. In images of 640 pixels a cell is 90 px wide."""
-SHIFTS = (0.0, 0.0), (0.5, 0.5)
-"""Offsets of two groupings, in cells, which are averaged: neighbours across a border are a group in the other one."""
-GROUPS = (CELLS[0] + 1) * (CELLS[1] + 1)
+IMAGE_CELLS = 7, 5
+"""Number of cells of the image along x and y: the tracks of a cell are a group. In images of 640 pixels a cell is 90 px
+wide, the distance up to which scores are correlated (see 4.)."""
+CELL_OFFSETS = (0.0, 0.0), (0.5, 0.5)
+"""Offsets of two groupings, in cells, which are averaged: neighbours across a border of one are in a group of the
+other."""
+MAX_GROUPS = (IMAGE_CELLS[0] + 1) * (IMAGE_CELLS[1] + 1)
 """Largest number of groups."""
-SINGULAR = 1e-15
+MIN_EIGENVALUE = 1e-15
 """Smallest eigenvalue of the normal equations, as a share of the largest, that is not rounding."""
-LEAST_FREEDOM = 0.1
+MIN_FREEDOM = 0.1
 """Least degrees of freedom of the small-sample factor, as a share of the effective number of tracks."""
 
 
@@ -164,10 +166,10 @@ class WindowCovariance:
         newest = self.window.seen[np.append(np.flatnonzero(np.diff(self.window.owners)), -1), :2]
         by_score, grouped = self._by_score(inverse), list[Array]()
         for cell in cells(newest):
-            cell[~use] = GROUPS
-            scores = sum_by_group(GROUPS + 1, cell, self.scores)
-            scores[GROUPS] = 0.0
-            grouped.append(self._left_out(cell, scores, inverse)[:GROUPS] @ by_score)
+            cell[~use] = MAX_GROUPS
+            scores = sum_by_group(MAX_GROUPS + 1, cell, self.scores)
+            scores[MAX_GROUPS] = 0.0
+            grouped.append(self._left_out(cell, scores, inverse)[:MAX_GROUPS] @ by_score)
         return cluster_inflation(left_out[use] @ by_score, grouped)
 
     def _left_out(self, groups: NDArray[np.int64], scores: Array, inverse: Array) -> Array:
@@ -190,7 +192,7 @@ def inverse_curvature(own: Array, fixed: Array) -> Array:
     if inverse is not None:
         return unit[:, None] * inverse * unit
     values, vectors = np.linalg.eigh(fixed)
-    known = values > SINGULAR * values[-1]
+    known = values > MIN_EIGENVALUE * values[-1]
     root = vectors[:, known] / np.sqrt(values[known])
     share, turn = np.linalg.eigh(root.T @ own @ root)
     found = unit[:, None] * (root @ turn)
@@ -205,14 +207,14 @@ def _plain_inverse(own: Array, fixed: Array) -> Array | None:
         inverse = np.linalg.inv(own)
     except np.linalg.LinAlgError:
         return None
-    return (inverse + inverse.T) / 2 if inverse.trace() < 1e-3 / SINGULAR else None
+    return (inverse + inverse.T) / 2 if inverse.trace() < 1e-3 / MIN_EIGENVALUE else None
 
 
 def cells(seen: Array) -> list[NDArray[np.int64]]:
-    """Returns, for each of SHIFTS, the group (M,) below GROUPS of each position (M, 2)."""
+    """Returns, for each of CELL_OFFSETS, the group (M,) below MAX_GROUPS of each position (M, 2)."""
     low, high = seen.min(axis=0), seen.max(axis=0)
-    place = (seen - low) / np.maximum(high - low, 1e-12) * (1 - 1e-9) * CELLS
-    return [(place + shift).astype(np.int64) @ (CELLS[1] + 1, 1) for shift in SHIFTS]
+    place = (seen - low) / np.maximum(high - low, 1e-12) * (1 - 1e-9) * IMAGE_CELLS
+    return [(place + shift).astype(np.int64) @ (IMAGE_CELLS[1] + 1, 1) for shift in CELL_OFFSETS]
 
 
 def sum_by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
@@ -245,7 +247,7 @@ def _small_sample_factor(left_out: Array, inverse: Array, together: float) -> fl
     if not sizes.any():
         return 1.0
     count = axes * (axes + 2) / float(sizes @ sizes) / together
-    return count / max(count - axes - 1, LEAST_FREEDOM * count)
+    return count / max(count - axes - 1, MIN_FREEDOM * count)
 
 
 @kernel()

@@ -95,10 +95,10 @@ class Eliminated(NamedTuple):
 
 
 GRADIENT, MIXED, FACTORS = 6, 9, 12
-"""Columns of `terms` (L, 12 + W), a row for each observation of one point, weighted: second derivatives by q (6), from
-here on the gradient by q (3), the derivatives by q and the first correction (3), and the derivative by each correction
-(W) as a multiple of that by the first. Of a pair the last two are of what moves the right x; of what stretches the left
-x and y the same come after them (3 + LENS), as its first corrections only do that."""
+"""First columns of parts of `terms` (L, 12 + W), which has a row for each observation of one point, weighted: second
+derivatives by q (6), the gradient by q (3), the derivatives by q and the first correction (3), and the derivative by
+each correction (W) as a multiple of that by the first. For a pair the last two are those of corrections that move the
+right x. The same for its lens corrections, which stretch the left x and y, follows (3 + LENS)."""
 
 
 @kernel(fastmath={"contract"})
@@ -126,7 +126,8 @@ def reduce_points(scale, damping, second_order, reduced, eliminated, observed):
 
 @part
 def _is_curved(m, begin, per, second_order, observed):
-    """Whether each direction of point m, whose observations start at `begin`, keeps LEAST_SHARE of its curvature."""
+    """Checks that point m, whose observations start at `begin`, keeps LEAST_SHARE of its curvature in all
+    directions."""
     fixed, rest, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), begin
     while k < len(observed.owners) and observed.owners[k] == m:
         q, rotation = in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
@@ -267,7 +268,7 @@ def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
 
 @part
 def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminated, terms, cameras):
-    """Schur complement of observation i's pose: with the corrections, the gradient, and the poses that come after."""
+    """Schur complement of observation i's pose: with the corrections, the gradient, and the later poses."""
     n, c, (q, f) = i - begin, cameras[i], mixed_of(eliminated.mixed, i)
     gain = product(f, symmetric(inverted))
     _eliminate_corrections_from_pose(m, n, c, q, gain, reduced.side, eliminated.mixed_extra, terms)
@@ -281,7 +282,7 @@ def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminat
 
 @part
 def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
-    """Adds its block with the corrections, several of these at a time."""
+    """Adds the block of a pose and the corrections, several corrections at a time."""
     own, (x, y, z) = vector(terms, n, MIXED), transposed(gain)
     own_turn, x_turn, y_turn, z_turn = cross(q, own), cross(q, x), cross(q, y), cross(q, z)
     for d in range(3):
@@ -297,7 +298,7 @@ def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
 
 @part
 def _add_lens_to_pose(n, c, q, side, terms):
-    """Adds the derivatives of the left x and y by the first corrections to it."""
+    """Adds the derivatives of the left x and y by the first corrections to the block of a pose."""
     at = terms.shape[1] - LENS
     own = vector(terms, n, at - 3)
     turn = cross(q, own)

@@ -1,4 +1,4 @@
-"""The observations of a window: errors, cost, and the derivatives of one by the point in its camera."""
+"""The observations of a window: errors, cost, and the derivatives of an observation by the point in its camera."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ispom.numerics.robust import weighted_information
 from ispom.numerics.vectors import matrix, plus, times, vector
 
 MIN_DEPTH = 1e-6
-"""Points nearer are behind their camera."""
-GROSS = 1e6
-"""A point behind its camera costs what an error of a thousand scales does: its square."""
+"""Depth below which a point is behind its camera, in the unit of the world."""
+MAX_SQUARE = 1e6
+"""Largest squared error that the cost counts, in squared scales, also that of a point behind its camera: (1000)^2."""
 
 
 class Observed(NamedTuple):
-    """The arrays of a window.Window of the same names; `seen` without what is wrong with a pair."""
+    """The arrays of window.Window with the same names; for a pair `seen` is corrected (right_camera.without_errors)."""
 
     rotations: Array
     translations: Array
@@ -35,7 +35,7 @@ class Observed(NamedTuple):
 
 @kernel()
 def longest_track(owners):
-    """The most observations of one point."""
+    """Returns the largest number of observations of one point."""
     longest, length = 0, 0
     for k in range(len(owners)):
         length = length + 1 if k > 0 and owners[k] == owners[k - 1] else 1
@@ -45,7 +45,7 @@ def longest_track(owners):
 
 @kernel(fastmath={"contract"})
 def squared_errors(observed):
-    """(K,) over all images; inf behind the camera."""
+    """Returns the squared errors (K,) over both images; inf behind the camera."""
     out, wrong = np.empty(len(observed.cameras)), correction(observed.extra)
     for k in range(len(out)):
         q = in_camera(observed, k)
@@ -59,18 +59,18 @@ def squared_errors(observed):
 
 @part
 def in_camera(observed, k):
-    """The point of observation k in its camera."""
+    """Returns the point of observation k in its camera."""
     c, point = observed.cameras[k], vector(observed.points, observed.owners[k])
     return plus(times(matrix(observed.rotations, c), point), vector(observed.translations, c))
 
 
 @kernel()
 def robust_cost(squares, scale):
-    """Half the sum of log(1 + squared error in scales)."""
+    """Returns half the sum of log(1 + squared error / scale^2)."""
     total, product_of_32, per = 0.0, 1.0, 1.0 / (scale * scale)
     for k in range(len(squares)):
         # the logarithm of a product of 32 instead of 32 logarithms; 1e6 to the 32nd is still a number
-        product_of_32 *= 1.0 + min(squares[k] * per, GROSS)
+        product_of_32 *= 1.0 + min(squares[k] * per, MAX_SQUARE)
         if k % 32 == 31:
             total, product_of_32 = total + np.log(product_of_32), 1.0
     return 0.5 * (total + np.log(product_of_32))
@@ -78,13 +78,13 @@ def robust_cost(squares, scale):
 
 @part
 def correction(extra):
-    """What is wrong with a single camera (see window.Window.extra)."""
+    """Returns the corrections of a single camera: focal length, radial distortion (see window.Window.extra)."""
     return extra[0], extra[1]
 
 
 @part
 def residual(q, seen, baseline, extra):
-    """Image x, y, right x of a point q before its camera, and their errors; without a right place its error is 0."""
+    """Returns x, y, right x of a point q before its camera, and their errors; that of an unobserved right x is 0."""
     iz = 1.0 / q[2]
     x, y, right, er = q[0] * iz, q[1] * iz, 0.0, 0.0
     ex, ey = x - seen[0], y - seen[1]
@@ -99,22 +99,21 @@ def residual(q, seen, baseline, extra):
 
 @part
 def by_image(x, y, seen_right, baseline, extra):
-    """Derivatives of the errors: xx, xy, yy of those by x and y, rr of the right one by the right x.
-
-    And x, y, right of all three by the first correction; of a pair by whatever moves the right x by one.
-    """
+    """Returns the derivatives of the errors: xx, xy, yy by x and y; rr of the right one by the right x; and those of
+    all three by the first correction, for a pair by one that moves the right x by 1."""
     if baseline == 0.0:
         stretch, bend = 1.0 + extra[0] + extra[1] * (x * x + y * y), 2.0 * extra[1]
         return stretch + bend * x * x, bend * x * y, stretch + bend * y * y, 0.0, x, y, 0.0
     if seen_right == seen_right:
-        # One, but no constant: with one, the products for a single camera are contracted otherwise, in the last digit.
+        # This is 1, but not a constant, which would change the last digit of the contracted products of one camera.
         return 1.0, 0.0, 1.0, baseline / baseline, 0.0, 0.0, 1.0
     return 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
 
 
 @part
 def fill_factors(out, n, first, q, observed, k):
-    """Into row n of `out`, column `first` on (E): the errors' derivative by each correction over that of `by_image`."""
+    """Fills row n of `out`, from column `first` on (E): the errors' derivative by each correction, as a multiple of
+    that of `by_image`."""
     count = observed.factors.shape[1]
     if observed.baseline == 0.0:
         iz, count = 1.0 / q[2], 0
@@ -126,10 +125,10 @@ def fill_factors(out, n, first, q, observed, k):
 
 @part
 def linearised(q, seen, baseline, extra, per):
-    """With Cauchy's weight at errors in scales (`per`: 1 / scale^2), and all of it weighted:
+    """Returns the derivatives of an observation's cost, with Cauchy's weight; `per` is 1 / scale^2.
 
-    second derivatives (6) by q, gradient (3) by q, derivatives by q and the first correction (3), by the first
-    correction twice, gradient by the first correction.
+    These are the second derivatives (6) by q, the gradient (3) by q, the mixed derivatives (3) by q and the first
+    correction, the second derivative by the first correction, and the gradient by the first correction.
     """
     x, y, right, ex, ey, er = residual(q, seen, baseline, extra)
     xx, xy, yy, rr, ux, uy, ur = by_image(x, y, seen[2], baseline, extra)
@@ -143,8 +142,8 @@ def linearised(q, seen, baseline, extra, per):
 
 @part
 def fill_lens(out, n, first, observed, k):
-    """Into row n of `out`, column `first` on (LENS): by how much each correction of a pair's lenses makes the left x
-    and y of observation k smaller, as a share (see right_camera.without_lens)."""
+    """Fills row n of `out`, from column `first` on (LENS): the relative decrease of the left x and y of observation k
+    by each lens correction of a pair (see right_camera.without_lens)."""
     x, y = observed.seen[k, 0], observed.seen[k, 1]
     square = x * x + y * y
     slope = 1.0 + (3.0 * observed.extra[0] + 5.0 * observed.extra[1] * square) * square
@@ -153,7 +152,7 @@ def fill_lens(out, n, first, observed, k):
 
 @part
 def linearised_lens(q, seen, baseline, per):
-    """As the last three of `linearised`, by what stretches the left x and y of a pair."""
+    """Returns the last three results of `linearised`, for a correction that stretches the left x and y of a pair."""
     x, y, right, ex, ey, er = residual(q, seen, baseline, (0.0, 0.0))
     weight = weighted_information(ex * ex + ey * ey + er * er, per)
     mixed = gradient_by_point(x, y, right, weight / q[2], seen[0], seen[1], 0.0)

@@ -16,8 +16,8 @@ POSE = 6
 LENS = 2
 """Number of lens corrections of one camera, or of both of a pair, see adjustment.Window.extra."""
 LEAST_SIGMA = 1e-6
-"""Least prior standard deviation of a correction [rad, share, s]: less than a thousandth of a pixel, as good as
-exact."""
+"""Least prior standard deviation of a correction [rad, relative, s]: less than a thousandth of a pixel, practically
+fixed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ SQUARES, INCREMENTS, RIGHT = 0, 1, 2
 WHITE, RANDOM_WALK, DISPARITY = 0, 1, 2
 """Covariances of variance 1: independent errors in each view, a random walk from view to view, errors of the right x
 alone. An error of the left x is also one of the right x, which is searched from the left one."""
-DEPENDENT = 1e-9
+MIN_NORM = 1e-9
 """Least norm of a column of derivatives, relative to the largest one, after orthogonalisation; less is rounding."""
 
 
@@ -123,7 +123,7 @@ def _orthonormalise(a, n):
         size = 0.0
         for i in range(n):
             size += a[i, d] * a[i, d]
-        per = 1.0 / np.sqrt(size) if size > DEPENDENT * DEPENDENT * largest else 0.0
+        per = 1.0 / np.sqrt(size) if size > MIN_NORM * MIN_NORM * largest else 0.0
         for i in range(n):
             a[i, d] *= per
 

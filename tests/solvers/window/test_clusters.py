@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.solvers.window.covariance import CELLS, GROUPS, SHIFTS, cells, cluster_inflation, sum_by_group
+from ispom.solvers.window.covariance import (
+    CELL_OFFSETS,
+    IMAGE_CELLS,
+    MAX_GROUPS,
+    cells,
+    cluster_inflation,
+    sum_by_group,
+)
 
 POSE = 6
 
@@ -22,16 +29,16 @@ def test_sums_by_group() -> None:
 def test_neighbours_are_in_one_group_where_the_cells_lie_so(count: int, seed: int, extent: float) -> None:
     seen = extent * np.random.default_rng(seed).uniform(size=(count, 2))
     found = cells(seen)
-    assert len(found) == len(SHIFTS)
+    assert len(found) == len(CELL_OFFSETS)
     for groups in found:
-        assert ((groups >= 0) & (groups < GROUPS)).all()
-        size = np.ptp(seen, axis=0) / CELLS
+        assert ((groups >= 0) & (groups < MAX_GROUPS)).all()
+        size = np.ptp(seen, axis=0) / IMAGE_CELLS
         for number in groups:
             assert (np.ptp(seen[groups == number], axis=0) <= size * (1 + 1e-6)).all()
 
 
 def test_a_border_of_one_grouping_is_none_of_the_other() -> None:
-    border = (CELLS[0] // 2) / CELLS[0]
+    border = (IMAGE_CELLS[0] // 2) / IMAGE_CELLS[0]
     corners, pair = np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([[border - 1e-6, 0.45], [border + 1e-6, 0.45]])
     first, second = cells(np.vstack([corners, pair]))
     assert first[2] != first[3] and second[2] == second[3]

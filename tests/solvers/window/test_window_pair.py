@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ispom.geometry import Array, so3_exp
 from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row, drift, row_evidence
-from ispom.solvers.window.adjustment import FARTHEST, Adjusted, Window, adjust, as_inverse_depths, covariance
+from ispom.solvers.window.adjustment import MAX_DEPTH_GROWTH, Adjusted, Window, adjust, as_inverse_depths, covariance
 from ispom.solvers.window.prior import anchored
 from tests.solvers.pairs import BASELINE, SIGMA, F, seen, seen_left
 
@@ -126,9 +126,9 @@ def test_a_step_changes_inverse_depths_as_it_does_to_first_order(depth: float, i
         np.eye(3)[None], np.zeros((1, 3)), point[None], np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((1, 3))
     )
     moved = point + as_inverse_depths(window, step[None])[0]
-    wanted = max(1 + inverse, 1 / FARTHEST)
+    wanted = max(1 + inverse, 1 / MAX_DEPTH_GROWTH)
     assert moved[2] == pytest.approx(depth / wanted, rel=1e-9)
-    if 1 + inverse > 1 / FARTHEST:
+    if 1 + inverse > 1 / MAX_DEPTH_GROWTH:
         np.testing.assert_allclose(moved[:2] / moved[2], [0.3 + aside, -0.2], atol=1e-6)
     beyond = point + as_inverse_depths(window, 1e3 * depth * np.array([[0.0, 0.0, 1.0]]))[0]
-    assert beyond[2] == pytest.approx(FARTHEST * depth)
+    assert beyond[2] == pytest.approx(MAX_DEPTH_GROWTH * depth)
