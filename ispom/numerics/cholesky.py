@@ -1,4 +1,4 @@
-"""Symmetric systems of some hundred unknowns on one thread, where a library's threads cost more than they give."""
+"""Solves symmetric systems of some hundred unknowns on one thread: for these, a library's threads take longer."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ import numpy as np
 
 from ispom.kernels import kernel
 
-_SMALLEST = 1e-13
-"""Of a pivot, as a share of its diagonal entry: what is below is rounding, and counts as this."""
+_MIN_PIVOT = 1e-13
+"""Least pivot, relative to its diagonal entry: smaller ones are rounding errors (2e-16 of double precision
+times some hundred unknowns), and replaced by it."""
 
 
 @kernel()
 def factor(a):
-    """Lower triangular (n, n) L with L L' = a; of a only the lower triangle is read."""
+    """Returns the lower triangular L (n, n) with L L' = a; reads only the lower triangle of a."""
     n = len(a)
     work, column = a.copy(), np.empty(n)
     for k in range(n):
-        pivot = np.sqrt(max(work[k, k], _SMALLEST * abs(a[k, k]), 1e-300))
+        pivot = np.sqrt(max(work[k, k], _MIN_PIVOT * abs(a[k, k]), 1e-300))
         work[k, k] = pivot
         for i in range(k + 1, n):
             work[i, k] /= pivot
@@ -32,7 +33,7 @@ def factor(a):
 
 @kernel()
 def solve_factored(lower, b):
-    """x (n,) with L L' x = b."""
+    """Returns x (n,) with L L' x = b."""
     n, x = len(b), b.copy()
     for i in range(n):
         for k in range(i):
@@ -47,7 +48,7 @@ def solve_factored(lower, b):
 
 @kernel()
 def inverse_factored(lower):
-    """The inverse (n, n) of L L'."""
+    """Returns the inverse (n, n) of L L'."""
     n = len(lower)
     x, out = np.zeros((n, n)), np.zeros((n, n))
     for i in range(n):

@@ -10,9 +10,9 @@ from ispom.stop import check_stop
 
 T = TypeVar("T")
 
-FIRST, LOWEST = 1e-4, 1e-9
+FIRST_DAMPING, LOWEST_DAMPING = 1e-4, 1e-9
 """Default damping at the start, and its default least value."""
-EASED, RAISED = 10, 30
+DAMPING_DIVISOR, DAMPING_FACTOR = 10, 30
 """Divisor of the damping after a step that lowered the cost, and its factor after one that did not."""
 
 
@@ -33,8 +33,8 @@ def minimise(
     iterations: int,
     tolerance: float,
     highest: float = 1e3,
-    first: float = FIRST,
-    lowest: float = LOWEST,
+    first: float = FIRST_DAMPING,
+    lowest: float = LOWEST_DAMPING,
 ) -> Minimum[T]:
     """Minimises `cost` from `start` in at most `iterations` steps; `stepped(values, damping)` computes one.
 
@@ -50,11 +50,11 @@ def minimise(
         trial_cost = cost(trial)
         if trial_cost < now:
             gain = (now - trial_cost) / max(now, 1e-300)  # a prior can make the cost negative
-            values, now, damping = trial, trial_cost, max(damping / EASED, lowest)
+            values, now, damping = trial, trial_cost, max(damping / DAMPING_DIVISOR, lowest)
             if gain < tolerance:
                 break
         else:
-            damping *= RAISED
+            damping *= DAMPING_FACTOR
             if damping > highest:
                 break
     return Minimum(values, before, now, done)

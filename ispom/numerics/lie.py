@@ -1,7 +1,7 @@
 """Maps between rotation vectors and rotations, and their Jacobians, compiled for the loops that need them.
 
-Vectors and matrices are tuples, as in `ispom.numerics.vectors`. `ispom.geometry` has the maps for arrays of any shape,
-and for people. Barfoot, State Estimation for Robotics, 7.1.
+Vectors and matrices are tuples, as in `ispom.numerics.vectors`. `ispom.geometry` has the public maps, for arrays of any
+shape. Source: Barfoot, State Estimation for Robotics, 7.1.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from ispom.kernels import kernel, part
 from ispom.numerics.vectors import dot, matrix, scaled, store
 
 NEAR_HALF_TURN = -0.99
-"""Cosine of an angle from which on the axis is found otherwise."""
+"""Cosine of the angle (172 degrees) above which the axis is computed from the symmetric part."""
 
 
 @part
 def exp3(v):
-    """Rotation of a rotation vector."""
+    """Returns the rotation of a rotation vector."""
     a, b = rodrigues(dot(v, v))
     return _combination(v, a, b)
 
 
 @part
 def rodrigues(angle2):
-    """a and b of exp(v) = I + a [v]x + b [v]x^2, of the square of the length of v."""
+    """Returns a and b of exp(v) = I + a [v]x + b [v]x^2, from the squared length of v."""
     if angle2 < 1e-8:
         return 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
     angle = np.sqrt(angle2)
@@ -33,7 +33,7 @@ def rodrigues(angle2):
 
 @part
 def log3(m):
-    """Rotation vector, of length 0..pi, of a rotation."""
+    """Returns the rotation vector, of length 0..pi, of a rotation."""
     twice = _twice_sine_axis(m)
     sine, cosine = 0.5 * np.sqrt(dot(twice, twice)), 0.5 * (m[0][0] + m[1][1] + m[2][2] - 1.0)
     if cosine < NEAR_HALF_TURN:
@@ -48,7 +48,8 @@ def _twice_sine_axis(m):
 
 @part
 def _log_of_half_turn(m, angle, cosine):
-    """Near a half turn the difference from the transpose vanishes, and the sum with it shows the axis a: ~ a a'."""
+    """Returns the rotation vector near a half turn. There the difference from the transpose vanishes, and the sum with
+    it is about a a', with the axis a."""
     k = 1 if m[1][1] > m[0][0] else 0
     k = 2 if m[2][2] > m[k][k] else k
     axis = _column_of_sum(m, 0, k, cosine), _column_of_sum(m, 1, k, cosine), _column_of_sum(m, 2, k, cosine)
@@ -63,7 +64,7 @@ def _column_of_sum(m, i, k, cosine):
 
 @kernel()
 def logs(rotations):
-    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    """Returns the rotation vectors (N, 3) of rotations (N, 3, 3)."""
     out = np.empty((len(rotations), 3))
     for n in range(len(rotations)):
         store(out, n, log3(matrix(rotations, n)))
@@ -72,7 +73,7 @@ def logs(rotations):
 
 @part
 def right_jacobian(v):
-    """J with exp(v + d) = exp(v) exp(J d) for small d."""
+    """Returns J with exp(v + d) = exp(v) exp(J d) for small d."""
     angle2 = dot(v, v)
     if angle2 < 1e-8:
         return _combination(v, -0.5 + angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
@@ -82,7 +83,7 @@ def right_jacobian(v):
 
 @part
 def inverse_right_jacobian(v):
-    """The inverse of `right_jacobian`, for angles below 2 pi."""
+    """Returns the inverse of `right_jacobian`, for angles below 2 pi."""
     angle2 = dot(v, v)
     if angle2 < 1e-6:
         return _combination(v, 0.5, 1.0 / 12.0 + angle2 / 720.0)
@@ -92,7 +93,7 @@ def inverse_right_jacobian(v):
 
 @part
 def _combination(v, a, b):
-    """I + a [v]x + b [v]x^2."""
+    """Returns I + a [v]x + b [v]x^2."""
     x, y, z = v
     return (
         (1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y),

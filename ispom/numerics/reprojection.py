@@ -1,12 +1,12 @@
-"""Reprojection: where a camera or a rectified pair sees a point, and how that follows the point and the camera's pose.
+"""Reprojection: the image position of a point in a camera or a rectified pair, and its derivatives by point and pose.
 
 With q the point in the (left) camera, each image coordinate is a = (q_i - shift) / q_z: x, y, and the right camera's x,
 which the baseline shifts. Its derivative by q is the row (e_i - a e_z) / q_z. A left twist (rho, phi) of
 camera_from_world moves q by rho + phi x q = B (rho, phi), B = [I | -[q]x]: a row g by q is B' g = (g, q x g) by the
 twist. All solvers take their Jacobians from here.
 
-The same twice: `reprojected` for arrays, which the methods of the paper use (they start before anything is compiled),
-and products with the Jacobian for compiled loops, which never write the Jacobian down; a test holds them equal.
+There are two implementations, which a test holds equal: `reprojected` for arrays, which the methods of the paper use
+(they do not wait for a compilation), and products with the Jacobian for compiled loops, which do not store it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from ispom.numerics.vectors import cross, minus, scaled, transposed
 
 
 def reprojected(xyz_in_camera: Array) -> tuple[Array, Array, Array]:
-    """Of points (N, 3) before the camera: normalised x, y (N, 2), and how those change.
+    """Returns normalised x, y (N, 2) of points (N, 3) before the camera, and their derivatives.
 
-    By the point in the camera (N, 2, 3), and by a left twist (rho, phi) of camera_from_world (N, 2, 6).
+    These are by the point in the camera (N, 2, 3), and by a left twist (rho, phi) of camera_from_world (N, 2, 6).
     """
     z = xyz_in_camera[:, 2]
     u, v = xyz_in_camera[:, 0] / z, xyz_in_camera[:, 1] / z
@@ -35,13 +35,14 @@ def reprojected(xyz_in_camera: Array) -> tuple[Array, Array, Array]:
 
 @part
 def gradient_by_point(x, y, right, iz, by_x, by_y, by_right):
-    """J' (by_x, by_y, by_right): the gradient by q of what has this gradient by x, y and the right x."""
+    """Returns J' (by_x, by_y, by_right): the gradient by q of a function with this gradient by x, y and the right x."""
     return iz * (by_x + by_right), iz * by_y, -iz * (by_x * x + by_y * y + by_right * right)
 
 
 @part
 def hessian_by_point(x, y, right, iz2, xx, xy, yy, rr):
-    """J' W J (6 numbers), W = (xx, xy; xy, yy) by x and y and rr by the right x; `iz2` is 1 / q_z^2 times a weight."""
+    """Returns J' W J (6 numbers), W = (xx, xy; xy, yy) by x and y and rr by the right x; `iz2` is 1 / q_z^2 times a
+    weight."""
     tx, ty = xx * x + xy * y, xy * x + yy * y
     return (
         iz2 * (xx + rr),
@@ -55,7 +56,7 @@ def hessian_by_point(x, y, right, iz2, xx, xy, yy, rr):
 
 @part
 def add_by_twist(out, i, q, g):
-    """Adds B' g to out[i] (6,): of the gradient g by q that by the twist."""
+    """Adds B' g to out[i] (6,): the gradient by the twist, from the gradient g by q."""
     x, y, z = cross(q, g)
     out[i, 0] += g[0]
     out[i, 1] += g[1]
@@ -74,7 +75,7 @@ def subtract_by_twists(out, i, j, u, k, q):
         minus(scaled(q[2], x), scaled(q[0], z)),
         minus(scaled(q[0], y), scaled(q[1], x)),
     )
-    # By a variable, as for each constant the same would be compiled again.
+    # With a variable index: the function would be compiled again for each constant.
     for column, by in enumerate((x, y, z, *turned)):
         _subtract_column(out, i, j, column, u, by)
 

@@ -1,4 +1,4 @@
-"""Noise of measurements, the robust loss made of it, and statistics that outliers hardly move."""
+"""Noise of measurements, its robust loss, and robust statistics."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def cauchy_cost(squares: Array, width: float) -> float:
 
 @part
 def weighted_information(square, information):
-    """Cauchy's weight at a squared residual, times `information`: one over the squared width of the loss."""
+    """Returns Cauchy's weight at a squared residual, times `information`, which is 1 / width^2 of the loss."""
     return information / (1.0 + square * information)
 
 
 def normalised_mad(values: Array) -> float:
-    """Returns the standard deviation of values (N,) by their median absolute deviation, which half of them can't
-    spoil."""
+    """Returns the standard deviation of values (N,) from their median absolute deviation, which tolerates 50 %
+    outliers."""
     return MAD * float(np.median(np.abs(values - np.median(values))))

@@ -1,4 +1,4 @@
-"""Twists of poses, compiled: what a Gauss-Newton step found, applied; and what leads from one pose to another."""
+"""Twists of poses, compiled: applies the twist of a Gauss-Newton step, and computes that of a pose."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ispom.numerics.vectors import matrix, scaled, store, times, vector
 
 @kernel()
 def moved(rotations, translations, steps):
-    """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho."""
+    """Returns poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho."""
     rotations_after, translations_after = np.empty_like(rotations), np.empty_like(translations)
     for n in range(len(steps)):
         a, b, c = steps[n, 3], steps[n, 4], steps[n, 5]
@@ -37,13 +37,13 @@ def moved(rotations, translations, steps):
 
 
 def twist_of(pose: Pose) -> Array:
-    """Pose.log, for callers that need it at each frame."""
+    """Returns Pose.log, fast enough for use at each frame."""
     return _log(np.array(pose.rotation[None], order="C"), np.array(pose.translation[None], order="C"))
 
 
 @kernel()
 def _log(rotations, translations):
-    """(6,) (rho, phi) of the first pose."""
+    """Returns the twist (6,), (rho, phi), of the first pose."""
     phi, out = log3(matrix(rotations, 0)), np.empty((2, 3))
     # exp(phi, rho) has the translation J_l(phi) rho, and J_l(phi) = J_r(-phi)
     store(out, 0, times(inverse_right_jacobian(scaled(-1.0, phi)), vector(translations, 0)))

@@ -1,4 +1,4 @@
-"""3-vectors and 3 x 3 matrices in compiled loops, as tuples of numbers: they stay in registers, arrays would not.
+"""3-vectors and 3 x 3 matrices for compiled loops, as tuples of numbers, which are kept in registers.
 
 A matrix is a tuple of its rows, a symmetric one (00, 01, 02, 11, 12, 22).
 """
@@ -69,13 +69,13 @@ def vector6(array, i):
 
 @part
 def store(array, i, v, first=0):
-    """Into row i of an array (N, 3), or into three of more columns from `first` on."""
+    """Writes to row i of an array (N, 3), or to three of more columns from `first` on."""
     array[i, first], array[i, first + 1], array[i, first + 2] = v
 
 
 @part
 def store_matrix(array, i, m):
-    """Into matrix i of an array (N, 3, 3)."""
+    """Writes to matrix i of an array (N, 3, 3)."""
     store(array[i], 0, m[0])
     store(array[i], 1, m[1])
     store(array[i], 2, m[2])
@@ -83,7 +83,7 @@ def store_matrix(array, i, m):
 
 @part
 def store6(array, i, s):
-    """Into row i of an array (N, 6)."""
+    """Writes to row i of an array (N, 6)."""
     array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = s
 
 
@@ -146,7 +146,7 @@ def symmetric(s):
 
 @part
 def inverse(s):
-    """The inverse, six numbers, of a symmetric matrix; zero where it has none."""
+    """The inverse, six numbers, of a symmetric matrix; zero for a singular one."""
     c00, c01, c02 = s[3] * s[5] - s[4] * s[4], s[2] * s[4] - s[1] * s[5], s[1] * s[4] - s[2] * s[3]
     determinant = s[0] * c00 + s[1] * c01 + s[2] * c02
     f = 1.0 / determinant if abs(determinant) > 1e-300 else 0.0
@@ -162,7 +162,7 @@ def inverse(s):
 
 @part
 def inverse_by_pivots(s):
-    """The same of a positive definite matrix, zero where it is none: by L D L', where far points keep digits."""
+    """The same for a positive definite matrix, zero for others; by L D L', which is more accurate for far points."""
     a, b, c = s[0], s[1], s[2]
     if a <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -187,9 +187,9 @@ def inverse_by_pivots(s):
 
 @part
 def damped(s, damping):
-    """A point's block, six numbers, for its inverse."""
-    # A share of the block: anything fixed, however little, would hold what is far where it was first thought. Without
-    # it a point that ran away across its anchor leaves a reduced Hessian that rounding makes indefinite.
+    """Returns a point's damped block, six numbers, for its inverse."""
+    # The damping is relative to the block: any constant, however small, would hold far points at their first position.
+    # Without damping, a point that diverges beyond its anchor leaves a reduced Hessian that is indefinite by rounding.
     a, b, c = s[0], s[3], s[5]
     least = 1e-10 * (a + b + c)
     return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least
@@ -197,7 +197,7 @@ def damped(s, damping):
 
 @part
 def damped_of_pair(s, damping):
-    """The same of a point that a pair sees: its depth is known a little at once, so next to nothing else holds it."""
+    """The same for a point that a pair observes: its disparity determines the depth, so much less damping is enough."""
     a, b, c = s[0], s[3], s[5]
     least = 1e-14 * (a + b + c)
     return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least

@@ -102,7 +102,7 @@ class Window:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Observations:
     """N observations, sorted by point."""
 
     point: NDArray[np.int64]
@@ -112,7 +112,7 @@ class Seen:
     by_other: NDArray[np.bool_]
 
     @staticmethod
-    def of(window: Window) -> Seen:
+    def of(window: Window) -> Observations:
         """Returns all observations but those of the anchors, which are exact by definition."""
         own = np.isfinite(window.own[..., 0])
         own[window.anchor, np.arange(len(window.anchor))] = False
@@ -123,10 +123,10 @@ class Seen:
         xy = np.concatenate([window.own[frames, points], window.other_xy[other_frames, others]])
         by_other = np.arange(len(point)) >= len(points)
         order = np.argsort(point, kind="stable")
-        return Seen(point[order], frame[order], camera[order], xy[order], by_other[order])
+        return Observations(point[order], frame[order], camera[order], xy[order], by_other[order])
 
-    def select(self, some: NDArray) -> Seen:
-        return Seen(self.point[some], self.frame[some], self.camera[some], self.xy[some], self.by_other[some])
+    def select(self, some: NDArray) -> Observations:
+        return Observations(self.point[some], self.frame[some], self.camera[some], self.xy[some], self.by_other[some])
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class Projected:
     """(N, 2) projection on the plane z = 1; meaningless behind the camera."""
 
     @staticmethod
-    def of(window: Window, cameras: Cameras, seen: Seen) -> Projected:
+    def of(window: Window, cameras: Cameras, seen: Observations) -> Projected:
         m, i, k, c = seen.point, window.anchor[seen.point], seen.frame, seen.camera
         rho, own = window.rho[m][:, None], window.camera[m]
         in_anchor = _times(cameras.rotations[own], window.rays()[m]) + rho * cameras.centres[own]
@@ -171,19 +171,19 @@ class Projected:
         ahead = y[:, 2] > LEAST_DEPTH
         return Projected(in_anchor, in_rig, y[:, 2], ahead, y[:, :2] / np.where(ahead, y[:, 2], 1.0)[:, None])
 
-    def errors_px(self, cameras: Cameras, seen: Seen) -> Array:
+    def errors_px(self, cameras: Cameras, seen: Observations) -> Array:
         """Returns reprojection errors (N, 2); `ERROR_BEHIND_PX` behind the camera."""
         errors = (self.x - seen.xy) * cameras.focal_px[seen.camera][:, None]
         return np.where(self.ahead[:, None], errors, ERROR_BEHIND_PX)
 
 
-def distances_px(window: Window, cameras: Cameras, seen: Seen) -> Array:
+def distances_px(window: Window, cameras: Cameras, seen: Observations) -> Array:
     """Returns lengths (N,) of the reprojection errors [px]."""
     errors = Projected.of(window, cameras, seen).errors_px(cameras, seen)
     return np.sqrt((errors**2).sum(axis=1))
 
 
-def errors_of(window: Window, cameras: Cameras, seen: Seen) -> Errors:
+def errors_of(window: Window, cameras: Cameras, seen: Observations) -> Errors:
     """Returns the reprojection errors of observations, and their derivatives."""
     i, k, c, own = window.anchor[seen.point], seen.frame, seen.camera, window.camera[seen.point]
     at, rho = Projected.of(window, cameras, seen), window.rho[seen.point][:, None, None]
@@ -205,7 +205,7 @@ def errors_of(window: Window, cameras: Cameras, seen: Seen) -> Errors:
     )
 
 
-def resect(window: Window, cameras: Cameras, seen: Seen, frame: int, width_px: float) -> tuple[Window, Array]:
+def resect(window: Window, cameras: Cameras, seen: Observations, frame: int, width_px: float) -> tuple[Window, Array]:
     """Localises one frame by known points of all cameras: generalised resection.
 
     Gauss-Newton with the Cauchy loss, at first as wide as the errors. Returns the window with the new pose, and the
@@ -231,7 +231,7 @@ class Adjusted:
     """The result of `adjust`."""
 
     window: Window
-    seen: Seen
+    seen: Observations
     errors_px: Array
     """(N,) of the observations."""
     rho_sigma: Array
@@ -249,7 +249,7 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     `held` is the relative standard deviation of a prior: the last frame but one (of two frames, the last one) keeps its
     distance from the first.
     """
-    seen, frames = Seen.of(window), len(window.rotations)
+    seen, frames = Observations.of(window), len(window.rotations)
     far = max(1, frames - 2)
     way = window.translations - window.translations[0]
     length, last = float(np.linalg.norm(way[far])), float(np.linalg.norm(way[-1]))
@@ -282,7 +282,7 @@ def adjust(window: Window, cameras: Cameras, noise_px: float, held: float = FREE
     return Adjusted(window, seen, errors_px, sigmas(_inverse(long)), min(relative, depth), scale_step)
 
 
-def _problem(seen: Seen, cameras: Cameras, noise_px: float, window: Window) -> Problem[Window]:
+def _problem(seen: Observations, cameras: Cameras, noise_px: float, window: Window) -> Problem[Window]:
     """Returns the problem of all frames but the first, and all points, with their observations only."""
     frames = len(window.rotations)
 
@@ -298,7 +298,7 @@ def _problem(seen: Seen, cameras: Cameras, noise_px: float, window: Window) -> P
 class ImagePoints(Family[Window]):
     """Errors of points in the images [px]."""
 
-    seen: Seen
+    seen: Observations
     cameras: Cameras
     widths: Array
     loss: Loss = cauchy
@@ -343,7 +343,9 @@ def reanchored(window: Window, cameras: Cameras, frame: int) -> tuple[Window, ND
     first = left.argmax(axis=0)
     moves = (window.anchor == frame) & left.any(axis=0)
     point = np.flatnonzero(moves)
-    seen = Seen(point, first[point], window.camera[point], window.own[first[point], point], np.zeros(len(point), bool))
+    seen = Observations(
+        point, first[point], window.camera[point], window.own[first[point], point], np.zeros(len(point), bool)
+    )
     rho = window.rho.copy()
     depth = Projected.of(window, cameras, seen).depth
     rho[point] = np.maximum(rho[point] / np.where(depth > LEAST_DEPTH, depth, 1.0), LEAST_INVERSE_DEPTH)

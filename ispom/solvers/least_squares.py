@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel
-from ispom.numerics.levenberg_marquardt import FIRST, LOWEST, Minimum, minimise
+from ispom.numerics.levenberg_marquardt import FIRST_DAMPING, LOWEST_DAMPING, Minimum, minimise
 
 T = TypeVar("T")
 SQUARE_BEHIND = 1e8
@@ -246,7 +246,7 @@ def adjust(
             shared, blocks = shared + 0.5 * more, blocks + 0.5 * more_blocks
         return problem.moved(values, shared, blocks)
 
-    first, lowest = (FINE_FIRST, FINE_LOWEST) if curved else (FIRST, LOWEST)
+    first, lowest = (FINE_FIRST, FINE_LOWEST) if curved else (FIRST_DAMPING, LOWEST_DAMPING)
     return minimise(
         start, lambda values: cost(problem, values), stepped, iterations, tolerance, HIGHEST_DAMPING, first, lowest
     )

@@ -30,7 +30,8 @@ MIN_POINTS = 6
 MIN_INLIER_SHARE = 0.6
 """Least share of inliers of a pose from a prediction; with fewer, `locate` also tries RANSAC."""
 MAX_SAMPLES = 1000
-"""Largest number of samples of four points: with 30 % inliers, one of 850 samples has inliers only, at 99.9 %."""
+"""Largest number of samples of four points: with 30 % inliers, one of 850 samples has
+inliers only, with a probability of 99.9 % (formula of Fischler and Bolles 1981)."""
 MAX_OPTIMISED_SAMPLES = 2000
 """Largest number of samples of `resect_optimised`."""
 PIXELS_PER_UNIT = 1000.0

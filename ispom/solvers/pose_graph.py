@@ -60,22 +60,22 @@ def optimise(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: boo
     """
     graph, weights = _Graph.of(edges, len(nodes), scaled), np.ones(len(edges))
     doubtful = np.array([e.may_be_false for e in edges])
-    places = graph.adjusted(_Places.of(nodes), weights)
+    similarities = graph.adjusted(_Similarities.of(nodes), weights)
     while True:
-        residuals, jacobian = graph.linearised(places, weights)
+        residuals, jacobian = graph.linearised(similarities, weights)
         factored, judged = graph.factored(jacobian), np.flatnonzero(doubtful & (weights > 0))
         deviations = np.array([_deviation(residuals, jacobian, factored, i) for i in judged.tolist()])
         if not len(judged) or not (deviations > OUTLIER * max(1.0, float(np.median(deviations)) / MEDIAN)).any():
             break
         weights[judged[np.argmax(deviations)]] = 0.0
-        places = graph.adjusted(places, weights)
+        similarities = graph.adjusted(similarities, weights)
     last = np.zeros((graph.size, FREEDOM))
     last[-FREEDOM:] = np.eye(FREEDOM)
     covariance = factored.solve(last)[-FREEDOM:]
     if not scaled:
         # The scale is fixed; the one on its diagonal would propagate to a deviation as large as the path.
         covariance[-1, :] = covariance[:, -1] = 0.0
-    return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals), weights)
+    return Spread(similarities.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals), weights)
 
 
 def _deviation(residuals: Array, jacobian: csr_array, factored: SuperLU, edge: int) -> float:
@@ -88,7 +88,7 @@ def _deviation(residuals: Array, jacobian: csr_array, factored: SuperLU, edge: i
 def adjoint_sim3(between: Similarity) -> Array:
     """Returns the matrix (7, 7) that maps a right perturbation from before `between` to after it:
     M(d) @ b == b @ M(adjoint_sim3(b) @ d)."""
-    return _carried(_Places.of((between,)))[0]
+    return _adjoints(_Similarities.of((between,)))[0]
 
 
 def joined(a: Edge, b: Edge) -> Edge:
@@ -104,46 +104,46 @@ def reversed_edge(edge: Edge) -> Edge:
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
+class _Similarities:
     """N similarities as arrays (N,), (N, 3, 3), (N, 3)."""
 
     scales: Array
-    turns: Array
-    offsets: Array
+    rotations: Array
+    translations: Array
 
     @staticmethod
-    def of(values: tuple[Similarity, ...]) -> _Places:
-        return _Places(
+    def of(values: tuple[Similarity, ...]) -> _Similarities:
+        return _Similarities(
             np.array([v.scale for v in values]),
             np.stack([v.pose.rotation for v in values]),
             np.stack([v.pose.translation for v in values]),
         )
 
     def values(self) -> tuple[Similarity, ...]:
-        every = zip(self.scales.tolist(), self.turns, self.offsets, strict=True)
+        every = zip(self.scales.tolist(), self.rotations, self.translations, strict=True)
         return tuple(Similarity(scale, Pose(turn, offset)) for scale, turn, offset in every)
 
-    def at(self, index: NDArray[np.int64]) -> _Places:
-        return _Places(self.scales[index], self.turns[index], self.offsets[index])
+    def at(self, index: NDArray[np.int64]) -> _Similarities:
+        return _Similarities(self.scales[index], self.rotations[index], self.translations[index])
 
-    def inverse(self) -> _Places:
-        back = np.swapaxes(self.turns, 1, 2)
-        return _Places(1 / self.scales, back, -_times(back, self.offsets) / self.scales[:, None])
+    def inverse(self) -> _Similarities:
+        back = np.swapaxes(self.rotations, 1, 2)
+        return _Similarities(1 / self.scales, back, -_times(back, self.translations) / self.scales[:, None])
 
-    def __matmul__(self, other: _Places) -> _Places:
-        offsets = self.offsets + self.scales[:, None] * _times(self.turns, other.offsets)
-        return _Places(self.scales * other.scales, self.turns @ other.turns, offsets)
+    def __matmul__(self, other: _Similarities) -> _Similarities:
+        translations = self.translations + self.scales[:, None] * _times(self.rotations, other.translations)
+        return _Similarities(self.scales * other.scales, self.rotations @ other.rotations, translations)
 
-    def moved(self, delta: Array) -> _Places:
+    def moved(self, delta: Array) -> _Similarities:
         """Returns the similarities, perturbed on the right by (N, 7) rho, phi, ln scale."""
-        return self @ _Places(np.exp(delta[:, 6]), so3_exp(delta[:, 3:6]), delta[:, :3])
+        return self @ _Similarities(np.exp(delta[:, 6]), so3_exp(delta[:, 3:6]), delta[:, :3])
 
 
 @dataclass(frozen=True, eq=False)
 class _Graph:
     first: NDArray[np.int64]
     then: NDArray[np.int64]
-    measured: _Places
+    measured: _Similarities
     roots: Array
     """(E, 7, 7) square roots of the edges' information."""
     size: int
@@ -155,51 +155,51 @@ class _Graph:
         return _Graph(
             np.array([e.first for e in edges], np.int64),
             np.array([e.then for e in edges], np.int64),
-            _Places.of(tuple(e.first_from_then for e in edges)),
+            _Similarities.of(tuple(e.first_from_then for e in edges)),
             np.linalg.inv(np.linalg.cholesky(np.stack([e.covariance for e in edges]))),
             FREEDOM * (nodes - 1),
             scaled,
         )
 
-    def adjusted(self, start: _Places, weights: Array) -> _Places:
+    def adjusted(self, start: _Similarities, weights: Array) -> _Similarities:
         """Returns the least-squares similarities, with weights (E,) of the edges."""
 
-        def cost(places: _Places) -> float:
-            return 0.5 * float(weights @ self.squares(places))
+        def cost(similarities: _Similarities) -> float:
+            return 0.5 * float(weights @ self.squares(similarities))
 
-        def stepped(places: _Places, damping: float) -> _Places:
-            residuals, jacobian = self.linearised(places, weights)
+        def stepped(similarities: _Similarities, damping: float) -> _Similarities:
+            residuals, jacobian = self.linearised(similarities, weights)
             delta = self.factored(jacobian, damping).solve(-(jacobian.T @ residuals)).reshape(-1, FREEDOM)
-            return places.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
+            return similarities.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
 
         return minimise(start, cost, stepped, MAX_ITERATIONS, TOLERANCE).values
 
-    def squares(self, nodes: _Places) -> Array:
+    def squares(self, nodes: _Similarities) -> Array:
         """Returns the squared normalised residuals (E,)."""
         return (_times(self.roots, self._residuals(nodes)[2]) ** 2).sum(axis=1)
 
-    def _residuals(self, nodes: _Places) -> tuple[_Places, _Places, Array]:
+    def _residuals(self, nodes: _Similarities) -> tuple[_Similarities, _Similarities, Array]:
         """Returns the relative poses, their differences from the measured ones, and these as vectors (E, 7)."""
         between = nodes.at(self.first).inverse() @ nodes.at(self.then)
         off = self.measured.inverse() @ between
-        return between, off, np.column_stack([off.offsets, so3_log(off.turns), np.log(off.scales)])
+        return between, off, np.column_stack([off.translations, so3_log(off.rotations), np.log(off.scales)])
 
-    def linearised(self, nodes: _Places, weights: Array) -> tuple[Array, csr_array]:
+    def linearised(self, nodes: _Similarities, weights: Array) -> tuple[Array, csr_array]:
         """Returns the normalised residuals (7 E,) and their Jacobian (7 E, size), times the square roots of weights."""
         between, off, residual = self._residuals(nodes)
         by_then = np.zeros((len(residual), FREEDOM, FREEDOM))
-        by_then[:, :3, :3] = off.scales[:, None, None] * off.turns
+        by_then[:, :3, :3] = off.scales[:, None, None] * off.rotations
         turned = skew(residual[:, 3:6])
         # The inverse right Jacobian to the third order: residuals of verified edges are some degrees.
         by_then[:, 3:6, 3:6] = np.eye(3) + turned / 2 + turned @ turned / 12
         by_then[:, 6, 6] = float(self.scaled)
-        blocks = np.concatenate([-by_then @ _carried(between), by_then], axis=2)
+        blocks = np.concatenate([-by_then @ _adjoints(between), by_then], axis=2)
         if not self.scaled:
             blocks[:, :, FREEDOM - 1 :: FREEDOM] = 0.0
         roots = np.sqrt(weights)[:, None, None] * self.roots
-        return _times(roots, residual).ravel(), self._placed(roots @ blocks)
+        return _times(roots, residual).ravel(), self._sparse(roots @ blocks)
 
-    def _placed(self, blocks: Array) -> csr_array:
+    def _sparse(self, blocks: Array) -> csr_array:
         """Returns the sparse matrix (7 E, size) of blocks (E, 7, 14) by `first` and `then`."""
         ends = np.stack([self.first, self.then], axis=1) - 1
         columns = (FREEDOM * ends[:, :, None] + np.arange(FREEDOM)).reshape(len(ends), 1, -1)
@@ -218,14 +218,14 @@ class _Graph:
         return splu(csc_array(normal), permc_spec="MMD_AT_PLUS_A")
 
 
-def _carried(between: _Places) -> Array:
+def _adjoints(between: _Similarities) -> Array:
     """Returns the matrices (N, 7, 7) of `adjoint_sim3`."""
-    back = np.swapaxes(between.turns, 1, 2)
+    back = np.swapaxes(between.rotations, 1, 2)
     by_scale = back / between.scales[:, None, None]
     out = np.zeros((len(back), FREEDOM, FREEDOM))
     out[:, :3, :3] = by_scale
-    out[:, :3, 3:6] = -by_scale @ skew(between.offsets)
-    out[:, :3, 6] = _times(by_scale, between.offsets)
+    out[:, :3, 3:6] = -by_scale @ skew(between.translations)
+    out[:, :3, 6] = _times(by_scale, between.translations)
     out[:, 3:6, 3:6] = back
     out[:, 6, 6] = 1.0
     return out

@@ -10,7 +10,7 @@ left camera has the shared distortion only, see window.Window.
 
 A rotation about x or y and a shift of the principal point differ to second order only. So the shift that they have in
 common, the offset in the middle of the image, is one unknown, which is well determined. `pitch` and `yaw` are the
-second-order remainder. Rotation and decentring are told apart by columns and rows together.
+second-order remainder. Columns and rows together distinguish rotation from decentring.
 """
 
 from __future__ import annotations

@@ -18,12 +18,12 @@ from rich.table import Table
 
 from ispom.child import end_with_parent
 from ispom.ensemble import build
-from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
 from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.simulation.scenario.scenario import World
 from ispom.types import Sequence, Step
+from tests.nees import PARTS, Errors, consistency, errors
 
 from .miscalibrated import miscalibrated
 

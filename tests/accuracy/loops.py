@@ -21,7 +21,6 @@ from rich.table import Table
 from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
-from ispom.evaluation.consistency import PARTS, band, errors
 from ispom.evaluation.trajectory_error import rms
 from ispom.geometry import Pose
 from ispom.methods import Config
@@ -30,6 +29,7 @@ from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.places.town import LAP_M, SPEED_M_S, build_town
 from ispom.simulation.rendering.renderer import Renderer
 from ispom.types import Frame, Rig, Step, Trajectory, is_stereo
+from tests.nees import PARTS, band, errors
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight
 from .terraces import build_terraces

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ispom.evaluation.consistency import Errors
 from tests.accuracy import consistency, studies
 from tests.accuracy.__main__ import main
+from tests.nees import Errors
 
 
 def test_consistency_covers_what_has_covariances(

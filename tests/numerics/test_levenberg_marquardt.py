@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import rosen
 
 from ispom.geometry import Array
-from ispom.numerics.levenberg_marquardt import FIRST, LOWEST, minimise
+from ispom.numerics.levenberg_marquardt import FIRST_DAMPING, LOWEST_DAMPING, minimise
 
 
 def residuals(x: Array) -> tuple[Array, Array]:
@@ -36,7 +36,7 @@ def test_a_step_that_costs_more_is_forgotten_and_damped_until_none_helps() -> No
 
     found = minimise(0.0, lambda x: x, worse, 50, 1e-3, highest=1.0)
     assert found.values == 0.0 and found.cost == 0.0
-    np.testing.assert_allclose(tried, FIRST * 30.0 ** np.arange(3))
+    np.testing.assert_allclose(tried, FIRST_DAMPING * 30.0 ** np.arange(3))
 
 
 def test_damping_is_eased_while_steps_help_down_to_its_least() -> None:
@@ -47,7 +47,7 @@ def test_damping_is_eased_while_steps_help_down_to_its_least() -> None:
         return x / 2
 
     found = minimise(1.0, lambda x: x, better, 9, 0.4)
-    assert found.iterations == 9 and tried[-1] == LOWEST
+    assert found.iterations == 9 and tried[-1] == LOWEST_DAMPING
     tried.clear()
     minimise(1.0, lambda x: x, better, 9, 0.4, first=1e-7, lowest=1e-12)
     np.testing.assert_allclose(tried, [*(10.0 ** np.arange(-7, -12, -1)), *(4 * [1e-12])])

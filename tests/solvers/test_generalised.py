@@ -10,7 +10,7 @@ import pytest
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.solvers.generalised import (
     Cameras,
-    Seen,
+    Observations,
     Window,
     adjust,
     distances_px,
@@ -73,7 +73,7 @@ def disturbed(window: Window, seed: int = 1, size: float = 0.01) -> Window:
 
 def test_exact_observations_have_no_errors() -> None:
     window, cameras, xyz = exact(TURNING, overlap=True)
-    seen = Seen.of(window)
+    seen = Observations.of(window)
     assert distances_px(window, cameras, seen).max() < 1e-9
     assert seen.by_other.any() and (np.diff(seen.point) >= 0).all()
     np.testing.assert_allclose(points_in_world(window, cameras), xyz, atol=1e-9)
@@ -82,7 +82,7 @@ def test_exact_observations_have_no_errors() -> None:
 def test_derivatives_are_those_of_differences() -> None:
     window, cameras, _ = exact(TURNING, overlap=True)
     window = disturbed(window)
-    seen = Seen.of(window)
+    seen = Observations.of(window)
     found, h = errors_of(window, cameras, seen), 1e-6
     for frame in (0, 3):
         for axis in range(6):
@@ -155,7 +155,7 @@ def test_a_held_scale_stays() -> None:
 def test_resection_by_the_points_of_all_cameras() -> None:
     window, cameras, _ = exact(TURNING)
     start = _moved(_moved(window, 4, 0, 0.1), 4, 4, 0.05)
-    seen = Seen.of(window)
+    seen = Observations.of(window)
     found, errors = resect(start, cameras, seen.select(seen.frame == 4), 4, 0.5)
     np.testing.assert_allclose(found.translations, window.translations, atol=1e-6)
     np.testing.assert_allclose(found.rotations, window.rotations, atol=1e-6)
@@ -168,7 +168,7 @@ def test_a_frame_is_taken_out_without_moving_points(frame: int) -> None:
     found, stay = reanchored(window, cameras, frame)
     assert len(found.rotations) == 4 and stay.all()
     np.testing.assert_allclose(points_in_world(found, cameras), xyz[stay], atol=1e-9)
-    assert distances_px(found, cameras, Seen.of(found)).max() < 1e-9
+    assert distances_px(found, cameras, Observations.of(found)).max() < 1e-9
 
 
 def test_points_that_nothing_else_sees_go_with_their_frame() -> None:

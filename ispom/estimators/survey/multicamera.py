@@ -24,7 +24,7 @@ centre, has no observable scale without overlap (Clipp et al. 2008), and the che
 
 Measured with the default settings; SE(3) aligned, except where it says up to scale:
 
-- KITTI 06 (51 pairs, 60 m) cropped to two cameras (`ispom.sequences.crops`). 30 % overlap: t_err 1.23 %, scale sigma
+- KITTI 06 (51 pairs, 60 m) cropped to two cameras (`tests.crops`). 30 % overlap: t_err 1.23 %, scale sigma
   0.3 %. 10 %: the scale is observable from frame 17 on, t_err 1.4 % from there. 0 %: never observable (sigma 65 % and
   more at all frames), t_err 1.1 % up to scale.
 - sim:ring5, ring6, ring8 (10 s, 14 m): t_err 0.83, 0.37, 0.28 %; the forward camera alone 4.6 % (its scale is guessed),
@@ -58,8 +58,8 @@ from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.generalised import (
     Adjusted,
     Cameras,
+    Observations,
     Projected,
-    Seen,
     Window,
     adjust,
     errors_of,
@@ -398,7 +398,7 @@ class Multicamera(OneKind["Memory | None"]):
     def _resected(self, memory: Memory) -> tuple[Memory | None, tuple[Decision, ...]]:
         """Locates the newest frame by the points of all cameras whose depths are known well enough."""
         window, newest = memory.window, len(memory.window.rotations) - 1
-        seen = Seen.of(window)
+        seen = Observations.of(window)
         seen = seen.select(seen.frame == newest)
         seen = seen.select(np.isfinite(memory.rho_sigma[seen.point]))
         uncertain = np.linalg.norm(errors_of(window, self.cameras, seen).by_rho, axis=1) * memory.rho_sigma[seen.point]
@@ -465,7 +465,7 @@ class Multicamera(OneKind["Memory | None"]):
         alone = adjust(
             replace(window, other=np.full_like(window.other, -1)), self.cameras, self.config.noise_px, SCALE_DRIFT
         )
-        sure, seen = alone.rho_sigma < SHOWN_SIGMA * alone.window.rho, Seen.of(window)
+        sure, seen = alone.rho_sigma < SHOWN_SIGMA * alone.window.rho, Observations.of(window)
         seen = seen.select(seen.by_other & sure[seen.point] & np.isfinite(window.own[seen.frame, seen.point, 0]))
         ratios = [np.zeros(0)]
         for (a, b), overlap in self.overlaps.items():

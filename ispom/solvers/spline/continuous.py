@@ -99,11 +99,11 @@ class Solution:
             its = o.camera == camera
             slopes[o.owner[its]] = slope(weights[its], images)
         scores /= slopes[:, None]
-        believed = np.zeros((n, n))
-        add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
-        believed[-RIG:, -RIG:] += p.rig_prior.information
+        prior_matrix = np.zeros((n, n))
+        add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, prior_matrix, np.zeros(n))
+        prior_matrix[-RIG:, -RIG:] += p.rig_prior.information
         moves = scores @ parameters
-        return parameters + moves.T @ moves - parameters @ (self.hessian - believed) @ parameters, moves
+        return parameters + moves.T @ moves - parameters @ (self.hessian - prior_matrix) @ parameters, moves
 
     def _score_changes(self, moves: Array) -> Array:
         """Returns the change (M, n) of each point's score as it moves spline and rig by `moves` (M, n)."""

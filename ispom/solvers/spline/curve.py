@@ -30,7 +30,7 @@ from ispom.numerics.vectors import (
 )
 
 ORDER = 4
-"""Number of knots that determine the spline at any one time."""
+"""Number of knots that determine a cubic B-spline at any one time, by definition."""
 
 
 @dataclass(frozen=True, eq=False)

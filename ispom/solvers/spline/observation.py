@@ -17,7 +17,7 @@ RIG = 7
 """Unknowns of the rig: rig_from_video's rotation (in the camera) [rad] and position [m], the clock offset [s]."""
 MIN_DEPTH = 1e-4
 """Least depth of a point in a camera, relative to its depth in its anchor; with less, the observation has no weight."""
-GROSS = 1e4
+SQUARE_BEHIND = 1e4
 """Squared error, in squared standard deviations, of such an observation."""
 IMAGES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, -1.0]])
 """Derivatives of x, y and disparity by x, y and the right x."""
@@ -84,7 +84,7 @@ def squared_errors(observed):
 def _squared_error(observed, o):
     _, camera = placed(observed, o)
     if camera[2] <= MIN_DEPTH:
-        return GROSS
+        return SQUARE_BEHIND
     _, _, _, errors = image_errors(observed, o, camera)
     return dot(errors, errors)
 

@@ -25,7 +25,7 @@ from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
 FIXED_INFORMATION = 1e30
 """Information of a correction that is fixed: a standard deviation of 1e-15, below the rounding of all other numbers. So
-it takes no step, and its rows and columns stay in covariances and priors, whose unknowns are numbered alike in all."""
+it takes no step, while covariances and priors keep its rows and columns: all of them have the same unknowns."""
 MAX_DEPTH_GROWTH = 10.0
 """Largest factor by which one step may increase the depth of a point."""
 

@@ -239,8 +239,8 @@ def cluster_inflation(left_out: Array, grouped: Sequence[Array]) -> float:
 def _small_sample_factor(left_out: Array, inverse: Array, together: float) -> float:
     """Returns the factor of a pose's variance from the squares of few changes `left_out` (N, D), by their `inverse`.
 
-    It is the mean of the inverse Wishart matrix of as many equal contributions, by their fourth moments. Correlated
-    ones, with squares `together` times as large, are so many fewer.
+    It is the mean of the inverse Wishart matrix of as many equal contributions, by their fourth moments. If
+    contributions are correlated, so that their squares are `together` times as large, their number is divided by that.
     """
     axes = left_out.shape[1]
     sizes = ((left_out @ inverse) * left_out).sum(axis=1)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.noise import BELIEVED, TrackNoise
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance
 from ispom.solvers.window.prior import LENS
+from tests.nees import band
 
 VIEWS, TRACKS, SETTING = 7, 300, 1e-3
 

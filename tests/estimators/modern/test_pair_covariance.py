@@ -9,12 +9,12 @@ import pytest
 from scipy.optimize import least_squares
 
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_pair
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust
 from ispom.solvers.window.prior import anchored
 from tests.estimators.modern.test_noise import flown
+from tests.nees import band
 
 ERROR, SCALE, BASELINE = 1e-3, 5e-3, 0.3
 KINDS = {

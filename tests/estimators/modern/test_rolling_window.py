@@ -12,10 +12,10 @@ from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.rolling_window import adjusted, with_motions, with_pair, without_oldest
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_key
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Camera, Rig
+from tests.nees import band
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
 BASELINE_M, INTERVAL_S, NOISE = 0.4, 0.3, 0.17 / 460

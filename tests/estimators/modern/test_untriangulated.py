@@ -16,11 +16,11 @@ from ispom.estimators.modern.monocular.map import Map, RelativeFrame
 from ispom.estimators.modern.monocular.setup import WIDTH
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import LENS, POSE
 from ispom.types import Camera, Rig, TrackStatus
+from tests.nees import band
 
 CAMERA = Camera(384, 288, 276.0, 276.0, 191.5, 143.5)
 SETUP = ModernMonocularConfig().build(Rig.single(CAMERA))._setup

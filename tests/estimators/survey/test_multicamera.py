@@ -18,11 +18,11 @@ from ispom.evaluation.metrics import path_errors
 from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.sequences import open_sequence
-from ispom.sequences.crops import cropped_pair, only_cameras
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.sequences.images import read_grey
 from ispom.solvers.generalised import scaled
 from ispom.types import Camera, Frame, Image, Rig, Sequence, Status, Step, Trajectory
+from tests.crops import cropped_pair, only_cameras
 
 KITTI = Path("../shared/data/kitti/sequences/06")
 SIX = Path("../shared/data/sensors/six_cameras")

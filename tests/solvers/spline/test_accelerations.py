@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ispom.evaluation.consistency import DOF, band
 from ispom.geometry import Array, Pose
 from ispom.solvers.spline.accelerations import accelerations, solve_with_accelerations
 from ispom.solvers.spline.continuous import Solution, solve
 from ispom.solvers.spline.fit import fitted
 from ispom.solvers.spline.problem import PosePrior, SplineProblem
+from tests.nees import DOF, band
 from tests.solvers.made_flight import Flight, made_flight, problem_of
 
 FRAME_S = 1 / 30

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
 from ispom.solvers.localisation import fit_pose
@@ -18,6 +17,7 @@ from ispom.solvers.spline.observation import slope
 from ispom.solvers.spline.points import point_scores
 from ispom.solvers.spline.pose_covariance import pose_covariance
 from ispom.solvers.spline.problem import VIDEO, AnchoredPoints, PosePrior, RigModel
+from tests.nees import band
 from tests.solvers.made_flight import RIG, made_flight, problem_of
 
 HELD = np.eye(6) * 1e10

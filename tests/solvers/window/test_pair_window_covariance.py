@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Window, adjust, marginalise
 from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import PendingScores, Sandwich, anchored
 from tests.estimators.modern.test_noise import flown
+from tests.nees import band
 from tests.solvers.window.left import without_oldest
 
 ERROR, SCALE, BASELINE = 1e-3, 5e-3, 0.3

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import moved
 from ispom.solvers.localisation import fit_pose
@@ -17,6 +16,7 @@ from ispom.solvers.window.adjustment import Equations, Window, adjust, covarianc
 from ispom.solvers.window.covariance import WindowCovariance
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from tests.estimators.modern.test_noise import VIEWS, flown
+from tests.nees import band
 from tests.solvers.window.left import without_oldest
 
 SCALE, ERROR = 5e-3, 1e-3

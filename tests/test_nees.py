@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.evaluation.consistency import PARTS, Consistency, Errors, band, consistency, errors
 from ispom.geometry import Pose
 from ispom.types import Status, Step, Trajectory
+from tests.nees import PARTS, Consistency, Errors, band, consistency, errors
 
 RUNS, TIMES = 20, 60
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.sequences.crops import OUTER, cropped_pair, only_cameras
 from ispom.types import Frame
+from tests.crops import OUTER, cropped_pair, only_cameras
 from tests.rounds import SCENARIOS
 
 PAIRS = next(s for s in SCENARIOS if s.name == "moving" and s.kinds == {"stereo"}).sequence(4)
