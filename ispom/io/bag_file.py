@@ -23,32 +23,31 @@ if TYPE_CHECKING:
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 METADATA = "metadata.yaml"
-"""What makes a folder a bag of ROS 2."""
-_STAMPED = 12
-"""Bytes before and with the time stamp of an image."""
+"""Name of the file by which a folder is a bag of ROS 2."""
+_STAMP_END = 12
+"""Number of bytes of a message up to the end of its header's time stamp (CDR: 4 bytes; ROS 1: a counter; then 8)."""
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 
 
 @dataclass(frozen=True, eq=False)
 class Index:
-    """Where the messages of one topic are."""
+    """The times of the messages of one topic, and how to find each message."""
 
     stamps_ns: NDArray[np.int64]
-    """(N,) increasing: the headers' times, of the frames; where those are 0 or repeat, when the messages were
-    written."""
+    """(N,) increasing: times of the headers; times of writing where the former are 0 or repeat."""
     places: list[tuple[int, int]]
-    """When message i was written [ns], and how many messages of its topic were written before at that very time."""
+    """Of each message: its time of writing [ns], and the number of earlier messages of the topic with the same time."""
     own_clock: bool = False
-    """Whether the times are those at which the messages were written."""
+    """Whether the times are those of writing."""
     notes: tuple[str, ...] = ()
-    """About messages that were left out, and about times that repeat."""
+    """Sentences about skipped messages and repeated times."""
 
 
 class BagFile:
     """One bag, open once per thread that reads it: a database connection must not change threads."""
 
     def __init__(self, path: Path) -> None:
-        """InputError where rosbags is not installed, and where the bag is damaged."""
+        """Raises InputError where rosbags is not installed, and for a damaged bag."""
         if not _installed():
             raise InputError(f"{path} is a bag, which takes the extra `bags` to read: pip install 'ispom[bags]'")
         _require_files(path)
@@ -59,7 +58,7 @@ class BagFile:
         """Message type by topic."""
 
     def holds(self, topic: str) -> bool:
-        """Whether the topic has a message."""
+        """Checks that the topic has a message."""
         with self._reading() as reader:
             return next(iter(reader.messages(_connections(reader, topic))), None) is not None
 
@@ -72,7 +71,7 @@ class BagFile:
                 same = (time_ns, same[1] + 1 if same[0] == time_ns else 0)
                 stamp = _stamp_ns(raw, reader.is2) or time_ns
                 content, last = last, raw
-                if stamps and stamps[-1] == stamp and content[_STAMPED:] == raw[_STAMPED:]:
+                if stamps and stamps[-1] == stamp and content[_STAMP_END:] == raw[_STAMP_END:]:
                     copies += 1  # recorded twice
                     continue
                 stamps.append(stamp)
@@ -95,7 +94,7 @@ class BagFile:
         return Index(times_ns, [places[i] for i in first], own_clock, tuple(notes))
 
     def message(self, topic: str, place: tuple[int, int] | None = None) -> Any:
-        """The message at a place of its index, or the topic's first one; None where there is none."""
+        """Returns the message at a place of its index, or the topic's first one; None where there is none."""
         time_ns, skip = place or (None, 0)
         with self._reading() as reader:
             stop = None if time_ns is None else time_ns + 1
@@ -110,7 +109,7 @@ class BagFile:
         return (message for _, message in self.timed_messages(topic, most))
 
     def timed_messages(self, topic: str, most: int = 5_000_000) -> Iterator[tuple[int, Any]]:
-        """Yields when each was written [ns], too."""
+        """Yields the same messages, each with its time of writing [ns]."""
         with self._reading() as reader:
             for n, (connection, time_ns, raw) in enumerate(reader.messages(_connections(reader, topic))):
                 if n == most:
@@ -130,7 +129,7 @@ class BagFile:
             yield self._own.reader
         except InputError:
             raise
-        except Exception as error:  # a damaged bag may fail anywhere in rosbags, or in what it decompresses with
+        except Exception as error:  # a damaged bag may fail anywhere in rosbags or in its decompressors
             reason = " ".join(str(error).split()) or type(error).__name__
             raise InputError(f"{self.path} is not a whole bag ({reason}): restore or reindex it") from None
 
@@ -143,7 +142,7 @@ def _installed() -> bool:
 
 
 def _require_files(path: Path) -> None:
-    """InputError where rosbags would open what is no regular file, or outside of what may be opened."""
+    """Raises InputError where rosbags would open a pipe or a device, or a file outside of the allowed folders."""
     if not is_folder(path):
         require_file(path)
         return
@@ -160,7 +159,7 @@ def _connections(reader: AnyReader, topic: str) -> list:
 
 
 def _stamp_ns(raw: bytes, cdr: bool) -> int:
-    """Of the header that images begin with: after CDR's own four bytes, or ROS 1's counter."""
+    """Returns the time of a message's header, with which it begins: after CDR's own four bytes, or ROS 1's counter."""
     big = cdr and raw[1] == 0
     seconds, nanoseconds = struct.unpack_from(">iI" if big else "<iI", raw, 4)
     return seconds * 10**9 + nanoseconds

@@ -1,4 +1,5 @@
-"""Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and perhaps `distortion` (OpenCV's coefficients).
+"""Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and, optionally, `distortion` (OpenCV's
+coefficients).
 
 `model: fisheye` marks the four coefficients of a fisheye lens, as do the names of other programs (`distortion_model:
 equidistant`, `fisheye_model: 1`); `line_delay_s` is that of a rolling shutter.
@@ -20,11 +21,11 @@ from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
 
 MODEL_KEYS = ("distortion_model", "distortion_type", "camera_model", "camera_type", "projection_model")
-"""Entries that name a model, in other programs' files."""
+"""Entries of other programs' files that name the camera model."""
 FISHEYE_FLAGS = ("fisheye_model", "fisheye", "is_fisheye", "use_fisheye")
 """Yes-or-no entries for a fisheye lens, as OpenCV's calibration sample writes them."""
 _NEUTRAL = frozenset({"", "none", "pinhole", "perspective", "null"})
-"""Names of a projection without a word about its distortion."""
+"""Names of a projection that do not define its distortion."""
 _LENSES: dict[str, str] = {
     **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan4", "radtan5", "radtan8"), "opencv"),
     **dict.fromkeys(("rationalpolynomial", "rational", "brown", "brownconrady", "standard"), "opencv"),
@@ -34,9 +35,9 @@ _LENSES: dict[str, str] = {
 COUNTS = {"opencv": (4, 5, 8), "fisheye": (4,)}
 """Numbers of coefficients that `Camera.distortion` may have."""
 MOST_COEFFICIENTS = 14
-"""Names of OpenCV's lenses with a thin prism and a tilted sensor."""
-LARGEST_SKEW = 0.05
-"""Largest skew as a share of the focal length: no sensor has more."""
+"""Number of OpenCV's coefficients with a thin prism and a tilted sensor."""
+MAX_SKEW = 0.05
+"""Largest skew relative to the focal length; with more, an entry is likely wrong, as sensors have nearly none."""
 
 
 def lens_of(
@@ -44,8 +45,8 @@ def lens_of(
 ) -> str:
     """Returns the lens that the entries `keys` of a file name; perspective where there are none.
 
-    `where` is the place of the entries, such as "cam0.", and `n` the camera's number at the end of their names. Raises
-    Raises InputError for an unknown model, and for two that differ.
+    `where` is the prefix of the entries, such as "cam0.", and `n` the camera's number at the end of their names. Raises
+    InputError for an unknown model, and for two that differ.
     """
     named: dict[str, str] = {}
     for key in dict.fromkeys(f"{key}{suffix}" for key in keys for suffix in (n, "")):
@@ -69,14 +70,14 @@ def lens_of(
 
 
 def coefficients(path: Path, where: str, value: Any, lens: str) -> list[float]:
-    """Distortion in OpenCV's order, as many numbers as `Camera.distortion` may have: zeros at the end may be more or
-    fewer. Raises InputError where others than zeros would be lost."""
-    if lens not in COUNTS:  # a model of a package: it says how many it has
+    """Returns the distortion in OpenCV's order, with a number of coefficients that `Camera.distortion` may have: adds
+    or removes zeros at the end. Raises InputError where coefficients other than zero would be lost."""
+    if lens not in COUNTS:  # a model of a package, which defines the number itself
         return finite_numbers(path, where, value, model_of(lens, 0).counts)
     try:
         values = finite_numbers(path, where, value, (0, *range(4, MOST_COEFFICIENTS + 1)))
     except InputError:
-        values = finite_numbers(path, where, value, (0, *COUNTS[lens]))  # which raises, and names the usual counts
+        values = finite_numbers(path, where, value, (0, *COUNTS[lens]))  # raises with the usual counts
     if not values or len(values) in COUNTS[lens]:
         return values
     used = len(np.trim_zeros(values, "b"))
@@ -100,7 +101,7 @@ def intrinsics_of(path: Path, where: str, matrix: Array) -> tuple[list[float], t
         turned = not matrix[:2, 2].any() and last[2] == 1
         cure = "it is transposed, as MATLAB prints it: exchange its rows and columns" if turned else "correct it"
         raise InputError(f"{path}: the last row of {where} is {row}, not 0 0 1: {cure}")
-    if matrix[1, 0] != 0 or abs(skew) > LARGEST_SKEW * abs(fx):
+    if matrix[1, 0] != 0 or abs(skew) > MAX_SKEW * abs(fx):
         raise InputError(
             f"{path}: {where} has {skew:g} and {matrix[1, 0]:g} next to its focal lengths, where 0 should be: "
             "correct it"
@@ -115,24 +116,26 @@ CAMERA_KEYS = ("model", *SIZES, *INTRINSICS, "distortion", LINE_DELAY)
 LENS_KEYS = ("model", *MODEL_KEYS)
 """Entries that may name the lens."""
 SINGLE_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-"""Names in the order of `distortion`; of a fisheye k1 to k4."""
+"""Names of the coefficients in the order of `distortion`; those of a fisheye lens are k1 to k4."""
 FOREIGN_KEYS = (*MODEL_KEYS, *FISHEYE_FLAGS, *SINGLE_COEFFICIENTS)
-"""Entries of other programs that are understood in a camera.yaml, too."""
+"""Entries of other programs that are also accepted in a camera.yaml."""
 CLOCK_KEYS = ("times", "rate_hz", "offset_s")
-"""Entries about the images of a camera, which may stand in a camera.yaml."""
+"""Entries about the images of a camera, which a camera.yaml may have."""
 MAX_READOUT_S = 1.0
 """Largest duration from the first row of a rolling shutter to its last."""
 MAX_SIDE_PX = 32_766
 """OpenCV's remapping counts pixels in 16 bits."""
 MAX_PIXELS = 1 << 26
-"""67 million: of a stereo pair with colours and its rectification, 1.2 GB."""
+"""Largest number of pixels of an image: a stereo pair in colour with its rectification then takes 1.2 GB."""
 MIN_FOCAL, MAX_FOCAL = 0.01, 1000.0
-"""Focal lengths, as a share of the longer side: views from 179° down to 0.06°."""
+"""Range of focal lengths, relative to the longer side: fields of view from 179 down to 0.06 degrees."""
 MAX_CENTRE = 10.0
 """Largest distance of the principal point from the image's centre, in longer sides."""
 MAX_COEFFICIENT = 1e4
-UNDONE_PX = 1.0
-"""A pixel's distortion counts as undone where distorting again leads back this near."""
+"""Largest magnitude of a distortion coefficient; larger ones are no results of a calibration."""
+MAX_INVERSION_ERROR_PX = 1.0
+"""Largest distance between a pixel and its position after undistortion and distortion, if the distortion is
+invertible."""
 
 
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
@@ -185,8 +188,7 @@ def line_delay_entry(camera: Camera) -> dict[str, float]:
 
 
 def usable(camera: Camera, where: str) -> Camera:
-    """Returns the camera if images can be of it. Raises InputError, which begins with `where`, for an impossible
-    one.
+    """Returns the camera if it is possible. Raises InputError, which begins with `where`, for an impossible one.
 
     Its image has at most MAX_SIDE_PX a side and MAX_PIXELS in all: checked before memory is allocated.
     """
@@ -222,4 +224,4 @@ def _distortion_undone(camera: Camera) -> bool:
     rays = np.column_stack([camera.normalise(uv), np.ones(len(uv))])
     with np.errstate(all="ignore"):
         away_px = np.linalg.norm(camera.project(rays) - uv, axis=1)
-    return bool((away_px <= UNDONE_PX).mean() >= 0.5)
+    return bool((away_px <= MAX_INVERSION_ERROR_PX).mean() >= 0.5)

@@ -16,8 +16,8 @@ from ispom.io.maps import SceneMap
 from ispom.io.rows import numbers, read_text
 from ispom.types import Camera
 
-PIXEL = 0.5
-"""COLMAP's pixel (0, 0) is the corner of the top-left pixel, ours its centre."""
+CORNER_ORIGIN_PX = 0.5
+"""COLMAP's coordinates of the top-left pixel's centre, which is (0, 0) here: its (0, 0) is that pixel's corner."""
 
 
 @dataclass(frozen=True)
@@ -25,22 +25,25 @@ class ColmapModel:
     """The three text files of a COLMAP model."""
 
     cameras: str
-    """The content of cameras.txt, and so on."""
+    """Content of cameras.txt."""
     images: str
+    """Content of images.txt."""
     points: str
+    """Content of points3D.txt."""
     kept: int
-    """Numbers of observations in the model (of landmarks with at least two images), and of all."""
+    """Number of observations in the model, which are those of landmarks with at least two images."""
     observations: int
+    """Number of all observations."""
     point_count: int
     mean_error_px: float | None
-    """Reprojection error of those kept; None without any."""
+    """Mean reprojection error of the observations in the model; None without any."""
 
 
 def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> ColmapModel:
     """Returns the model of one method: its keyframes as images called CAMERA/TIME_NS.png, its landmarks as points.
 
-    An observation counts where its landmark is reprojected within max_error_px, a landmark with two of them or more.
-    `camera` is that of the keyframes; errors are of their poses, as they are.
+    An observation is in the model if its reprojection error is at most max_error_px, a landmark if it has two of them
+    or more. `camera` is that of the keyframes; poses are not optimised again.
     """
     landmarks, keys = scene.landmarks, scene.key_frames
     row = np.searchsorted(landmarks.ids, scene.seen_ids).clip(0, max(len(landmarks) - 1, 0))
@@ -68,7 +71,7 @@ def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> Colmap
 def _errors(
     scene: SceneMap, camera: Camera, row: NDArray[np.intp], frame: NDArray[np.int64], uv: Array
 ) -> NDArray[np.float64]:
-    """Returns pixels (N, 2); infinite behind the camera."""
+    """Returns reprojection errors (N,) [px]; infinite behind the camera."""
     seen = scene.landmarks.xyz_in_world[row] - scene.key_frames.translations[frame]
     in_camera = np.einsum("nji,nj->ni", scene.key_frames.rotations[frame], seen)
     return np.nan_to_num(np.linalg.norm(camera.project(in_camera) - uv, axis=1), nan=np.inf)
@@ -84,7 +87,7 @@ def camera_line(camera: Camera, number: int = 1) -> str:
     if camera.lens == "fisheye":
         model, count = "OPENCV_FISHEYE", 4
     distortion = (*camera.distortion, *([0.0] * 8))[:count]
-    values = (camera.fx, camera.fy, camera.cx + PIXEL, camera.cy + PIXEL, *distortion)
+    values = (camera.fx, camera.fy, camera.cx + CORNER_ORIGIN_PX, camera.cy + CORNER_ORIGIN_PX, *distortion)
     return f"{number} {model} {camera.width} {camera.height} {' '.join(repr(float(v)) for v in values)}"
 
 
@@ -95,7 +98,7 @@ def _images(scene: SceneMap, uv: Array, ids: NDArray[np.int64], starts: NDArray[
         camera_from_world = pose.inverse()
         values = " ".join(repr(float(v)) for v in (*camera_from_world.wxyz, *camera_from_world.translation))
         here = slice(starts[k], starts[k + 1])
-        seen = zip((uv[here] + PIXEL).tolist(), ids[here].tolist(), strict=True)
+        seen = zip((uv[here] + CORNER_ORIGIN_PX).tolist(), ids[here].tolist(), strict=True)
         lines.append(f"{k + 1} {values} 1 {scene.key_frames.frame}/{time_ns}.png")
         lines.append(" ".join(f"{u:.4f} {v:.4f} {i}" for (u, v), i in seen))
     return "\n".join(lines) + "\n"
@@ -126,7 +129,7 @@ _ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEY
 
 
 def colmap_cameras_text(cameras: list[Placed]) -> str:
-    """Numbered from 1 in the order given."""
+    """Writes cameras with numbers from 1 on."""
     lines = [camera_line(each.camera, n) for n, each in enumerate(cameras, 1)]
     return "\n".join(["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", *lines]) + "\n"
 
@@ -160,7 +163,7 @@ def colmap_camera(path: Path, where: str, model: str, values: list[float]) -> Ca
     size, rest = values[:2], values[2:]
     focals = [rest[0], rest[0]] if model in _ONE_FOCAL else rest[:2]
     rest = rest[1:] if model in _ONE_FOCAL else rest[2:]
-    centre, distortion = [v - PIXEL for v in rest[:2]], rest[2:]
+    centre, distortion = [v - CORNER_ORIGIN_PX for v in rest[:2]], rest[2:]
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         distortion = [*distortion, 0.0][:2]
         distortion = [*distortion, 0.0, 0.0]

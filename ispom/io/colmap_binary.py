@@ -1,6 +1,6 @@
 """COLMAP's binary model: cameras.bin, images.bin and points3D.bin of a text model.
 
-Numbers are little-endian; what follows is what the text files have, line by line. Source: COLMAP, documentation,
+Numbers are little-endian; records have the values of the text files, line by line. Source: COLMAP, documentation,
 "Output Format", and src/colmap/scene/reconstruction_io.cc.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from ispom.io.colmap import ColmapModel
 
 _NUMBERS = {"PINHOLE": 1, "OPENCV": 4, "OPENCV_FISHEYE": 5, "FULL_OPENCV": 6}
-"""By model: what COLMAP calls it in its binary files."""
+"""COLMAP's number of each model in binary files."""
 
 
 def colmap_binary(model: ColmapModel) -> dict[str, bytes]:

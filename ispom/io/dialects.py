@@ -1,4 +1,4 @@
-"""Dialects of files: the ways in which other programs write the same thing, each known by its signature."""
+"""Dialects of files: the formats of other programs, each recognised by its signature."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any, Protocol, TypeVar
 
 
 class Signed(Protocol):
-    """What any dialect has."""
+    """The attributes of all dialects."""
 
     @property
     def title(self) -> str: ...
 
     @property
     def looked_for(self) -> str:
-        """The signature, in words."""
+        """Description of the signature."""
         ...
 
     @property
@@ -41,8 +41,8 @@ def modules_of(package: str, path: Iterable[str]) -> dict[str, ModuleType]:
 
 
 def matching(dialects: Sequence[D], content: object) -> list[D]:
-    """Returns the dialects of the lowest order whose signature a file has: none, one, or several that contradict each
-    other."""
+    """Returns the dialects of the lowest order whose signature a file has: none, one, or several, which is
+    ambiguous."""
     for order in sorted({each.order for each in dialects}):
         if found := [each for each in dialects if each.order == order and each.recognises(content)]:
             return found
@@ -50,5 +50,5 @@ def matching(dialects: Sequence[D], content: object) -> list[D]:
 
 
 def in_words(dialects: Iterable[Signed]) -> str:
-    """Names them with their signatures."""
+    """Returns the titles of dialects with their signatures."""
     return " and of ".join(f"{each.title} ({each.looked_for})" for each in dialects)

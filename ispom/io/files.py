@@ -1,4 +1,4 @@
-"""Files that the user names, opened safely: regular ones only, of bounded size, inside a root where one is set."""
+"""Opens files that the user names safely: only regular files, of bounded size, inside a root where one is set."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _CONFINED: ContextVar[Places] = ContextVar("confined", default=None)
 
 @contextmanager
 def bounded(places: tuple[Path, ...] | None) -> Iterator[None]:
-    """Within it, nothing outside of these folders and files is opened, links followed; None sets no bound."""
+    """Forbids opening files outside of these folders and files in its context, links followed; None sets no bound."""
     resolved = None if places is None else tuple(Path(os.path.realpath(place)) for place in places)
     token = _BOUNDS.set(resolved)
     try:
@@ -40,7 +40,7 @@ def bounded(places: tuple[Path, ...] | None) -> Iterator[None]:
 
 @contextmanager
 def confined(places: Places) -> Iterator[None]:
-    """As `bounded`, for what a file of somebody else names: no `bounded` within lifts it."""
+    """Does the same for paths that an untrusted file names; a `bounded` in its context does not lift it."""
     resolved = None if places is None else tuple(Path(os.path.realpath(place)) for place in places)
     token = _CONFINED.set(resolved)
     try:
@@ -50,7 +50,7 @@ def confined(places: Places) -> Iterator[None]:
 
 
 def confinement() -> Places:
-    """Returns what `confined` set, for work that is done later."""
+    """Returns the argument of the current `confined`, for work that is done later."""
     return _CONFINED.get()
 
 
@@ -149,7 +149,7 @@ def opened(path: Path) -> Iterator[BufferedReader]:
     open."""
     require_file(path)
     try:
-        # Not blocking, and looked at again: the file may have become a pipe since.
+        # Opened without blocking, and checked again: the file may have been replaced by a pipe since the first check.
         number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(number, "rb") as file:
             if not stat.S_ISREG(os.fstat(number).st_mode):

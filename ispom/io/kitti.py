@@ -18,9 +18,9 @@ from ispom.types import Camera, Trajectory
 
 
 def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
-    """world_from_left per line of 12 numbers, a (3, 4) matrix in row order; its rotation is made orthonormal.
+    """Reads world_from_left from lines of 12 numbers, a (3, 4) matrix in row order; makes the rotations orthonormal.
 
-    `as_printed` keeps the rounding of the file's digits, for the same numbers as other programs get from it.
+    `as_printed` keeps the file's rounded rotations, for the same results as other programs get from them.
     """
     rows = read_rows(path, 12)
     if not rows:
@@ -37,7 +37,7 @@ def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
 
 
 def poses_text(trajectory: Trajectory) -> str:
-    """world_from_FRAME as such lines, and nothing of the times."""
+    """Returns world_from_FRAME as such lines, without the times."""
     rows = np.concatenate([trajectory.rotations, trajectory.translations[:, :, None]], axis=2).reshape(-1, 12)
     return "".join(f"{' '.join(f'{v:.12e}' for v in row)}\n" for row in rows)
 
@@ -48,7 +48,7 @@ def read_times(path: Path) -> NDArray[np.int64]:
 
 
 def read_calibration(path: Path, cameras: tuple[str, ...] = ("P0", "P1")) -> dict[str, Array]:
-    """Projection matrices (3, 4) of these cameras by name, of which the first must be there; others are ignored."""
+    """Reads the projection matrices (3, 4) of these cameras by name; all but the first may be missing."""
     projections = {}
     for line, text in enumerate(read_text(path).splitlines(), 1):
         name, colon, values = text.partition(":")
@@ -91,7 +91,7 @@ def raw_camera(calibration: dict[str, Array]) -> Camera:
 
 
 def image_size(size: Array) -> tuple[int, int]:
-    """Width and height of S or S_rect."""
+    """Returns width and height of S or S_rect."""
     return int(size[0]), int(size[1])
 
 
@@ -145,7 +145,8 @@ def _time_ns(path: Path, line: int, text: str) -> int:
 
 
 EARTH_RADIUS_M = 6_378_137.0
-COLUMNS = 30
+"""Equatorial radius of WGS 84, as in the data set's own tools."""
+OXTS_COLUMNS = 30
 """Number of values of each file; the first six are read: latitude, longitude [deg], altitude [m], roll, pitch, yaw
 [rad]."""
 
@@ -195,8 +196,8 @@ def read_rigid(path: Path) -> Pose:
 
 def _sample(path: Path) -> Array:
     words = read_text(path).split()
-    if len(words) != COLUMNS:
-        raise InputError(f"{path} has {len(words)} values, not {COLUMNS}: restore the file")
+    if len(words) != OXTS_COLUMNS:
+        raise InputError(f"{path} has {len(words)} values, not {OXTS_COLUMNS}: restore the file")
     values = numbers(path, 1, words)
     if abs(values[0]) >= 90 or abs(values[1]) > 360:
         raise InputError(f"{path} line 1: {words[0]} {words[1]} is not a latitude and longitude: restore the file")

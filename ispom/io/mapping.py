@@ -15,10 +15,12 @@ from ispom.io.rows import read_text
 from ispom.io.values import LARGEST, number
 
 MAX_BYTES = 256 << 10
+"""Largest size of a file: calibrations have a few kB."""
 MAX_DIGITS = 100
+"""Largest number of digits of an integer; Python raises ValueError for integers of more than 4300."""
 MAX_VALUES, MAX_DEPTH = 20_000, 30
-"""Largest number of values of a file with its aliases expanded: a short file of aliases of aliases stands for
-billions."""
+"""Largest number of values, and nesting depth, of a file with its aliases expanded: a short file of nested aliases can
+expand to billions."""
 
 _EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
 
@@ -51,9 +53,9 @@ def yaml_of_opencv(text: str) -> str:
 
 
 def parse_yaml(where: Path | str, text: str) -> Any:
-    """Returns the values of a YAML text from others.
+    """Returns the values of an untrusted YAML text.
 
-    Raises InputError, which begins with `where`, for a text that is malformed or stands for more than MAX_VALUES.
+    Raises InputError, which begins with `where`, for a text that is malformed or has more than MAX_VALUES values.
     """
     try:
         return _loaded(where, text)
@@ -88,7 +90,7 @@ def _written_out(path: Path | str, node: Node, depth: int, known: dict[int, int]
     if depth > MAX_DEPTH:
         return MAX_VALUES + 1
     if id(node) not in known:
-        known[id(node)] = MAX_VALUES + 1  # while it is counted: what contains itself has no end
+        known[id(node)] = MAX_VALUES + 1  # while it is counted, so that a node that contains itself is refused
         inner: list[Node] = []
         if isinstance(node, MappingNode):
             _require_once(path, node)
@@ -96,7 +98,7 @@ def _written_out(path: Path | str, node: Node, depth: int, known: dict[int, int]
         elif isinstance(node, SequenceNode):
             inner = node.value
         elif isinstance(node, ScalarNode) and node.tag.endswith(":int") and len(node.value) > MAX_DIGITS:
-            raise ValueError("Python itself refuses to write such an integer")
+            raise ValueError("too many digits: Python refuses to print such an integer")
         known[id(node)] = min(MAX_VALUES + 1, 1 + sum(_written_out(path, part, depth + 1, known) for part in inner))
     return known[id(node)]
 

@@ -18,9 +18,11 @@ from ispom.io.values import LARGEST
 from ispom.types import FrameName, Landmarks, Trajectory, WorldLines
 
 MAX_BYTES = 1 << 30
-SMALL_BYTES, MOST_PACKED = 64 << 20, 60
-"""Largest compression ratio of a file that unpacks to more than the former: those of `ispom run` have about 3."""
+"""Largest size of the unpacked arrays."""
+SMALL_BYTES, MAX_COMPRESSION = 64 << 20, 60
+"""Largest compression ratio of a file that unpacks to more than SMALL_BYTES: files of `ispom run` have about 3."""
 ROTATION_TOLERANCE = 1e-3
+"""Largest deviation of R R^T from the identity."""
 CAMERAS: tuple[FrameName, ...] = ("video", "left")
 _SHAPES = {
     "ids": ("m", "i"),
@@ -33,9 +35,9 @@ _SHAPES = {
     "seen_ids": ("n", "i"),
     "seen_uv": ("n2", "f"),
 }
-"""By array of a method: its axes (letters: sizes that agree within a method) and kind of number."""
+"""Axes and kind of number of each array of a method; equal letters are equal sizes."""
 _LINE_SHAPES = {"line_xyz": ("l23", "f"), "line_group": ("l", "i")}
-"""The same of what only methods with lines of the scene have: a map of lines, or of tags."""
+"""The same for the arrays of methods with a map of lines, or of tags."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +50,11 @@ class SceneMap:
     seen_from: NDArray[np.int64]
     """(N,) index of each observation's keyframe."""
     seen_ids: NDArray[np.int64]
-    """(N,) id of its point; points that never got a position are among them."""
+    """(N,) id of each observation's point, including points without a position."""
     seen_uv: NDArray[np.float32]
     """(N, 2) [px] of each observation."""
     lines: WorldLines = field(default_factory=WorldLines.empty)
-    """The lines that were known at the end."""
+    """The lines of the final map."""
 
 
 def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
@@ -88,7 +90,7 @@ def read_maps(path: Path) -> dict[str, SceneMap]:
     try:
         with ZipFile(path) as packed:
             claimed = sum(_claimed_bytes(packed, entry) for entry in packed.infolist())
-        if claimed > min(MAX_BYTES, max(SMALL_BYTES, MOST_PACKED * size)):
+        if claimed > min(MAX_BYTES, max(SMALL_BYTES, MAX_COMPRESSION * size)):
             raise InputError(f"{path} unpacks to {claimed >> 20} MB, more than such a file holds: run again")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}

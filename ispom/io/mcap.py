@@ -1,9 +1,9 @@
-"""What a method found as one MCAP file with messages of ROS 2, which Foxglove and ROS open, through `rosbags`.
+"""Writes the result of a method as an MCAP file with messages of ROS 2, for Foxglove and ROS, through `rosbags`.
 
 | topic | type | contents |
 | --- | --- | --- |
 | /pose | geometry_msgs/PoseStamped | world_from_camera at each time |
-| /path | nav_msgs/Path | all of them, at the end |
+| /path | nav_msgs/Path | all poses, at the end |
 | /tf | tf2_msgs/TFMessage | the same, of the frame `camera` in the frame `world` |
 | /points | sensor_msgs/PointCloud2 | the landmarks, with colours |
 | /camera/image/compressed | sensor_msgs/CompressedImage | JPEG images |
@@ -27,12 +27,13 @@ from ispom.geometry import Pose
 from ispom.types import Camera, Image, Landmarks, Trajectory
 
 WORLD, CAMERA = "world", "camera"
-QUALITY = 90
-FLOAT32 = 7
-"""Of sensor_msgs/PointField."""
+JPEG_QUALITY = 90
+"""Quality of the compressed images, of OpenCV's range from 0 to 100."""
+POINT_FIELD_FLOAT32 = 7
+"""Number of the type float32 in sensor_msgs/PointField."""
 _MODELS = {"fisheye": ("equidistant", 4)}
 Dated = tuple[int, str, str, Any]
-"""When a message is written [ns], its topic, its type and itself."""
+"""Time [ns], topic and type of a message, and the message."""
 
 
 def mcap_bytes(
@@ -98,7 +99,10 @@ def _points(types: Any, landmarks: Landmarks, time_ns: int) -> Dated:
     values["x"], values["y"], values["z"] = landmarks.xyz_in_world.T.astype(np.float32)
     red, green, blue = landmarks.rgb.T.astype(np.uint32)
     values["rgb"] = red << 16 | green << 8 | blue
-    fields = [types["sensor_msgs/msg/PointField"](name, 4 * n, FLOAT32, 1) for n, name in enumerate(kind.names or ())]
+    fields = [
+        types["sensor_msgs/msg/PointField"](name, 4 * n, POINT_FIELD_FLOAT32, 1)
+        for n, name in enumerate(kind.names or ())
+    ]
     data, count = np.frombuffer(values.tobytes(), np.uint8), len(values)
     cloud = types["sensor_msgs/msg/PointCloud2"](
         _header(types, time_ns, WORLD), 1, count, fields, False, kind.itemsize, kind.itemsize * count, data, True
@@ -110,7 +114,7 @@ def _images(types: Any, camera: Camera, images: Iterable[tuple[int, Image]]) -> 
     found: list[Dated] = []
     for time_ns, image in images:
         bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
+        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
         header = _header(types, time_ns, CAMERA)
         message = types["sensor_msgs/msg/CompressedImage"](header, "jpeg", data.ravel())
         found.append((time_ns, "/camera/image/compressed", "sensor_msgs/msg/CompressedImage", message))

@@ -1,4 +1,4 @@
-"""Meshes and clouds: PLY with colours, normals or a trajectory; textured meshes of other programs; Open3D on demand."""
+"""Meshes and point clouds: PLY with colours, normals or a trajectory; textured meshes; Open3D on demand."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def ply_bytes(
     lines: WorldLines | None = None,
     line_rgb: NDArray[np.uint8] | None = None,
 ) -> bytes:
-    """Binary: the landmarks' vertices, then the positions of the trajectory in its colour, joined by edges, then both
-    ends of each of the L lines of the scene, joined as well, in their colours (L, 3)."""
+    """Returns a binary PLY: the landmarks as vertices, then the positions of the trajectory in its colour, joined by
+    edges, then both ends of each of the L lines of the scene in their colours (L, 3), joined by edges."""
     ends = np.zeros((0, 3)) if lines is None else lines.xyz_in_world.reshape(-1, 3)
     count, poses = len(landmarks), len(trajectory)
     vertices = np.zeros(count + poses + len(ends), _VERTEX)
@@ -83,11 +83,11 @@ def surface_ply(
 
 
 GLTF_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]))
-"""glTF's y axis points up and its z axis to the viewer; here y points down, and z ahead."""
-ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl")
-MATERIAL_BYTES = 256 << 20
+"""glTF's y axis points up and its z axis backwards; here y points down, and z forward."""
+MESH_SUFFIXES = (".ply", ".obj", ".glb", ".gltf", ".stl")
+MAX_COMPANION_BYTES = 256 << 20
 """Largest size of a file that a mesh refers to."""
-PLAIN = (160, 160, 160)
+DEFAULT_RGB = (160, 160, 160)
 """Colour of a mesh without one."""
 
 
@@ -100,7 +100,7 @@ class ColouredMesh:
     rgb: NDArray[np.uint8]
     """(T, 3, 3) colours of the corners; white where there is a texture."""
     uv: NDArray[np.float32] | None = None
-    """(T, 3, 2) of the corners in the texture, 0..1, (0, 0) at its lower left; None without one."""
+    """(T, 3, 2) positions of the corners in the texture, 0 to 1, (0, 0) at its lower left; None without one."""
     texture: Image | None = None
     """(H, W, 3) RGB."""
 
@@ -120,8 +120,8 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
     import trimesh
 
     require_file(path)
-    if path.suffix.lower() not in ENDINGS:
-        raise InputError(f"{path} is no mesh: give a file that ends with one of {', '.join(ENDINGS)}")
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(f"{path} is no mesh: give a file that ends with one of {', '.join(MESH_SUFFIXES)}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -143,12 +143,13 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
         return ColouredMesh(triangles, np.asarray(visual.vertex_colors)[faces][..., :3].astype(np.uint8))
     if visual.kind == "face":
         return ColouredMesh(triangles, np.repeat(np.asarray(visual.face_colors)[:, None, :3], 3, axis=1))
-    return ColouredMesh(triangles, np.broadcast_to(np.array(PLAIN, np.uint8), (*faces.shape, 3)))
+    return ColouredMesh(triangles, np.broadcast_to(np.array(DEFAULT_RGB, np.uint8), (*faces.shape, 3)))
 
 
 def _companions(path: Path) -> Any:
-    """Resolves the files that a mesh refers to, such as its texture, for trimesh: those of its own folder only,
-    links followed, of bounded size. Its own resolver waits for pipes, and in some versions takes any path."""
+    """Returns trimesh's resolver for the files that a mesh refers to, such as its texture: only files in its own
+    folder, links followed, of bounded size. The resolver of trimesh blocks on pipes, and in some versions opens any
+    path."""
     from trimesh.resolvers import Resolver
 
     folder = Path(os.path.realpath(path.parent))
@@ -161,7 +162,7 @@ def _companions(path: Path) -> Any:
             real_path = Path(os.path.realpath(folder / key.strip()))
             if not real_path.is_relative_to(folder):
                 raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: move the file into it")
-            return read_bytes(real_path, MATERIAL_BYTES)
+            return read_bytes(real_path, MAX_COMPANION_BYTES)
 
         def keys(self) -> list[str]:
             return names(folder)
@@ -181,7 +182,7 @@ def _texture(visual: Any) -> Image | None:
     return None if image is None else np.asarray(image.convert("RGB"), np.uint8)
 
 
-# Open3D, for those parts that need it: its wheel loads system libraries that slim machines lack.
+# Open3D is imported only where it is needed: its wheel loads system libraries that slim machines do not have.
 
 
 def open3d() -> ModuleType:

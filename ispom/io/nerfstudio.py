@@ -9,7 +9,7 @@ import numpy as np
 
 from ispom.cameras import require_opencv
 from ispom.errors import InputError
-from ispom.io.calibrations.dialect import CORNER
+from ispom.io.calibrations.dialect import CORNER_ORIGIN_PX
 from ispom.io.poses.dialect import FLIP
 from ispom.types import Camera, Trajectory
 
@@ -18,7 +18,7 @@ def transforms_text(camera: Camera, poses: Trajectory, name_of: Callable[[int], 
     """Returns the file of images with one camera; `poses` are world_from_camera, `name_of` gives the name of the image
     at a time [ns].
 
-    The corner of the top-left pixel is (0, 0) there, which `applied_transform` (the identity) says, and a camera has
+    The corner of the top-left pixel is (0, 0) there, which `applied_transform` (the identity) indicates; a camera has
     its y axis up and z backwards. Raises InputError for a lens that nerfstudio does not have.
     """
     require_opencv(camera, "nerfstudio")
@@ -36,8 +36,8 @@ def transforms_text(camera: Camera, poses: Trajectory, name_of: Callable[[int], 
         "camera_model": "OPENCV_FISHEYE" if camera.lens == "fisheye" else "OPENCV",
         "fl_x": camera.fx,
         "fl_y": camera.fy,
-        "cx": camera.cx + CORNER,
-        "cy": camera.cy + CORNER,
+        "cx": camera.cx + CORNER_ORIGIN_PX,
+        "cy": camera.cy + CORNER_ORIGIN_PX,
         "w": camera.width,
         "h": camera.height,
         **coefficients,

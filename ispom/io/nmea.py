@@ -13,13 +13,14 @@ from ispom.io.rows import read_text
 from ispom.io.values import number
 
 DAY_NS = 86_400 * 10**9
+"""Duration of a day."""
 UERE_M = {1: 5.0, 2: 1.0, 3: 3.0, 4: 0.02, 5: 0.5}
 """Standard deviation of a position at HDOP 1 [m] by the quality of the fix: single, differential, precise, fixed and
 floating ambiguities (usual figures of receivers' data sheets, as GGA holds none)."""
 MAX_HDOP = 1e4
-"""Receivers write 99.99, or 9999, where they know none."""
-VERTICAL = 1.5
-"""The height's standard deviation relative to the horizontal one, likewise."""
+"""Largest HDOP: receivers write 99.99 or 9999 if it is unknown."""
+VERTICAL_FACTOR = 1.5
+"""Standard deviation of the height relative to the horizontal one, also from data sheets."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Gga:
     latitude_deg: float
     longitude_deg: float
     height_m: float
-    """Above the ellipsoid: the height above the geoid and the geoid's height together."""
+    """Height above the ellipsoid: the sum of the height above the geoid and that of the geoid."""
     quality: int
     hdop: float
     satellites: int
@@ -40,7 +41,7 @@ class Gga:
     def sigma_m(self) -> Array:
         """(3,) standard deviations east, north and up [m]."""
         horizontal = max(self.hdop, 0.1) * UERE_M.get(self.quality, UERE_M[1])
-        return horizontal * np.array([1.0, 1.0, VERTICAL])
+        return horizontal * np.array([1.0, 1.0, VERTICAL_FACTOR])
 
 
 def checksum(body: str) -> int:
@@ -54,7 +55,7 @@ def checksum(body: str) -> int:
 def gga_of(sentence: str) -> Gga | None:
     """Returns the fix of a sentence; None for a sentence of another kind, and for one without a fix.
 
-    Raises ValueError, which says what is wrong with it.
+    Raises ValueError with the reason for a damaged sentence.
     """
     text = sentence.strip()
     if not text.startswith("$") or text[3:6] != "GGA":
@@ -112,7 +113,7 @@ def read_gga(path: Path) -> tuple[list[int], list[Gga]]:
 
 
 def _angle(word: str, side: str, digits: int, sides: str) -> float:
-    """Degrees of DDDMM.MMM and N, S, E or W."""
+    """Returns the degrees of DDDMM.MMM and N, S, E or W."""
     if side not in tuple(sides) or not word[:digits].isdecimal():
         raise ValueError
     minutes = float(word[digits:])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
@@ -19,10 +19,12 @@ from ispom.types import FrameName, Trajectory
 
 UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 POSE_COLUMNS, HEADER_LINES = 8, 200
+"""Number of columns of a pose with a time, and number of first lines that are searched for a header."""
 USUAL_S = 0.05
-"""Usual interval of poses: integers without a unit have the unit whose interval is nearest to it."""
+"""Interval of poses at 20 Hz: whole-number times without a unit have the unit in which their interval is nearest to
+it."""
 DATES_S = (1.0e9, 2.1e9)
-"""From 2001 to 2036: times between these in a unit are dates in it."""
+"""Range of times since 1970, from 2001 to 2036: times in this range in a unit are dates in that unit."""
 _UNIT_WORDS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
     "ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms",
@@ -37,7 +39,7 @@ _OTHERS = {
     "latitude": {"latitude", "lat"}, "longitude": {"longitude", "lon", "lng", "long"},
     "height": {"altitude", "alt", "height", "elevation", "ele"},
 }  # fmt: skip
-"""Names of angles, and of a place on the globe."""
+"""Names of angles, and of geographic coordinates."""
 _TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "ts", "t")
 """Names of a column of times; the first of these has priority."""
 _POSITION = frozenset({"p", "t", "pos", "position", "trans", "translation", "tvec", "location", "xyz"})
@@ -47,10 +49,10 @@ _AXIS = re.compile(r"([a-z]*?)_?([xyzw])")
 
 @dataclass(frozen=True)
 class Columns:
-    """The contents of the columns, counted from 0."""
+    """The columns of a pose's values, counted from 0."""
 
     times: tuple[int, ...]
-    """One, or whole seconds and the nanoseconds after them."""
+    """One column, or one of whole seconds and one of the nanoseconds after them."""
     xyz: tuple[int, ...]
     xyzw: tuple[int, ...]
     unit: str | None
@@ -59,19 +61,19 @@ class Columns:
     line: int = 0
     """Line of the header, counted from 1."""
     spaced: bool = True
-    """Its names are separated by spaces or tabs."""
+    """Whether the header's names are separated by spaces or tabs."""
     metres: float = 1.0
     """Unit of the positions [m]."""
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Times, position, quaternion (x, y, z, w)."""
+        """Columns of times, position, quaternion (x, y, z, w)."""
         return (*self.times, *self.xyz, *self.xyzw)
 
 
 @dataclass(frozen=True)
 class Roles:
-    """What the names of a header say of its columns, each a number from 0, or empty where none has such a name."""
+    """The columns of each quantity that a header names, counted from 0; empty for a quantity without a name."""
 
     line: int
     times: tuple[int, ...]
@@ -82,15 +84,15 @@ class Roles:
     angles: tuple[int, ...] = ()
     """Roll, pitch and yaw."""
     angle_unit: str | None = None
-    """deg, rad, or None where the header does not say it."""
+    """deg, rad, or None where the header has no unit of the angles."""
     geographic: tuple[int, ...] = ()
-    """Latitude and longitude, and perhaps the height."""
+    """Latitude, longitude and, if there is one, the height."""
 
 
 def header_columns(path: Path) -> Columns | None:
     """Reads the columns from the last line before a file's first values; None where there is no header.
 
-    It may begin with # or %. Raises InputError where it names all columns between commas, and not those of a pose: the
+    The header may begin with # or %. Raises InputError for a comma-separated header without the columns of a pose: the
     order of a quaternion cannot be inferred from its values.
     """
     columns, unknown = None, (0, 0)
@@ -109,8 +111,8 @@ def header_columns(path: Path) -> Columns | None:
 
 
 def header_roles(path: Path) -> Roles | None:
-    """Reads what the columns are from the last line before a file's first values that names positions, on a map or on
-    the globe; None without one. Times and rotations may be missing."""
+    """Reads the roles of the columns from the last line before a file's first values that names positions or geographic
+    coordinates; None without such a line. Times and rotations may be missing."""
     found = None
     for line, words, _, is_data in _head_lines(path):
         if is_data:
@@ -121,7 +123,7 @@ def header_roles(path: Path) -> Roles | None:
 
 
 def _head_lines(path: Path) -> Iterator[tuple[int, list[str], bool, bool]]:
-    """Yields number and words of the first lines, whether spaces or tabs are between the words, and whether they are
+    """Yields number and words of the first lines, whether the words are separated by white space, and whether they are
     values."""
     for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
         words = split_line(text.strip().lstrip("#%").strip())
@@ -131,7 +133,7 @@ def _head_lines(path: Path) -> Iterator[tuple[int, list[str], bool, bool]]:
 
 
 def read_pose_table(path: Path, columns: Columns, frame: FrameName, every: bool) -> tuple[Trajectory, str]:
-    """Reads world_from_FRAME from a file with such columns, and the unit of its times; `every` as in `latest`.
+    """Reads world_from_FRAME from a file with these columns, and the unit of its times; `every` as in `latest`.
 
     Raises InputError that names the invalid line.
     """
@@ -145,14 +147,17 @@ def read_pose_table(path: Path, columns: Columns, frame: FrameName, every: bool)
 def times_in(
     path: Path, rows: Sequence[Row], columns: tuple[int, ...], unit: str | None
 ) -> tuple[NDArray[np.int64], str]:
-    """Returns the times (N,) [ns] in one column, or in those of seconds and of the nanoseconds after them, and their
-    unit, by their values where it is None. Raises InputError that names the invalid line."""
+    """Returns the times (N,) [ns] and their unit, which is inferred from the values where it is None.
+
+    `columns` is that of the times, or those of whole seconds and of the nanoseconds after them. Raises InputError that
+    names the invalid line.
+    """
     unit = unit or unit_of([words[columns[0]] for _, words in rows])
     return np.array([_time_ns(path, line, [words[i] for i in columns], unit) for line, words in rows], np.int64), unit
 
 
 def split_line(text: str) -> list[str]:
-    """Returns the words of a line, between semicolons, or else commas, or else spaces and tabs."""
+    """Returns the words of a line, separated by semicolons, or else by commas, or else by white space."""
     for separator in (";", ","):
         if separator in text:
             words = [word.strip().strip("\"'").strip() for word in text.rstrip(f"{separator} \t").split(separator)]
@@ -161,7 +166,8 @@ def split_line(text: str) -> list[str]:
 
 
 def unit_of(words: list[str]) -> str:
-    """Returns the unit of times without one: that in which they are dates, or else their intervals usual ones."""
+    """Infers the unit of times: that in which they are dates, or else that in which their interval is nearest to
+    USUAL_S."""
     values = [value for word in words if (value := _decimal(word)) is not None]
     if not values:
         return "s"
@@ -177,20 +183,20 @@ def unit_of(words: list[str]) -> str:
     return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
 
 
-NANOSECONDS = 9
-"""Digits of the largest number of nanoseconds."""
-EVENER = 0.5
-"""Times in another reading must be as much more even, to be that."""
+NANOSECOND_DIGITS = 9
+"""Number of digits of 999,999,999 nanoseconds."""
+LEAST_GAIN = 0.5
+"""Factor by which another reading of times must reduce the scatter of their intervals to be accepted."""
 
 
 def unpadded_nanoseconds(words: Sequence[str]) -> NDArray[np.int64] | None:
     """Returns the times (N,) [ns] of words that are seconds and whole nanoseconds with a point or _ between them, but
     without the leading zeros (100.33333333 for 100.033333333); None where they are decimal seconds.
 
-    With a point that shows in the intervals, which are more even then, and in no fraction with a leading zero.
+    With a point this reading is accepted if the intervals are more even with it, and no fraction has a leading zero.
     """
-    if not words or ("_" not in words[0] and max(len(word.partition(".")[2]) for word in words) != NANOSECONDS):
-        return None  # as most files
+    if not words or ("_" not in words[0] and max(len(word.partition(".")[2]) for word in words) != NANOSECOND_DIGITS):
+        return None  # the usual case
     matches = [re.fullmatch(r"([0-9]{1,10})([._])([0-9]{1,9})", word) for word in words]
     parts = [match for match in matches if match is not None]
     if len(parts) < max(3, len(words)) or len({match[2] for match in parts}) > 1:
@@ -204,10 +210,11 @@ def unpadded_nanoseconds(words: Sequence[str]) -> NDArray[np.int64] | None:
     if longest < 9 or padded or all(len(match[3]) == 9 for match in parts):
         return None
     decimal = seconds + np.array([int(f"{match[3]:0<9}") for match in parts], np.int64)
-    return times if _unevenness(times) < EVENER * _unevenness(decimal) else None
+    return times if _unevenness(times) < LEAST_GAIN * _unevenness(decimal) else None
 
 
 def _unevenness(times: NDArray[np.int64]) -> float:
+    """Returns the mean absolute deviation of the intervals from their median [ns]."""
     steps = np.diff(np.sort(times))
     return float(np.abs(steps - np.median(steps)).mean())
 
@@ -223,64 +230,87 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
 
 
 def roles_of(words: list[str], line: int = 0) -> Roles | None:
-    """Returns what a header's names say; None where one is given twice."""
-    times: dict[tuple[str, str | None], int] = {}
-    axes: dict[tuple[str, str], int] = {}
-    others: dict[str, int] = {}
-    lengths: set[str] = set()
-    angle_units: set[str | None] = set()
-    for i, word in enumerate(words):
-        name, unit = _unit(word)
-        parts = [part for part in re.split(r"[^a-z0-9]+", name) if part]
-        if len(parts) > 1 and parts[-1] in (*_METRES, *_ANGLES):
-            unit = parts.pop()
-        role = _axis(parts)
-        other = next((key for key, words in _OTHERS.items() if parts and parts[-1] in words), None)
-        if other is not None:
-            if other in others:
-                return None
-            others[other] = i
-            angle_units |= {_ANGLES.get(unit or "")} if other in _EULER else set()
-        elif role is not None:
-            if role in axes:
-                return None
-            axes[role] = i
-            lengths |= {unit} & set(_METRES) if role[0] != "q" and unit is not None else set()
-        elif parts and (named := _time_name(parts)) is not None:
-            times.setdefault((named[0], _UNIT_WORDS.get(unit or "") or named[1]), i)
-    bare = {axis: i for (kind, axis), i in axes.items() if not kind}  # of a position, unless that has names of its own
-    for kind, letters in (("p", "xyz"), ("q", "xyzw")):
-        if not any((kind, axis) in axes for axis in "xyz"):
-            axes |= {(kind, axis): bare[axis] for axis in letters if axis in bare}
-            bare = {axis: i for axis, i in bare.items() if axis not in "xyz"}
-    axes |= {("q", axis): i for axis, i in bare.items() if axis == "w"}
-    xyz = tuple(axes[key] for a in "xyz" if (key := ("p", a)) in axes)
-    xyzw = tuple(axes[key] for a in "xyzw" if (key := ("q", a)) in axes)
-    if len(lengths) > 1:
+    """Returns the roles of the columns with these names; None where a role or a unit of lengths is given twice."""
+    names = _Names()
+    if not all(names.add(column, word) for column, word in enumerate(words)) or len(names.length_units) > 1:
         return None
-    which, unit = _best_times(times) if times else ((), None)
+    xyz, xyzw = names.position_and_quaternion()
+    times, unit = _best_times(names.times) if names.times else ((), None)
+    others, units = names.others, names.angle_units
     return Roles(
         line,
-        which,
+        times,
         unit,
-        xyz if len(xyz) == 3 else (),
-        _METRES[lengths.pop()] if lengths else 1.0,
-        xyzw if len(xyzw) == 4 else (),
+        xyz,
+        _METRES[names.length_units.pop()] if names.length_units else 1.0,
+        xyzw,
         tuple(others[key] for key in _EULER) if others.keys() >= set(_EULER) else (),
-        angle_units.pop() if len(angle_units) == 1 else None,
+        units.pop() if len(units) == 1 else None,
         tuple(others[key] for key in _GLOBE if key in others) if others.keys() >= {*_GLOBE[:2]} else (),
     )
 
 
+@dataclass
+class _Names:
+    """The columns of a header by the roles of their names."""
+
+    times: dict[tuple[str, str | None], int] = field(default_factory=dict)
+    """By the kind of time, and its unit."""
+    axes: dict[tuple[str, str], int] = field(default_factory=dict)
+    """By "p" (position), "q" (quaternion) or "" (not named), and the axis."""
+    others: dict[str, int] = field(default_factory=dict)
+    """By the keys of _OTHERS."""
+    length_units: set[str] = field(default_factory=set)
+    angle_units: set[str | None] = field(default_factory=set)
+
+    def add(self, column: int, word: str) -> bool:
+        """Adds a column with this name; returns False where its role is already taken."""
+        name, unit = _unit(word)
+        parts = [part for part in re.split(r"[^a-z0-9]+", name) if part]
+        if len(parts) > 1 and parts[-1] in (*_METRES, *_ANGLES):
+            unit = parts.pop()
+        other = next((key for key, words in _OTHERS.items() if parts and parts[-1] in words), None)
+        axis = _axis(parts)
+        if other is not None:
+            if other in self.others:
+                return False
+            self.others[other] = column
+            self.angle_units |= {_ANGLES.get(unit or "")} if other in _EULER else set()
+        elif axis is not None:
+            if axis in self.axes:
+                return False
+            self.axes[axis] = column
+            self.length_units |= {unit} & set(_METRES) if axis[0] != "q" and unit is not None else set()
+        elif parts and (time := _time_name(parts)) is not None:
+            self.times.setdefault((time[0], _UNIT_WORDS.get(unit or "") or time[1]), column)
+        return True
+
+    def position_and_quaternion(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Returns the columns x, y, z and x, y, z, w; empty where one is missing.
+
+        Axes without a kind are those of the position, or of the quaternion where the position has named columns.
+        """
+        axes = dict(self.axes)
+        bare = {axis: column for (kind, axis), column in axes.items() if not kind}
+        for kind, letters in (("p", "xyz"), ("q", "xyzw")):
+            if not any((kind, axis) in axes for axis in "xyz"):
+                axes |= {(kind, axis): bare[axis] for axis in letters if axis in bare}
+                bare = {axis: column for axis, column in bare.items() if axis not in "xyz"}
+        axes |= {("q", axis): column for axis, column in bare.items() if axis == "w"}
+        xyz = tuple(axes[key] for axis in "xyz" if (key := ("p", axis)) in axes)
+        xyzw = tuple(axes[key] for axis in "xyzw" if (key := ("q", axis)) in axes)
+        return xyz if len(xyz) == 3 else (), xyzw if len(xyzw) == 4 else ()
+
+
 def _unit(word: str) -> tuple[str, str | None]:
-    """Returns a name in small letters, without the unit in brackets at its end."""
+    """Returns a name in small letters without the unit in brackets at its end, and that unit; None without one."""
     match = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]?", word.strip().lower().replace("µ", "u"))
     return (word.strip().lower(), None) if match is None else (match[1], match[2])
 
 
 def _axis(parts: list[str]) -> tuple[str, str] | None:
-    """Returns ("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w; ("",
-    axis) for only an axis."""
+    """Returns ("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w. Returns
+    ("", axis) for only an axis, and None for another name."""
     match = _AXIS.fullmatch(parts[-1]) if parts else None
     if match is None:
         return None
@@ -295,7 +325,7 @@ def _axis(parts: list[str]) -> tuple[str, str] | None:
 
 
 def _time_name(parts: list[str]) -> tuple[str, str | None] | None:
-    """Returns the kind of times of a name, and their unit: timestamp, time_ns, header.stamp.sec."""
+    """Returns the kind and the unit of a time's name (timestamp, time_ns, header.stamp.sec); None for another name."""
     unit = _UNIT_WORDS.get(parts[-1])
     name = next((part for part in reversed(parts) if part in _TIMES), None)
     if name is None and unit is not None and len(parts) == 1 and parts[0] != "s":

@@ -34,11 +34,12 @@ from ispom.types import (
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
-"""Largest other deviations, as in the methods' settings: with more there is no useful start."""
+"""Largest of the other standard deviations, as in the methods' settings: with larger ones optimisation has no useful
+start."""
 ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
-"""Those that only a rig.yaml has."""
+"""Entries that only a rig.yaml has."""
 OTHERS: dict[str, type[Sensor]] = {s.kind: s for s in (Imu, GnssAntenna, WheelOdometer, LaserScanner)}
-LEAST_NOISE, MAX_NOISE = 1e-12, 1e3
+MIN_NOISE, MAX_NOISE = 1e-12, 1e3
 
 
 def rig_text(rig: Rig) -> str:
@@ -80,7 +81,7 @@ def _is_sensor(name: Any, entry: Any) -> bool:
 
 
 def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
-    """Returns a sensor that is none of the usual cameras, of its entry. Raises InputError that names what is wrong."""
+    """Returns a sensor other than the usual cameras from its entry. Raises InputError that names the invalid value."""
     kind = entry.get("sensor", name)
     if name in OTHERS and kind != name:
         raise InputError(f"{path}: {name} is the name of another kind of sensor than {kind}: choose another name")
@@ -96,14 +97,13 @@ def sensor_of(path: Path, name: str, entry: dict[Any, Any]) -> Sensor:
         known = ", ".join((f"rig_from_{name}", *noises))
         raise InputError(f"{path}: {name}.{unknown[0]} is not known, as it has {known}: correct it")
     noise = {
-        key: finite_numbers(path, f"{name}.{key}", [value], 1, LEAST_NOISE, MAX_NOISE)[0]
-        for key, value in values.items()
+        key: finite_numbers(path, f"{name}.{key}", [value], 1, MIN_NOISE, MAX_NOISE)[0] for key, value in values.items()
     }
     return OTHERS[kind](rig_from_sensor=pose, **noise)
 
 
 def _other_entry(name: str, sensor: Sensor) -> dict[str, Any]:
-    """Of a sensor that is none of the rig's usual cameras."""
+    """Returns the entry of a sensor other than the rig's usual cameras."""
     if isinstance(sensor, CameraSensor):
         return {"sensor": "camera", **_camera_entry(Rig({name: sensor}), name)}
     noise = {f.name: getattr(sensor, f.name) for f in fields(sensor) if f.name != "rig_from_sensor"}

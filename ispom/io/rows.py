@@ -46,7 +46,7 @@ def read_rows(path: Path, columns: int) -> list[Row]:
 
 
 def numbers(path: Path, line: int, words: list[str], least: float = -LARGEST, most: float = LARGEST) -> Array:
-    """Returns the words as finite numbers (N,) within bounds. Raises InputError naming the first that is none."""
+    """Returns the words as finite numbers (N,) within bounds. Raises InputError that names the first invalid word."""
     try:
         values = np.array([float(word) for word in words])
         if ((values >= least) & (values <= most)).all():
@@ -89,11 +89,10 @@ def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
 def latest(
     path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: FrameName, every: bool
 ) -> Trajectory:
-    """Returns the trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time
-    the last.
+    """Returns the trajectory of times (N,), positions (N, 3) and quaternions (N, 4), with the last pose of each time.
 
-    With `every`, all of those stay, and times do not strictly increase then. Raises InputError where time goes
-    backwards or a quaternion is not of length 1 (to 1 %).
+    With `every` it has all poses, and times may repeat. Raises InputError where times decrease, and for a quaternion
+    that is not of length 1 (to 1 %).
     """
     _refuse(path, rows, np.diff(times) < 0)
     lengths = np.linalg.norm(xyzw, axis=1)

@@ -1,4 +1,4 @@
-"""What sensors other than cameras recorded, as tables: text files whose first line names the columns.
+"""Measurements of sensors other than cameras in tables: text files whose first line names the columns.
 
 Columns are separated by commas, or by white space where the first line has no comma. Names: `time_ns` or `time_s`;
 of an IMU `gx gy gz` [rad/s] and `ax ay az` [m/s^2]; of GNSS `x y z` [m] east, north and up, or `lat lon height`
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.rows import numbers, read_text
-from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, time_ns
+from ispom.io.values import LARGEST, MAX_SIGMA, MAX_TIME_S, MIN_SIGMA, number, time_ns
 
 TIMES = {"time_ns": 1, "time_s": 10**9}
 IMU = ("gx", "gy", "gz", "ax", "ay", "az")
@@ -57,7 +57,7 @@ class Table:
 def read_table(path: Path, columns: Mapping[str, str] | None = None) -> Table:
     """Reads a table; `columns` maps the usual names to those of the file.
 
-    Raises InputError that names the line of what is no number, and where times are missing or do not increase.
+    Raises InputError that names the line of an invalid number, and for times that are missing or do not increase.
     """
     lines = [(i, text.strip()) for i, text in enumerate(read_text(path).splitlines(), 1) if text.strip()]
     if not lines:
@@ -128,5 +128,5 @@ def gnss_sigma(table: Table, default_m: float | None) -> Array:
     else:
         raise InputError(f"{table.path} has no column sigma: add it, or give `sigma_m` [m] of the fixes")
     for end in (sigma.min(), sigma.max()):
-        number(f"{table.path}: a standard deviation", end, LEAST_SIGMA, MOST_SIGMA)
+        number(f"{table.path}: a standard deviation", end, MIN_SIGMA, MAX_SIGMA)
     return sigma

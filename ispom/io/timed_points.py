@@ -1,4 +1,4 @@
-"""Points of a laser with a time each: CSV with a header, or PLY."""
+"""Points of a laser scanner, each with a time: CSV with a header, or PLY."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ COORDINATES = ("x", "y", "z")
 TIMES = ("time_s", "time", "timestamp", "t", "gps_time")
 """Names of a column or property of times [s], in addition to time_ns."""
 MAX_BYTES = 4 << 30
+"""Largest size of a file, which is read at once."""
 
 
 def read_timed_points(path: Path) -> TimedPoints:

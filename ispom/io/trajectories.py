@@ -46,7 +46,7 @@ def read_tum(path: Path, frame: FrameName = "rig", every: bool = False) -> Traje
 
 
 def seconds_text(time_ns: int) -> str:
-    """Decimal seconds by integer arithmetic: a float has too few digits for nanoseconds since 1970."""
+    """Returns decimal seconds by integer arithmetic: a float has too few digits for nanoseconds since 1970."""
     whole, rest = divmod(abs(time_ns), 10**9)
     return f"{'-' if time_ns < 0 else ''}{whole}.{rest:09d}"
 
@@ -56,7 +56,7 @@ def seconds_text(time_ns: int) -> str:
 
 HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
 OWN = Columns((0,), (1, 2, 3), (5, 6, 7, 4), "ns", 8)
-"""Read of each line; what follows (velocity, biases of the gyroscope and accelerometer) is ignored."""
+"""EuRoC's columns; further ones (velocity, biases of the gyroscope and accelerometer) are ignored."""
 
 
 def euroc_text(trajectory: Trajectory) -> str:
@@ -90,7 +90,7 @@ def vslam_lab_text(trajectory: Trajectory) -> str:
 
 
 def trajectory_csv(trajectory: Trajectory) -> str:
-    """One pose per line, world_from_FRAME."""
+    """Writes one pose per line, world_from_FRAME."""
     header = "time_ns,x,y,z,qx,qy,qz,qw\n"
     return header + _lines(trajectory.times_ns, np.hstack([trajectory.translations, trajectory.xyzw]))
 

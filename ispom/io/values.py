@@ -1,4 +1,4 @@
-"""A number within bounds and a name, as every reader of files wants them."""
+"""Checks of numbers, times and names in files."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from ispom.errors import InputError
 from ispom.types.rig import POSE_PREFIX, SIGMA_SUFFIX
 
 LARGEST = 1e15
-"""No length, angle or intrinsic is larger; squares and cubes of it are still numbers."""
-LEAST_SIGMA, MOST_SIGMA = 1e-12, 1e9
-"""Standard deviations whose squares, and their inverses, are still numbers."""
+"""Largest magnitude of a length, angle or intrinsic: its square and cube are still finite."""
+MIN_SIGMA, MAX_SIGMA = 1e-12, 1e9
+"""Range of standard deviations, whose squares and inverse squares are still finite."""
 MAX_TIME_S = 4_600_000_000
-"""No time is farther from zero (in 2115, counted since 1970): any two have a difference in 64 bits of nanoseconds."""
+"""Largest magnitude of a time (the year 2115, since 1970): differences of times fit into 64 bits of nanoseconds."""
 
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}")
-"""Small letters, digits and _, a letter first: what is a name in rigs, methods' frames, columns and options."""
+"""Names in rigs, frames of methods, columns and options: small letters, digits and _, a letter first."""
 CAMERAS = ("video", "left", "right")
 FRAMES = frozenset({"rig", "world", "body", "board"})
-"""Coordinate frames that are no sensors."""
+"""Coordinate frames other than those of sensors."""
 RESERVED = FRAMES | {*CAMERAS, "self", "truth"}
 
 
 def number(where: str, value: Any, least: float = -LARGEST, most: float = LARGEST) -> float:
-    """Returns a number, or what the words of one say. Raises InputError, which begins with `where`, for what is no
-    finite number, and for one outside of its bounds."""
+    """Returns a number, or the number that a word stands for. Raises InputError, which begins with `where`, where it is
+    not finite, or outside of its bounds."""
     try:
         found = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -42,8 +42,7 @@ def number(where: str, value: Any, least: float = -LARGEST, most: float = LARGES
 
 
 def time_ns(where: str, word: str, unit_ns: int = 10**9) -> int:
-    """Returns the time [ns] that a decimal number of units says, exactly. Raises InputError, which begins with
-    `where`."""
+    """Converts a decimal number of units to a time [ns], exactly. Raises InputError, which begins with `where`."""
     try:
         value = Decimal(word)
     except InvalidOperation:
@@ -55,8 +54,8 @@ def time_ns(where: str, word: str, unit_ns: int = 10**9) -> int:
 
 
 def nanoseconds(word: str) -> int | None:
-    """Returns a time of whole nanoseconds since 1970, written in digits only; None for other words, and for one that is
-    too late."""
+    """Returns the time of a word of digits, whole nanoseconds since 1970; None for other words, and above
+    MAX_TIME_S."""
     digits = word.isascii() and word.isdigit() and len(word) <= 19
     return int(word) if digits and int(word) <= MAX_TIME_S * 10**9 else None
 
@@ -67,14 +66,14 @@ def is_name(word: Any) -> bool:
 
 
 def is_sensor_name(word: Any) -> bool:
-    """Checks for a name that a sensor may have which is none of the usual cameras: not that of a coordinate frame, nor
-    of an entry that a rig.yaml has for them."""
+    """Checks for a name that a sensor other than the usual cameras may have: not that of a coordinate frame, nor of an
+    entry of a rig.yaml for these cameras."""
     entry = is_name(word) and (word.startswith(POSE_PREFIX) or word.endswith(SIGMA_SUFFIX))
     return is_name(word) and word not in RESERVED and not entry
 
 
 def sensor_name(where: str, word: Any) -> str:
-    """Returns a name as `is_sensor_name` wants it. Raises InputError, which begins with `where`, for another one."""
+    """Returns a valid name (see `is_sensor_name`). Raises InputError, which begins with `where`, for another one."""
     if not is_sensor_name(word):
         taken = f"{', '.join(sorted(RESERVED))}, {POSE_PREFIX}... and ...{SIGMA_SUFFIX} have other meanings"
         raise InputError(

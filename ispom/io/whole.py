@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: they grow under a hidden name, and get their own when they are complete."""
+"""Atomic writing of files: a file is written under a hidden name, and renamed when it is complete."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ispom.errors import InputError
 PART = ".part-"
 WRITING = os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 WRITING |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""How a file is opened that is made where it is missing, and never through a link."""
+"""Flags that create a missing file, and do not follow a link."""
 
 
 def part_of(path: Path) -> Path:
@@ -22,21 +22,21 @@ def part_of(path: Path) -> Path:
 
 
 def whole_of(path: Path) -> Path:
-    """Returns the name that a growing file gets when it is complete; that of any other file is its own."""
+    """Returns the final name of a file that is being written; any other path unchanged."""
     return path.with_name(path.name.removeprefix(PART))
 
 
 def create_file(path: Path) -> FileIO:
-    """Returns a new, empty file to write to, in place of any file there. Raises OSError where it cannot be made.
+    """Opens a new, empty file for writing, in place of any file of that name. Raises OSError where that fails.
 
-    A link is replaced, never followed: a folder from others may hold links to the user's own files.
+    A link is replaced, never followed: an untrusted folder may contain links to the user's own files.
     """
     path.unlink(missing_ok=True)
     return FileIO(os.open(path, os.O_EXCL | WRITING, 0o666), "wb")
 
 
 def append_to_file(path: Path) -> FileIO:
-    """Returns a file, made where it is missing, to write to after what it has: a log. Raises InputError where it cannot
+    """Opens a file for appending, as for a log, and creates it where it is missing. Raises InputError where it cannot
     be opened, or is a link."""
     try:
         if path.is_symlink():  # Windows has no O_NOFOLLOW
@@ -47,7 +47,8 @@ def append_to_file(path: Path) -> FileIO:
 
 
 def require_no_links(folder: Path, path: Path) -> None:
-    """Raises InputError where a folder between `folder` and `path` is a link: a file would be written elsewhere."""
+    """Raises InputError where a folder between `folder` and `path` is a link, through which a file would be written
+    elsewhere."""
     for parent in path.parents:
         if parent == folder or folder not in parent.parents:
             return
@@ -56,7 +57,7 @@ def require_no_links(folder: Path, path: Path) -> None:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Makes or replaces a file. Raises InputError where the disk does not take it, the old file staying then."""
+    """Creates or replaces a file. Raises InputError where that fails, and keeps the old file then."""
     if not path.name:
         raise InputError(f"{path} is a folder: give the name of a file to write")
     try:
@@ -68,7 +69,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def replace_whole(path: Path, content: str | bytes) -> None:
-    """Writes as `write_whole`, but raises OSError where the disk is full or read-only; escapes names that are no
+    """Writes as `write_whole`, but raises OSError where the disk is full or read-only; escapes characters that are not
     UTF-8."""
     part = part_of(path)
     try:
@@ -79,6 +80,6 @@ def replace_whole(path: Path, content: str | bytes) -> None:
                 left = left[file.write(left) :]
         os.replace(part, path)
     except OSError:
-        with suppress(OSError):  # its folder is no folder, or was taken away: nothing was written then
+        with suppress(OSError):  # the folder is missing, so that nothing was written
             part.unlink(missing_ok=True)
         raise

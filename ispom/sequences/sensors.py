@@ -24,7 +24,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rig import sensor_of
-from ispom.io.values import LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA, number, sensor_name
+from ispom.io.values import MAX_SIGMA, MAX_TIME_S, MIN_SIGMA, number, sensor_name
 from ispom.plausibility.times import time_doubts
 from ispom.sequences.own_sensors import OwnSensor
 from ispom.sequences.readings import Readings, frames_ns_of, measured_within, mount_doubts, sensor_doubts
@@ -157,7 +157,7 @@ def _on_clock(path: Path, name: str, entry: dict[Any, Any], read: Readings) -> R
 
 
 def _sigma_m(path: Path, name: str, entry: dict[Any, Any]) -> float | None:
-    return _number(path, name, entry, "sigma_m", None, LEAST_SIGMA, MOST_SIGMA)
+    return _number(path, name, entry, "sigma_m", None, MIN_SIGMA, MAX_SIGMA)
 
 
 def _number(path: Path, name: str, entry: dict[Any, Any], key: str, default: Any, least: float, most: float) -> Any:

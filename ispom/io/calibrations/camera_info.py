@@ -20,9 +20,9 @@ from ispom.io.mapping import finite_numbers
 from ispom.types import Camera
 
 MATRICES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "camera_matrix_", "intrinsic_matrix", "mtx", "K", "M")
-"""Names that a camera matrix has, in OpenCV's samples, tutorials and ROS; in a pair's file with 1 or 2 behind them."""
+"""Names of a camera matrix in OpenCV's samples, tutorials and ROS; those in a pair's file end in 1 or 2."""
 _MESSAGE = ("k",)
-"""As in ROS 2's messages; with a number at its end, it would be a coefficient."""
+"""Name in ROS 2's messages; with a number at its end it is a distortion coefficient."""
 _DISTORTIONS = ("distortion_coefficients", "Distortion_Coefficients", "distortion_coeffs", "distCoeffs", "dist_coeffs")
 _DISTORTIONS = (*_DISTORTIONS, "distCoeff", "dist_coeff", "dist", "D", "d")
 _WIDTHS, _HEIGHTS = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
@@ -31,7 +31,7 @@ _ROTATIONS, _PROJECTIONS = ("rectification_matrix", "R", "r"), ("projection_matr
 
 
 ImageSize = Callable[[], tuple[int, int]]
-"""Gives (width, height) of the images that a calibration is for."""
+"""Returns (width, height) of the images of a calibration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +39,17 @@ class CameraInfo:
     """A camera, and how its images are rectified."""
 
     raw: Camera
-    """Size of the images as recorded: possibly binned, or a part of the sensor."""
+    """The camera of the recorded images, which may be binned, or a part of the sensor."""
     turn: Array
     """(3, 3) rectified_from_raw."""
     projection: Array | None
-    """(3, 4) of the rectified image; None where there is none."""
+    """(3, 4) projection of the rectified image; None where there is none."""
     notes: tuple[str, ...] = ()
 
     @property
     def pair_from_camera(self) -> Pose | None:
-        """Pose in the rectified left camera of its pair: P has the baseline, as -fx times it. None where it is not
-        rectified."""
+        """Returns the pose in the rectified left camera of its pair, from P, which contains -fx times the baseline;
+        None for a camera that is not rectified."""
         p = self.projection
         if p is None:
             return None
@@ -109,7 +109,7 @@ def _key(content: Mapping[Any, Any], names: tuple[str, ...], n: str = "") -> str
 def _size(
     path: Path, where: str, content: Mapping[Any, Any], n: str, size: ImageSize | None
 ) -> tuple[list[float], tuple[str, ...]]:
-    """Width and height, and a note where they are not the file's own."""
+    """Returns width and height, and a note where they are not from the file."""
     for suffix in dict.fromkeys((n, "")):
         keys = [_key(content, names, suffix) for names in (_WIDTHS, _HEIGHTS)]
         if None not in keys:
@@ -183,7 +183,7 @@ def ros_texts(cameras: list[Placed]) -> dict[str, str]:
 
 
 def ros_text(each: Placed) -> str:
-    """Calibration of the camera itself, not of a pair."""
+    """Writes the calibration of a single camera, not of a pair."""
     return _text(each, np.eye(3), np.hstack([each.camera.matrix, np.zeros((3, 1))]))
 
 

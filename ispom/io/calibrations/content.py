@@ -1,4 +1,4 @@
-"""What a file holds, as the dialects of calibrations look at it: text, values of YAML or JSON, XML, rows of numbers."""
+"""The content of a calibration file, as text, values of YAML or JSON, XML, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from ispom.io.files import read_bytes
 from ispom.io.mapping import MAX_BYTES, MAX_DEPTH, parse_yaml, yaml_of_opencv
 from ispom.io.values import LARGEST
 
-LARGEST_FILE = 16 << 20
-"""A transforms.json of nerfstudio has 0.6 kB for each of its images."""
-MOST_ELEMENTS = 50_000
-"""Of an XML file."""
-MOST_ROWS, MOST_NUMBERS = 16, 64
-"""Of a text of numbers: a calibration has a few, a trajectory many."""
+MAX_FILE_BYTES = 16 << 20
+"""Largest size of a file: a transforms.json of nerfstudio has 0.6 kB for each image, so this is 28,000 images."""
+MAX_XML_ELEMENTS = 50_000
+"""Largest number of elements of an XML file."""
+MAX_ROWS, MAX_NUMBERS = 16, 64
+"""Largest size of a text of numbers: a calibration has a few, a trajectory many."""
 _BRACKETS = str.maketrans(dict.fromkeys("[](){},;", " "))
 
 
 class Content:
-    """The content of a file; each view of it is made once, when it is needed, and is None where it has no such view."""
+    """The content of a file. Each form of it is made once, on demand, and is None if the file does not have that
+    form."""
 
     def __init__(self, path: Path, data: bytes) -> None:
         self.path, self.data = path, data
@@ -36,16 +37,16 @@ class Content:
     @classmethod
     def of(cls, path: Path) -> Content:
         """Reads a file. Raises InputError where it is missing, or too large for a calibration."""
-        return cls(path, read_bytes(path, LARGEST_FILE))
+        return cls(path, read_bytes(path, MAX_FILE_BYTES))
 
     @property
     def suffix(self) -> str:
-        """In lower case."""
+        """Suffix of the file's name, in lower case."""
         return self.path.suffix.lower()
 
     @cached_property
     def text(self) -> str | None:
-        """In UTF-8, or in UTF-16 with its mark, as PowerShell writes what a program printed."""
+        """The text in UTF-8, or in UTF-16 with a byte-order mark, as PowerShell writes a program's output."""
         wide = self.data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         try:
             text = self.data.decode("utf-16" if wide else "utf-8-sig")
@@ -55,7 +56,7 @@ class Content:
 
     @cached_property
     def words(self) -> str:
-        """The text, or nothing."""
+        """The text; empty where there is none."""
         return self.text or ""
 
     @cached_property
@@ -65,7 +66,7 @@ class Content:
 
     @property
     def fault(self) -> InputError | None:
-        """What is wrong with the YAML or JSON."""
+        """The error in the YAML or JSON."""
         return self._parsed[1]
 
     @cached_property
@@ -80,7 +81,7 @@ class Content:
 
     @cached_property
     def xml(self) -> ElementTree.Element | None:
-        """The root of an XML file without entities, which may stand for billions of letters."""
+        """The root of an XML file; None with entities, which can expand to billions of letters."""
         text = self.words.lstrip()
         if not text.startswith("<") or "<!" in text.replace("<!--", ""):
             return None
@@ -89,13 +90,15 @@ class Content:
         except (ElementTree.ParseError, ValueError, LookupError, RecursionError):
             return None
         return (
-            root if sum(1 for _ in zip(range(MOST_ELEMENTS + 1), root.iter(), strict=False)) <= MOST_ELEMENTS else None
+            root
+            if sum(1 for _ in zip(range(MAX_XML_ELEMENTS + 1), root.iter(), strict=False)) <= MAX_XML_ELEMENTS
+            else None
         )
 
     @cached_property
     def rows(self) -> list[list[float]] | None:
-        """The numbers of each line of a text that has nothing else but brackets, separators and comments (#, %, //)."""
-        if not 0 < len(self.words) <= 64 * MOST_NUMBERS:
+        """The numbers of each line, of a text of only numbers, brackets, separators and comments (#, %, //)."""
+        if not 0 < len(self.words) <= 64 * MAX_NUMBERS:
             return None
         if any(self.words.count(one) != self.words.count(other) for one, other in ("[]", "()", "{}")):
             return None  # a part of something else
@@ -106,15 +109,15 @@ class Content:
                 row = [float(word) for word in words]
             except ValueError:
                 return None
-            if not all(abs(value) <= LARGEST for value in row):  # NaN is not either
+            if not all(abs(value) <= LARGEST for value in row):  # also for NaN
                 return None
             found += [row] if row else []
-        few = len(found) <= MOST_ROWS and sum(map(len, found)) <= MOST_NUMBERS
+        few = len(found) <= MAX_ROWS and sum(map(len, found)) <= MAX_NUMBERS
         return found if found and few else None
 
     @cached_property
     def matrix(self) -> Array | None:
-        """Rows of numbers of one length, as a matrix."""
+        """The rows as a matrix, where they have one length."""
         if self.rows is None or len(set(map(len, self.rows))) != 1:
             return None
         return np.array(self.rows)
@@ -160,7 +163,7 @@ def _without_repeats(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]
 
 
 def _depth(values: Any, most: int) -> int:
-    """Returns how deep values nest; more than `most` where they nest deeper than that."""
+    """Returns the nesting depth of values; any number above `most` for a larger depth."""
     if most < 0 or not isinstance(values, dict | list) or not values:
         return 1
     inner = values.values() if isinstance(values, dict) else values

@@ -1,4 +1,4 @@
-"""One program's way to write a calibration, as a value: how it is recognised, and how it is read."""
+"""A dialect as a value: one program's format of calibrations, how it is recognised, and how it is read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ispom.cameras import CAMERA_MODELS
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.camera_info import ImageSize
@@ -21,9 +20,9 @@ from ispom.types import Rig
 
 Kind = Literal["YAML", "JSON", "XML", "text", "binary"]
 NOMINAL_RATE = "nominal_rate_hz"
-"""Entry for the rate at which a camera is said to record: it counts only where the images have no times."""
-CORNER = 0.5
-"""Where the corner of the top-left pixel is (0, 0), its centre, which is our (0, 0), is at this."""
+"""Entry for a camera's stated frame rate, which is used only where the images have no times."""
+CORNER_ORIGIN_PX = 0.5
+"""Coordinates of the top-left pixel's centre, which is (0, 0) here, in programs with (0, 0) at that pixel's corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,36 +36,37 @@ class CalibrationFile:
     second: Pose | None = None
     """first_from_second of a pair, where the file has nothing else."""
     is_relative: bool = False
-    """The poses are those of one camera in another, not on a body that the file defines."""
+    """Whether poses are those of one camera in another, not on a body that the file defines."""
     of_pair: bool = False
-    """The poses are valid for a left and a right camera only: ROS's camera_info has any other at 0."""
+    """Whether poses are valid for a left and a right camera only: ROS's camera_info has any other at 0."""
     entries: dict[Any, Any] = field(default_factory=dict)
-    """All entries, also those that are not of the camera, such as the rate of its images; empty for several cameras."""
+    """All entries, also those that do not describe the camera, such as the rate of its images; empty for several
+    cameras."""
     usual: str = ""
-    """Name of the camera that is meant where one is needed; "" where the file does not say which."""
+    """Name of the camera to use where one is needed; "" where the file does not define it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dialect:
-    """How the files of a program are recognised and read; the docstring of its module has the conventions."""
+    """How the files of a program are recognised and read. Its conventions are in the docstring of its module."""
 
     name: str
     """Small letters, digits and _."""
     title: str
-    """Of the program, as people call it."""
+    """Usual name of the program."""
     files: str
     """Usual names of the files."""
     kind: Kind
     looked_for: str
-    """What in a file is its signature, in words."""
+    """Description of the dialect's signature in a file."""
     recognises: Callable[[Content], bool]
-    """Must be true of this dialect's files only, unless it has an `order`."""
+    """Checks for the signature. Must be true for this dialect's files only, unless it has an `order`."""
     read: Callable[[Content, ImageSize | None], CalibrationFile]
-    """The size is that of the images, used where a file has none. Raises InputError that names what is missing, wrong
-    or not supported."""
+    """Reads a file; the size is that of the images, used where the file has none. Raises InputError that names what is
+    missing, wrong or not supported."""
     order: int = 0
-    """Other programs' files may have the signature of a dialect with an order: such dialects are looked at where no
-    other recognises a file, in this order."""
+    """Position among the dialects whose signature other programs' files may have, too: these are tried in this order
+    where no other dialect recognises a file."""
 
 
 def size_of_images(path: Path, size: ImageSize | None) -> tuple[tuple[int, int], str]:
@@ -100,15 +100,9 @@ def lens_camera(
 
 
 def not_supported(path: Path, program: str, what: str, cure: str = "") -> InputError:
-    """Returns the fault of a file that is recognised, and has a lens that no camera model here is for."""
+    """Returns the error for a recognised file whose lens no camera model supports."""
     cure = cure or "calibrate with OpenCV's distortion, or its fisheye lens (equidistant, Kannala-Brandt)"
     return InputError(f"{path}: a file of {program}: {what} is not supported: {cure}")
-
-
-def installed_lens(word: str) -> str | None:
-    """Returns the model of a package that has this name, in whatever letters."""
-    plain = word.lower().replace("-", "_")
-    return plain if plain in CAMERA_MODELS.names() else None
 
 
 def one_number(path: Path, where: str, values: Mapping[Any, Any], key: str, default: float | None = None) -> float:
@@ -120,12 +114,12 @@ def one_number(path: Path, where: str, values: Mapping[Any, Any], key: str, defa
 def several_numbers(
     path: Path, where: str, values: Mapping[Any, Any], keys: tuple[str, ...], default: float | None = None
 ) -> list[float]:
-    """Returns the finite numbers of these names."""
+    """Returns the finite numbers with these names. Raises InputError as `one_number`."""
     return [one_number(path, where, values, key, default) for key in keys]
 
 
 def mapping_in(path: Path, where: str, values: Any) -> dict[Any, Any]:
-    """Returns an inner mapping. Raises InputError where it is none."""
+    """Returns an inner mapping. Raises InputError for a value that is none."""
     if not isinstance(values, dict):
         raise InputError(f"{path}: {where} must hold named values: correct it")
     return values

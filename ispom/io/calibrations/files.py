@@ -1,4 +1,4 @@
-"""A rig as files of another program, by name."""
+"""Writes a rig as files of another program."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ispom.types import Camera, Rig
 
 Format = Literal["camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
 AnyFormat = Literal["rig", "camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
-"""Our own rig.yaml, too."""
+"""Including ISPOM's own rig.yaml."""
 _ORDER = ("left", "right", "video")
 
 
 def placed_of(rig: Rig) -> list[Placed]:
-    """Its cameras: left, right, video."""
+    """Returns the cameras of a rig: left, right, video."""
     return [
         Placed(name, rig.camera(name), rig.rig_from(name))  # type: ignore[arg-type]
         for name in _ORDER
@@ -61,7 +61,8 @@ def rig_files(rig: Rig, form: Format) -> dict[str, str]:
 
 
 def left_out(rig: Rig, form: AnyFormat) -> Iterator[str]:
-    """Yields a sentence each about what only our own formats say: rolling shutters, and how sure the calibration is."""
+    """Yields a sentence about each entry of a rig that the format cannot hold: line delays of rolling shutters, poses,
+    and standard deviations of the calibration."""
     rolling = [each.name for each in placed_of(rig) if each.camera.line_delay_s]
     if rolling and form not in ("rig", "camera"):
         which = f"{LINE_DELAY} of {' and '.join(rolling)}"
@@ -76,7 +77,7 @@ def left_out(rig: Rig, form: AnyFormat) -> Iterator[str]:
 
 
 def _poses_lost(rig: Rig, form: AnyFormat) -> list[str]:
-    """Returns the cameras whose places a format cannot hold. COLMAP's has none, ROS's has those of a pair."""
+    """Returns the cameras whose poses a format cannot hold. COLMAP's has none, ROS's has those of a pair."""
     cameras = [each.name for each in placed_of(rig)]
     if len(cameras) < 2 or form not in ("colmap", "ros"):
         return []

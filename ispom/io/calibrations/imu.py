@@ -1,4 +1,4 @@
-"""What files of calibrations say about an IMU: its noise, and its pose at a camera.
+"""The noise of an IMU, and its pose relative to a camera, from calibration files.
 
 Noise is that of Kalibr's imu.yaml, of OpenVINS's kalibr_imu_chain.yaml (the same below `imu0`), of TUM-VI's
 imu_config.yaml and of EuRoC's imu0/sensor.yaml: continuous-time densities of the same four names and units. Kalibr's
@@ -15,7 +15,7 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.kalibr import is_camera, pose_at_imu
 from ispom.io.calibrations.placed import pose_of
 from ispom.io.mapping import finite_numbers, read_mapping
-from ispom.io.rig import LEAST_NOISE, MAX_NOISE
+from ispom.io.rig import MAX_NOISE, MIN_NOISE
 from ispom.types import Imu
 
 NOISE = {
@@ -24,20 +24,21 @@ NOISE = {
     "gyroscope_random_walk": "gyroscope_walk",
     "accelerometer_random_walk": "accelerometer_walk",
 }
-"""Entries of the files, and those of an `Imu`."""
-SHIFT = "timeshift_cam_imu"
-LONGEST_SHIFT_S = 10.0
+"""Fields of an `Imu` by the entries of files."""
+TIME_OFFSET_KEY = "timeshift_cam_imu"
+MAX_TIME_OFFSET_S = 10.0
+"""Largest magnitude of a time offset between camera and IMU."""
 
 
 def imu_noise(path: Path, content: dict[Any, Any] | None = None) -> Imu | None:
-    """Returns an IMU with the noise of a file, and the usual one where it lacks a value; None for a file that says
-    nothing of it. Raises InputError for a value that is no positive number."""
+    """Returns an IMU with the noise of a file, and the default for missing values; None for a file without any. Raises
+    InputError for a value that is no positive number."""
     entries: dict[Any, Any] = read_mapping(path) if content is None else content
     for inner in ("imu0", "imu"):
         if isinstance(found := entries.get(inner), dict):
             entries = found
     noise: dict[str, Any] = {
-        ours: finite_numbers(path, theirs, [entries[theirs]], 1, LEAST_NOISE, MAX_NOISE)[0]
+        ours: finite_numbers(path, theirs, [entries[theirs]], 1, MIN_NOISE, MAX_NOISE)[0]
         for theirs, ours in NOISE.items()
         if entries.get(theirs) is not None
     }
@@ -53,7 +54,7 @@ def body_from_imu(path: Path, content: dict[Any, Any]) -> Pose | None:
 
 
 def camera_from_imu(path: Path, topic: str = "") -> tuple[Pose, int] | None:
-    """Returns camera_from_imu of a camchain, and what is added to times of the IMU to get those of the camera [ns].
+    """Returns camera_from_imu of a camchain, and the offset that converts times of the IMU to those of the camera [ns].
 
     The camera is that of the image `topic`, or else cam0; None where the file has no pose of an IMU. Raises InputError
     that names the invalid entry.
@@ -65,8 +66,8 @@ def camera_from_imu(path: Path, topic: str = "") -> tuple[Pose, int] | None:
     for key, entry in named or entries[:1]:
         pose = pose_at_imu(path, key, entry)
         if pose is not None:
-            shift = entry.get(SHIFT)
-            limits = (-LONGEST_SHIFT_S, LONGEST_SHIFT_S)
-            shift_s = 0.0 if shift is None else finite_numbers(path, f"{key}.{SHIFT}", [shift], 1, *limits)[0]
+            shift = entry.get(TIME_OFFSET_KEY)
+            limits = (-MAX_TIME_OFFSET_S, MAX_TIME_OFFSET_S)
+            shift_s = 0.0 if shift is None else finite_numbers(path, f"{key}.{TIME_OFFSET_KEY}", [shift], 1, *limits)[0]
             return pose, -round(1e9 * shift_s)
     return None

@@ -21,8 +21,8 @@ from ispom.io.camera import coefficients, lens_of
 from ispom.io.mapping import finite_numbers, read_mapping
 
 BETWEEN, OF_IMU, AT_IMU = "T_cn_cnm1", "T_cam_imu", "T_imu_cam"
-ALIKE_M = 1e-3
-"""Largest difference of two poses that a file gives for the same camera."""
+SAME_POSITION_M = 1e-3
+"""Largest distance between two positions of the same camera in a file."""
 
 
 def kalibr_text(cameras: list[Placed], body_from_imu: Pose | None = None) -> str:
@@ -50,7 +50,7 @@ def kalibr_text(cameras: list[Placed], body_from_imu: Pose | None = None) -> str
 
 
 def read_kalibr(path: Path, content: dict[Any, Any] | None = None) -> list[Placed]:
-    """Reads the cameras; cam0 is the body. `content` are the entries of the file, where they are known. Raises
+    """Reads the cameras; cam0 is the body. `content` are the file's entries, if they were read before. Raises
     InputError that names the missing or invalid entry."""
     content = read_mapping(path) if content is None else content
     names = sorted((key for key in content if isinstance(key, str) and is_camera(key)), key=lambda key: int(key[3:]))
@@ -76,7 +76,7 @@ def read_kalibr(path: Path, content: dict[Any, Any] | None = None) -> list[Place
 
 
 def is_camera(key: str) -> bool:
-    """Returns whether an entry has a name of cameras."""
+    """Checks for the name of a camera: cam0, cam1 ..."""
     return key.startswith("cam") and key[3:].isascii() and key[3:].isdigit() and len(key) < 7
 
 
@@ -96,7 +96,7 @@ def _pose(
         other = AT_IMU if key == OF_IMU else OF_IMU
         return by_imu, (f"{path}: {name} would be to the right of the first camera if {key} were {other}: check which",)
     pose = before @ pose_of(path, f"{name}.{BETWEEN}", entry[BETWEEN]).inverse()
-    if by_imu is None or np.abs(by_imu.matrix - pose.matrix).max() < ALIKE_M:
+    if by_imu is None or np.abs(by_imu.matrix - pose.matrix).max() < SAME_POSITION_M:
         return pose, ()
     return pose, (f"{path}: {name} has another place by {BETWEEN} than by its pose at the IMU: the first is used",)
 
@@ -130,7 +130,7 @@ def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
 
 
 def read_euroc_sensor(path: Path, name: str = "", content: dict[Any, Any] | None = None) -> Placed:
-    """Reads a camera. `content` are the entries of the file, where they are known. Raises InputError that names the
+    """Reads a camera. `content` are the file's entries, if they were read before. Raises InputError that names the
     missing or invalid entry."""
     content = read_mapping(path) if content is None else content
     lens = lens_of(path, content)

@@ -1,9 +1,9 @@
 """OpenCV's files (cv2.FileStorage, in YAML, XML and JSON): camera matrices and coefficients, and the pose of the second
 camera. ROS's camera_info files are of this kind, too.
 
-Written are camera_matrix and distortion_coefficients for one camera (as OpenCV's calibration sample does), and
-K1, D1, K2, D2, R, T for a pair; further cameras are K3, D3, R3, T3. Read are these, and the other names that samples
-and tutorials have for them; R and T may be in a file of their own.
+This module writes camera_matrix and distortion_coefficients for one camera (as OpenCV's calibration sample does), and
+K1, D1, K2, D2, R, T for a pair; further cameras are K3, D3, R3, T3. It reads these, and the other names in samples and
+tutorials; R and T may be in a separate file.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from ispom.io.mapping import MAX_BYTES, MAX_DEPTH, read_mapping
 from ispom.io.rows import read_text
 from ispom.types import Camera
 
-MOST_CAMERAS = 8
+MAX_CAMERAS = 8
+"""Largest number of cameras of a file."""
 XML_HEAD = "<opencv_storage"
 
 
 def opencv_text(cameras: list[Placed]) -> str:
-    """x_n = R x_1 + T: the first camera is the world of the others."""
+    """Writes the cameras; the first one is the reference of the others: x_n = R x_1 + T."""
     lines = ["%YAML:1.0", "---", f"image_width: {cameras[0].camera.width}", f"image_height: {cameras[0].camera.height}"]
     if len(cameras) == 1:
         return "\n".join([*lines, *_interior(cameras[0].camera, "camera_matrix", "distortion_coefficients")]) + "\n"
@@ -47,19 +48,18 @@ def opencv_text(cameras: list[Placed]) -> str:
 
 
 def read_opencv(path: Path, size: ImageSize | None = None, content: dict[Any, Any] | None = None) -> list[Placed]:
-    """Reads the cameras, the first one being the body; those without a pose in the file have none.
+    """Reads the cameras; the first one is the body. Cameras without a pose in the file have none.
 
-    `content` are the entries of the file, where they are known.
-
-    A single camera is in the rectified left camera of its pair, where the file has it. `size` is that of the images,
-    used where the file has none. Raises InputError that names the missing or invalid entry.
+    The pose of a single camera is that in the rectified left camera of its pair, where the file has it. `content` are
+    the file's entries, if they were read before. `size` is that of the images, used where the file has none. Raises
+    InputError that names the missing or invalid entry.
     """
     content = storage(path) if content is None else content
     if (key := matrix_key(content)) is not None:
         info = camera_info(path, content, size=size)
         name = str(content.get("camera_name", content.get("name", path.stem)))
         return [placed(path, key, name, info.raw, info.pair_from_camera, info.notes)]
-    numbers = [n for n in map(str, range(1, MOST_CAMERAS + 1)) if matrix_key(content, n) is not None]
+    numbers = [n for n in map(str, range(1, MAX_CAMERAS + 1)) if matrix_key(content, n) is not None]
     if not numbers:
         raise InputError(f"{path} holds no camera_matrix and no K1 or M1: give a calibration of OpenCV")
     out: list[Placed] = []
@@ -72,15 +72,15 @@ def read_opencv(path: Path, size: ImageSize | None = None, content: dict[Any, An
 
 
 def read_extrinsics(path: Path, content: dict[Any, Any] | None = None) -> Pose | None:
-    """Reads the pose of the second camera of a pair in the first, from a file with only R and T of a pair, as
-    OpenCV's sample writes one; None for other files."""
+    """Reads first_from_second of a pair, from a file with only R and T, as OpenCV's sample writes it; None for other
+    files."""
     content = storage(path) if content is None else content
     only_pose = matrix_key(content) is None and matrix_key(content, "1") is None
     return _pose(path, content, "") if only_pose else None
 
 
 def storage(path: Path) -> dict[Any, Any]:
-    """Returns the entries of a file of OpenCV, whichever of its kinds it is. Raises InputError where it is none."""
+    """Returns the entries of a file of OpenCV (YAML, XML or JSON). Raises InputError for another file."""
     text = read_text(path, MAX_BYTES)
     return _of_xml(path, text) if is_xml(text) else read_mapping(path)
 
@@ -113,7 +113,7 @@ def _matrix(name: str, array: Array) -> str:
 
 def _of_xml(path: Path, text: str) -> dict[Any, Any]:
     wrong = InputError(f"{path} is not an XML file of OpenCV: restore it, or save it as YAML")
-    if "<!" in text.replace("<!--", ""):  # entities of entities stand for billions of letters
+    if "<!" in text.replace("<!--", ""):  # nested entities can expand to billions of letters
         raise wrong
     try:
         root = ElementTree.fromstring(text.encode())

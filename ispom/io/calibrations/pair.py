@@ -10,14 +10,14 @@ from ispom.cameras import require_opencv
 from ispom.geometry import Pose
 from ispom.types import Camera
 
-SHORTEST_M, LONGEST_M = 0.005, 2.0
-"""Baselines of nearly all stereo cameras, from endoscopes to cars."""
-MILLIMETRES = 20.0
-"""A baseline of this many metres or more is in millimetres; between the two limits the unit is another one."""
+MIN_BASELINE_M, MAX_BASELINE_M = 0.005, 2.0
+"""Range of the baselines of nearly all stereo cameras, from endoscopes to cars."""
+LIKELY_MILLIMETRES = 20.0
+"""Baseline from which on the number is likely in millimetres; between MAX_BASELINE_M and this it is in another unit."""
 
 
 def pair_fault(left_from_right: Pose) -> str:
-    """Returns what is wrong with the pose of the right camera, one clause; empty where it is to the right of the
+    """Returns one clause that describes the error in the right camera's pose; empty where it is to the right of the
     left one."""
     x, y, z = left_from_right.translation.tolist()
     if not np.hypot(np.hypot(x, y), z) > 0:
@@ -30,13 +30,13 @@ def pair_fault(left_from_right: Pose) -> str:
 
 
 def unit_note(baseline_m: float) -> str:
-    """Returns one sentence where a baseline is not in metres, by its size, with the likely unit; empty elsewhere."""
+    """Returns one sentence with the likely unit where a baseline's size shows that it is not in metres; else ""."""
     size = abs(baseline_m)
-    if not size or SHORTEST_M <= size <= LONGEST_M:
+    if not size or MIN_BASELINE_M <= size <= MAX_BASELINE_M:
         return ""
-    if size < SHORTEST_M:
+    if size < MIN_BASELINE_M:
         return f"the baseline is {size:.4g} m, shorter than any stereo camera's: lengths are likely not in metres"
-    if size >= MILLIMETRES:
+    if size >= LIKELY_MILLIMETRES:
         return f"the baseline is {size:.4g} m: it is likely in millimetres ({size / 1000:.4g} m), give metres"
     return (
         f"the baseline is {size:.4g} m: it is likely in squares of the board, in centimetres ({size / 100:.3g} m) "
@@ -69,6 +69,6 @@ def rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArr
 
 
 def coefficients_of(camera: Camera) -> NDArray:
-    """Its distortion as OpenCV takes it."""
+    """Returns the distortion in the form that OpenCV's functions take."""
     require_opencv(camera, "rectification")
     return np.array(camera.distortion or (0.0,) * (4 if camera.lens == "fisheye" else 0), float)

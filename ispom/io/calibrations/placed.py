@@ -1,4 +1,4 @@
-"""Rotation matrices in files: rounded as files are, made orthonormal here."""
+"""Rotation matrices in files, which are rounded there and made orthonormal here; cameras with poses."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from ispom.io.mapping import finite_numbers
 from ispom.plausibility.cameras import camera_doubts
 from ispom.types import Camera
 
-ROUNDED = 1e-3
-"""Largest deviation of a rotation in a file from an orthonormal matrix, whatever its digits."""
-EXACT = 1e-12
-"""Rotations nearer than this to one are taken as they stand."""
-_SHARE = 2.0
-"""Rounding moves each value by half of its last digit, and so R R^T by up to sqrt(3) of one."""
+MAX_ROUNDING = 1e-3
+"""Largest deviation of R R^T from the identity that is accepted as rounding, for any number of digits."""
+NO_ROUNDING = 1e-12
+"""Deviation of R R^T from the identity below which a matrix is used unchanged."""
+_ERROR_PER_DIGIT = 2.0
+"""Accepted deviation of R R^T, in units of the last digit: rounding by half a digit causes up to sqrt(3)."""
 
 
 def rotation_of(path: Path, where: str, matrix: Array) -> Array:
     """Returns the rotation (3, 3) nearest to a matrix (3, 3). Raises InputError where rounding does not explain the
     difference."""
     away = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
-    if away > max(ROUNDED, _SHARE * 10.0 ** -_decimals(matrix)) or np.linalg.det(matrix) <= 0:
+    if away > max(MAX_ROUNDING, _ERROR_PER_DIGIT * 10.0 ** -_decimals(matrix)) or np.linalg.det(matrix) <= 0:
         raise InputError(f"{path}: {where} is no rotation (its rows are not of length 1 at right angles): correct it")
-    if away <= EXACT:
+    if away <= NO_ROUNDING:
         return matrix
     u, _, vt = np.linalg.svd(matrix)
     return u @ vt
@@ -43,11 +43,11 @@ def _decimals(matrix: Array) -> int:
     return max(2, *(len(word.partition(".")[2]) for word in words))
 
 
-# A camera and where it sits, between the formats; and the pieces that several formats share.
+# A camera with its pose, which all formats have in common; and functions that several formats share.
 
 
-HOMOGENEOUS = 1e-6
-"""The last row of a rigid motion is 0 0 0 1, to this."""
+LAST_ROW_TOLERANCE = 1e-6
+"""Largest deviation of the last row of a rigid motion from 0 0 0 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +59,11 @@ class Placed:
     body_from_camera: Pose | None
     """None where its file has no pose."""
     notes: tuple[str, ...] = ()
-    """Sentences about what of the file is skipped, and what in it is likely a mistake."""
+    """Sentences about skipped entries of the file, and about likely mistakes in it."""
 
     @property
     def pose(self) -> Pose:
-        """body_from_camera. Raises ValueError where it is not known."""
+        """Returns body_from_camera. Raises ValueError where it is unknown."""
         if self.body_from_camera is None:
             raise ValueError(f"the pose of {self.name} is not known")
         return self.body_from_camera
@@ -80,7 +80,7 @@ def placed(
     body_from_camera: Pose | None,
     notes: tuple[str, ...] = (),
 ) -> Placed:
-    """Returns a camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
+    """Returns a camera of a file's entry `where`, with notes about likely mistakes in it."""
     return Placed(name, camera, body_from_camera, (*notes, *camera_doubts(camera, f"{path}: {where}".rstrip(": "))))
 
 
@@ -99,17 +99,17 @@ def camera_from(
 
 
 def matrix_of(pose: Pose) -> list[list[float]]:
-    """(4, 4) as nested lists."""
+    """Returns the matrix (4, 4) as nested lists."""
     return pose.matrix.tolist()
 
 
 def pose_of(path: Path, where: str, value: Any) -> Pose:
-    """Reads a (4, 4) matrix as nested or flat lists. Raises InputError where it is no rigid motion."""
+    """Reads a (4, 4) matrix from nested or flat lists. Raises InputError where it is no rigid motion."""
     flat = value
     if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) for row in value):
         flat = [number for row in value for number in row]
     matrix = np.array(finite_numbers(path, where, flat, 16)).reshape(4, 4)
-    if np.abs(matrix[3] - (0, 0, 0, 1)).max() > HOMOGENEOUS:
+    if np.abs(matrix[3] - (0, 0, 0, 1)).max() > LAST_ROW_TOLERANCE:
         turned = not matrix[:3, 3].any()
         cure = "it is transposed: exchange its rows and columns" if turned else "correct it"
         raise InputError(f"{path}: the last row of {where} is not 0 0 0 1: {cure}")
@@ -145,7 +145,7 @@ def _is_flat(value: list[Any]) -> bool:
 
 
 def _float(value: float) -> str:
-    """YAML 1.1 wants a point in a number with an exponent."""
+    """Returns a number with a decimal point, which YAML 1.1 requires before an exponent."""
     text = repr(float(value))
     if "e" in text and "." not in text:
         text = text.replace("e", ".0e")

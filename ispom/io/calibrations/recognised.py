@@ -20,7 +20,7 @@ from ispom.io.mapping import read_mapping
 from ispom.types import Camera, Rig
 
 SUFFIXES = (".yaml", ".yml", ".xml", ".json", ".conf", ".edex", ".cameramodel")
-"""Of files of calibrations that are looked for in a folder."""
+"""Suffixes of the calibration files that a folder is searched for."""
 _COLMAP = ("cameras.bin", "cameras.txt")
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
 _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
@@ -124,7 +124,7 @@ def _role(name: str) -> str:
 
 
 def _file_of(path: Path) -> Path:
-    """The file of a folder with COLMAP's cameras; any other path is itself."""
+    """Returns the file with COLMAP's cameras in a folder; any other path unchanged."""
     if not is_folder(path):
         return path
     return next((path / name for name in _COLMAP if exists(path / name)), path)
@@ -144,12 +144,12 @@ def _files(path: Path) -> tuple[Path, ...]:
 
 
 def _is_of_camera(path: Path) -> bool:
-    """EuRoC's IMU has a sensor.yaml, too."""
+    """Checks that a sensor.yaml is that of a camera: EuRoC's IMU has one, too."""
     return "intrinsics" in read_mapping(path)
 
 
 def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) -> CalibrationFile:
-    """Reads a file by the dialect that its content shows."""
+    """Reads a file by the dialect that its content has."""
     content = Content.of(path)
     if not every_placed and dialects.recognised(content) is ispom_rig.DIALECT:
         return ispom_rig.read_placed(content, False)

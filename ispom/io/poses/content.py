@@ -1,4 +1,4 @@
-"""What a file of poses holds, as the dialects look at it: text, rows of words, the names of a header, JSON."""
+"""The content of a file of poses: text, rows of words, the names of a header, JSON."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from ispom.io.rows import Row, read_text
 from ispom.io.values import LARGEST
 
 LARGEST_BINARY = 1 << 30
-"""An images.bin of COLMAP has 24 bytes for each point of each image."""
-HEAD = 4096
-SAMPLE = 50
-"""Rows that are looked at to recognise a dialect."""
-MOST_DEPTH = 8
-"""Of the values of JSON."""
+"""Largest size of a binary file: an images.bin of COLMAP has 24 bytes for each point of each image."""
+HEAD_BYTES = 4096
+"""Number of bytes of `head`."""
+SAMPLE_ROWS = 50
+"""Number of first rows by which a dialect is recognised."""
+MAX_DEPTH = 8
+"""Largest nesting depth of JSON values."""
 
 
 class PoseContent:
-    """The content of a file or folder; each view of it is made once, when it is needed."""
+    """The content of a file or folder. Each form of it is made once, on demand."""
 
     def __init__(self, path: Path, topic: str = "") -> None:
-        """`topic` is that of a bag, where one is meant."""
+        """`topic` is that of a bag, if one is chosen."""
         self.path, self.topic = path, topic
 
     @property
     def suffix(self) -> str:
-        """In lower case."""
+        """Suffix of the file's name, in lower case."""
         return self.path.suffix.lower()
 
     @cached_property
@@ -44,8 +45,8 @@ class PoseContent:
 
     @cached_property
     def head(self) -> bytes:
-        """The first bytes; none of a folder."""
-        return b"" if self.is_folder else read_head(self.path, HEAD)
+        """The first bytes of a file; empty for a folder."""
+        return b"" if self.is_folder else read_head(self.path, HEAD_BYTES)
 
     @cached_property
     def is_text(self) -> bool:
@@ -53,27 +54,27 @@ class PoseContent:
 
     @cached_property
     def binary(self) -> bytes:
-        """All bytes. Raises InputError where there are too many."""
+        """All bytes. Raises InputError for a file larger than LARGEST_BINARY."""
         return read_bytes(self.path, LARGEST_BINARY)
 
     @cached_property
     def text(self) -> str:
-        """In UTF-8. Raises InputError where it is not."""
+        """The text. Raises InputError where it is not in UTF-8."""
         return read_text(self.path)
 
     @cached_property
     def rows(self) -> list[Row]:
-        """The words of each line without comments (# or %), between semicolons, or else commas, or else spaces."""
+        """The words of each line without comments (# or %), separated by semicolons, or else commas, or else spaces."""
         lines = enumerate(self.text.splitlines(), 1) if self.is_text else ()
         rows = ((line, split_line(text.strip())) for line, text in lines if not text.lstrip().startswith(("#", "%")))
         return [(line, words) for line, words in rows if words]
 
     @cached_property
     def sample(self) -> list[list[float]]:
-        """The numbers of the first rows that have nothing else, and as many of them as the first such row; empty where
-        words come first that are none, except those of one line, a header."""
+        """The numbers of the first rows that contain only numbers, and as many as the first such row. One line of words
+        may be before them, as a header; with more the sample is empty."""
         found: list[list[float]] = []
-        for _, words in self.rows[: SAMPLE + 1]:
+        for _, words in self.rows[: SAMPLE_ROWS + 1]:
             numbers = _numbers(words)
             if numbers is not None and (not found or len(numbers) == len(found[0])):
                 found.append(numbers)
@@ -83,27 +84,27 @@ class PoseContent:
 
     @property
     def width(self) -> int:
-        """Numbers of a row; 0 where the first rows are not numbers."""
+        """Number of numbers in a row; 0 where the first rows are not numbers."""
         return len(self.sample[0]) if self.sample else 0
 
     @cached_property
     def spaced(self) -> bool:
-        """Rows have spaces or tabs between their words."""
+        """Whether the words of rows are separated by spaces or tabs."""
         return not any({",", ";"} & set(self.text.splitlines()[line - 1]) for line, _ in self.rows[:2])
 
     @cached_property
     def columns(self) -> Columns | None:
-        """What a header says of the columns of poses with times and quaternions."""
+        """The columns that a header names, of poses with times and quaternions."""
         return self._header[0]
 
     @property
     def header_fault(self) -> InputError | None:
-        """What is wrong with the header."""
+        """The error of an invalid header."""
         return self._header[1]
 
     @cached_property
     def roles(self) -> Roles | None:
-        """What a header says of the columns, where it names positions."""
+        """The roles of the columns, from a header that names positions."""
         return header_roles(self.path) if self.is_text else None
 
     @cached_property
@@ -114,7 +115,7 @@ class PoseContent:
 
     @cached_property
     def comments(self) -> str:
-        """The first comments, in small letters."""
+        """The comments at the beginning, in lower case."""
         lines = self.text.splitlines()[:20] if self.is_text else []
         return "\n".join(line.strip().lower() for line in lines if line.lstrip().startswith(("#", "%")))
 
@@ -160,19 +161,19 @@ def _numbers(words: list[str]) -> list[float] | None:
         found = [float(word) for word in words]
     except ValueError:
         return None
-    return [value if abs(value) <= LARGEST else 0.0 for value in found]  # the reader names what is too large
+    return [value if abs(value) <= LARGEST else 0.0 for value in found]  # the reader reports too large values
 
 
 def _json(text: str) -> Any:
-    """Returns the values, numbers as they are written; None where it is no JSON, or nests deep."""
+    """Returns the values, numbers as words; None for other texts than JSON, and for deeply nested values."""
     try:
         values = json.loads(text, parse_float=str, parse_int=str, parse_constant=str)
     except (ValueError, RecursionError):
         return None
-    return values if isinstance(values, dict | list) and _depth(values) <= MOST_DEPTH else None
+    return values if isinstance(values, dict | list) and _depth(values) <= MAX_DEPTH else None
 
 
-def _depth(values: Any, most: int = MOST_DEPTH) -> float:
+def _depth(values: Any, most: int = MAX_DEPTH) -> float:
     if not isinstance(values, dict | list) or not values:
         return 1
     if most < 1:

@@ -1,4 +1,4 @@
-"""One program's way to write poses, as a value: how it is recognised, and how it is read."""
+"""A dialect as a value: one program's format of poses, how it is recognised, and how it is read."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from ispom.types import FrameName, Trajectory
 
 Kind = Literal["text", "JSON", "binary", "bag"]
 ROW_NS = 1_000_000_000
-"""Rows without times are seconds."""
-SKEWED = 1e-2
-"""Largest difference of R R^T from the identity."""
+"""Interval [ns] of the times of rows without times."""
+MAX_SKEW = 1e-2
+"""Largest deviation of R R^T from the identity."""
 FLIP = np.diag([1.0, -1.0, -1.0])
-"""A camera with y up and z backwards (OpenGL) from one with y down and z ahead (OpenCV), and the other way round."""
+"""(3, 3) opengl_from_opencv and its inverse: a camera with y up and z backwards, and one with y down and z forward."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
-    """A trajectory from a file, and what is known about the file."""
+    """A trajectory from a file, and information about the file."""
 
     path: Path
     format: str
@@ -38,44 +38,44 @@ class TrajectoryFile:
     trajectory: Trajectory
     """world_from_FRAME; only EuRoC's files define FRAME (the body): for the others it is rig."""
     timed: bool = True
-    """False: times are row numbers, or those that the file has for its rows."""
+    """Whether the times are known; else they are row numbers, or numbers of images as seconds."""
     unit: str = ""
-    """Assumed unit of the times, where the file does not say it."""
+    """Assumed unit of the times, where the file does not define it."""
     notes: tuple[str, ...] = ()
-    """What was decided that the file does not say."""
+    """Sentences about assumptions that the file does not confirm."""
     images: tuple[str, ...] = ()
     """Names of the images of its poses, in their order, where the file has them."""
     numbered: bool = False
-    """Its rows have numbers of images, of which some may be missing: seconds of the times where it is not `timed`."""
+    """Whether rows have numbers of images, of which some may be missing; without `timed` these are seconds."""
     has_rotations: bool = True
-    """False: the file has positions only, and all rotations are the identity."""
+    """Whether the file has rotations; if it has positions only, all rotations are the identity."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseDialect:
-    """How the files of a program are recognised and read; the docstring of its module has the conventions."""
+    """How the files of a program are recognised and read. Its conventions are in the docstring of its module."""
 
     name: str
     """Small letters, digits and _."""
     title: str
-    """As people call it."""
+    """Usual name of the format."""
     files: str
     """Usual names of the files."""
     kind: Kind
     looked_for: str
-    """What in a file is its signature, in words."""
+    """Description of the dialect's signature in a file."""
     recognises: Callable[[PoseContent], bool]
-    """Must be true of this dialect's files only, unless it has an `order`."""
+    """Checks for the signature. Must be true for this dialect's files only, unless it has an `order`."""
     read: Callable[[PoseContent, NDArray[np.int64] | None], TrajectoryFile]
-    """The times (N,) are those of the rows of a file that has none. Raises InputError that names what is missing, wrong
-    or ambiguous."""
+    """Reads a file; the times (N,) are those of the rows of a file that has none. Raises InputError that names what is
+    missing, wrong or ambiguous."""
     order: int = 0
-    """Dialects with an order are looked at where no other recognises a file, in this order."""
+    """Position among the dialects that are tried only where no other dialect recognises a file."""
 
 
 def rectangular(content: PoseContent, width: int, at_least: bool = False) -> list[Row]:
-    """Returns the rows without the header. Raises InputError for one that has not `width` words (or `at_least` as
-    many), and without a row."""
+    """Returns the rows without the header. Raises InputError for a row that does not have `width` words (with
+    `at_least`: that many or more), and for a file without rows."""
     rows = content.data
     for line, words in rows:
         if len(words) != width and not (at_least and len(words) > width):
@@ -91,9 +91,9 @@ def values_of(path: Path, rows: Sequence[Row], first: int, last: int) -> Array:
 
 
 def rotations_of(path: Path, places: Sequence[str], matrices: Array) -> Array:
-    """Returns the rotations (N, 3, 3) of matrices that are nearly so, made orthonormal; `places` are in words. Raises
-    InputError that names the place of one that is none."""
-    skewed = abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > SKEWED
+    """Returns the rotations (N, 3, 3) nearest to matrices (N, 3, 3). Raises InputError for a matrix that is not nearly
+    a rotation, with its entry of `places`, such as "line 3"."""
+    skewed = abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > MAX_SKEW
     wrong = np.flatnonzero(skewed | (np.linalg.det(matrices) <= 0))
     if len(wrong):
         raise InputError(f"{path} {places[wrong[0]]}: its first three columns are not a rotation: correct it")
@@ -103,8 +103,8 @@ def rotations_of(path: Path, places: Sequence[str], matrices: Array) -> Array:
 def of_matrices(
     path: Path, rows: Sequence[Row], matrices: Array, times: NDArray[np.int64], frame: FrameName = "rig"
 ) -> Trajectory:
-    """Returns the trajectory of world_from_FRAME matrices (N, 3 or 4, 4) of these rows. Raises InputError for one that
-    is not rigid, and where times go back."""
+    """Returns the trajectory of world_from_FRAME matrices (N, 3 or 4, 4) of these rows. Raises InputError for a matrix
+    that is not rigid, and for times that decrease."""
     if matrices.shape[1] == 4 and (bad := np.flatnonzero(abs(matrices[:, 3] - (0, 0, 0, 1)).max(axis=1) > 1e-6)).size:
         raise InputError(f"{path} line {rows[bad[0]][0]}: the last row of its matrix is not 0 0 0 1: correct it")
     rotations = rotations_of(path, [f"line {line}" for line, _ in rows], matrices[:, :3, :3])
@@ -113,8 +113,8 @@ def of_matrices(
 
 
 def untimed(content: PoseContent, count: int, times_ns: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], bool]:
-    """Returns the times (N,) of `count` rows without times, and whether they are known. Raises InputError where there
-    are not as many times."""
+    """Returns the times (N,) of `count` rows without times, and whether they are known. Raises InputError for another
+    number of times."""
     if times_ns is None:
         return np.arange(count, dtype=np.int64) * ROW_NS, False
     if len(times_ns) != count:
@@ -125,8 +125,11 @@ def untimed(content: PoseContent, count: int, times_ns: NDArray[np.int64] | None
 def numbered(
     content: PoseContent, rows: Sequence[Row], times_ns: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.int64], bool]:
-    """Returns the times of rows whose first words are numbers of images, and whether they are known: `times_ns` are
-    those of all images. Raises InputError for a number that is no increasing whole one, or has no time."""
+    """Returns the times of rows whose first words are numbers of images, and whether they are known.
+
+    `times_ns` are those of all images. Raises InputError for numbers that are not whole and increasing, and for one
+    without a time.
+    """
     index: list[int] = []
     for line, words in rows:
         whole = re.fullmatch(r"\+?([0-9]{1,9})(?:\.0*)?(?:e\+?0+)?", words[0])
@@ -147,23 +150,24 @@ def numbered(
 
 
 def counts_images(content: PoseContent) -> bool:
-    """Checks that the first column of the sample has whole numbers that increase, and are too small to be dates."""
+    """Checks that the first column of the sample has increasing whole numbers that are too small to be dates."""
     first = content.column(0)
     whole = bool((first == np.round(first)).all() and first.min() >= 0 and first.max() < 1e8)
     return whole and bool((np.diff(first) > 0).all()) and bool(len(first) < 2 or np.median(np.diff(first)) <= 100)
 
 
 def timed(content: PoseContent, rows: Sequence[Row], unit: str | None = None) -> tuple[NDArray[np.int64], str]:
-    """Returns the times (N,) in the first words [ns] and their unit, by their values where it is not known. Raises
-    InputError that names the invalid line."""
+    """Returns the times (N,) [ns] in the first words, and their unit, which is inferred from the values where it is
+    None. Raises InputError that names the invalid line."""
     return times_in(content.path, list(rows), (0,), unit)
 
 
 def order_of_quaternions(content: PoseContent, values: Array, header: str) -> tuple[Array, tuple[str, ...]]:
-    """Returns quaternions (N, 4) as x, y, z, w, of a file that does not say their order, and a note about the reason.
+    """Returns quaternions (N, 4) as x, y, z, w, of a file that does not define their order, and a note about the
+    reason.
 
-    An order counts where the first pose is then the identity, as odometry starts, and is not in the other one. Raises
-    InputError otherwise, with the choice: `header` has Q in the place of their columns.
+    An order is chosen if the first pose is the identity in that order only, as odometry starts there. Raises InputError
+    otherwise, with both headers to choose from: `header` has Q in the place of the quaternion's columns.
     """
     first = np.abs(values[0])
     for name, place, order in (("last", 3, [0, 1, 2, 3]), ("first", 0, [1, 2, 3, 0])):
@@ -182,7 +186,7 @@ def order_of_quaternions(content: PoseContent, values: Array, header: str) -> tu
 def of_quaternions(
     content: PoseContent, rows: Sequence[Row], times: NDArray[np.int64], positions: Array, xyzw: Array
 ) -> Trajectory:
-    """Returns world_from_rig; every row is used. Raises InputError as `latest`."""
+    """Returns world_from_rig of all rows. Raises InputError as `latest`."""
     return latest(content.path, list(rows), times, positions, xyzw, "rig", every=True)
 
 

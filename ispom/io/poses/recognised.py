@@ -13,7 +13,7 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import TrajectoryFile
 
 IN_FOLDER = ("images.bin", "images.txt", "transforms.json")
-"""Files of poses by which a folder is one of their programs."""
+"""Files of poses that are looked for in a folder."""
 
 
 def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
@@ -26,7 +26,7 @@ def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> Tr
 
 
 def content_of(path: Path) -> PoseContent:
-    """Returns the content of a path as a person gives it: of a folder, its file with poses; of `BAG:TOPIC`, the bag."""
+    """Returns the content of a path on the command line: for a folder, its file of poses; for `BAG:TOPIC`, the bag."""
     topic = ""
     if ":/" in str(path) and not exists(path):
         name, _, topic = str(path).partition(":/")

@@ -23,7 +23,7 @@ from ispom.errors import InputError, counted
 from ispom.geometry import Array, Pose
 from ispom.io.bag_file import IMAGE_TYPES, INFO_TYPE, BagFile
 from ispom.io.poses.dialects.ros_bag import TF, pose_topics
-from ispom.io.values import LARGEST, LEAST_SIGMA, MAX_TIME_S, MOST_SIGMA
+from ispom.io.values import LARGEST, MAX_SIGMA, MAX_TIME_S, MIN_SIGMA
 from ispom.sequences.own_sensors import OwnSensor, imu_said
 from ispom.sequences.readings import Readings
 from ispom.sequences.sensor_files import geodetic_values
@@ -261,7 +261,7 @@ def _gnss_readings(bag: BagFile, topic: str, own_clock: bool) -> Readings:
         return [message.latitude, message.longitude, message.altitude, *sigma]
 
     times_ns, values = _rows(bag, topic, own_clock, row)
-    sigma = np.clip(values[:, 3:], LEAST_SIGMA, MOST_SIGMA)
+    sigma = np.clip(values[:, 3:], MIN_SIGMA, MAX_SIGMA)
     return Readings("gnss", times_ns, geodetic_values(f"{bag.path}: {topic}", values[:, :3], sigma))
 
 

@@ -1,4 +1,4 @@
-"""A table of IMU samples and tracked points without images: `imu_and_features.csv`, as the examples of gtsam hold it.
+"""A table of IMU samples and tracked points without images: `imu_and_features.csv`, as in the examples of gtsam.
 
 Its first line names the columns. Rows of the type `imu` have `t_abs` [s], `gx gy gz` [rad/s] and `ax ay az` [m/s^2];
 rows of the type `vision_feature` have `t_abs`, `landmark_id` and the undistorted normalised coordinates `u_norm v_norm`
@@ -6,8 +6,8 @@ of one point; rows of the type `meta` have `key` and `value`: the camera (`camer
 (body_from_camera, as EuRoC's T_BS), and perhaps `eqf.input_var_*`, the noise of the IMU. `truth.tum` beside it has the
 poses of the body.
 
-There are no images, so they are drawn: each tracked point is a round spot on black, of a brightness of its own. A
-method that works on images works on them; what it finds is what the tracks hold, and no more.
+As there are no images, they are drawn: each tracked point is a round spot on black, with its own brightness. Methods
+run on these images as on others; they can find no more than the tracks contain.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.camera import usable
 from ispom.io.files import exists
-from ispom.io.rig import LEAST_NOISE, MAX_NOISE
+from ispom.io.rig import MAX_NOISE, MIN_NOISE
 from ispom.io.rows import numbers, read_text
 from ispom.io.trajectories import read_tum
 from ispom.io.values import LARGEST, time_ns
@@ -44,16 +44,17 @@ IMU_NOISE = {
     "accelerometer_walk": "eqf.input_var_acc_bias_walk",
 }
 """Fields of an Imu by the keys of their squares."""
-SPOT_PX = 2.0
-"""Width (1 sigma) of a drawn spot [px]: corners are found in its middle, and the tracker's window holds it."""
-REACH_PX = 8
-"""A spot is drawn up to this distance [px]."""
+SPOT_SIGMA_PX = 2.0
+"""Standard deviation of a drawn Gaussian spot [px]: corners are detected in its middle, and it fits into the tracker's
+window."""
+SPOT_RADIUS_PX = 8
+"""Radius up to which a spot is drawn [px]: 4 standard deviations."""
 WIDEST, LEAST_SHARE = 10.0, 0.9
 """Normalised coordinates of a view of 169 degrees, and the least share of points in the image where some are beyond."""
 DARKEST, BRIGHTEST = 110, 250
-"""Grey values of the spots' middles."""
-SIDE_PX = 4000
-"""An image is no larger; points beyond it are not drawn."""
+"""Range of grey values of the spots' middles."""
+MAX_SIDE_PX = 4000
+"""Largest side of an image [px]; points beyond it are not drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +83,19 @@ def open_feature_table(folder: Path) -> Sequence:
             f"{path}: its camera needs a positive focal length and a unit quaternion: correct its meta rows"
         )
     pixels = points.uv * [fx, fy] + [cx, cy]
-    near = np.asarray((np.abs(pixels - [cx, cy]) < SIDE_PX / 2).all(axis=1))
+    near = np.asarray((np.abs(pixels - [cx, cy]) < MAX_SIDE_PX / 2).all(axis=1))
     far = float(np.abs(points.uv).max())
     if not near.any() or (far > WIDEST and near.mean() < LEAST_SHARE):
         raise InputError(
             f"{path}: u_norm and v_norm reach {far:.4g}, far outside of an image: give normalised coordinates "
             "((u - cx) / fx), not pixels"
         )
-    low = np.floor(pixels[near].min(axis=0)) - REACH_PX
-    width, height = (np.ceil(pixels[near].max(axis=0)) + REACH_PX - low + 1).astype(int).tolist()
+    low = np.floor(pixels[near].min(axis=0)) - SPOT_RADIUS_PX
+    width, height = (np.ceil(pixels[near].max(axis=0)) + SPOT_RADIUS_PX - low + 1).astype(int).tolist()
     camera = Camera(width, height, float(fx), float(fy), float(cx - low[0]), float(cy - low[1]))
     usable(camera, f"{path}: its camera")
     noise: dict[str, Any] = {
-        f: float(np.sqrt(_values(path, meta, (key,), LEAST_NOISE**2, MAX_NOISE**2)[0]))
+        f: float(np.sqrt(_values(path, meta, (key,), MIN_NOISE**2, MAX_NOISE**2)[0]))
         for f, key in IMU_NOISE.items()
         if key in meta
     }
@@ -122,11 +123,11 @@ def drawn(uv: Array, ids: NDArray[np.int64], size: tuple[int, int]) -> Image:
     width, height = size
     image = np.zeros((height, width))
     for (u, v), bright in zip(uv, DARKEST + (ids * 37) % (BRIGHTEST - DARKEST), strict=True):
-        left, top = max(int(u) - REACH_PX, 0), max(int(v) - REACH_PX, 0)
-        part = image[top : int(v) + REACH_PX + 1, left : int(u) + REACH_PX + 1]
+        left, top = max(int(u) - SPOT_RADIUS_PX, 0), max(int(v) - SPOT_RADIUS_PX, 0)
+        part = image[top : int(v) + SPOT_RADIUS_PX + 1, left : int(u) + SPOT_RADIUS_PX + 1]
         rows, columns = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
         squared = (rows - v) ** 2 + (columns - u) ** 2
-        np.maximum(part, bright * np.exp(-squared / (2 * SPOT_PX**2)), out=part)
+        np.maximum(part, bright * np.exp(-squared / (2 * SPOT_SIGMA_PX**2)), out=part)
     return np.rint(image).astype(np.uint8)
 
 

@@ -1,7 +1,7 @@
-"""The dialects of calibrations, a module each: one that has a `DIALECT` is found by being here.
+"""The dialects of calibrations, one module each: every module of this package that has a `DIALECT` is registered.
 
-A module's docstring has the conventions of the program: pixel origin, order of the coefficients, direction of the
-poses, units, and where that is written. The documents show it.
+A module's docstring states the conventions of the program: pixel origin, order of the coefficients, direction of the
+poses, units, and their source. It is shown in the documentation.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def dialects() -> tuple[Dialect, ...]:
 
 
 def recognised(content: Content) -> Dialect | None:
-    """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has those of
-    two, as the file of one would be read as that of the other."""
+    """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has the
+    signatures of two, as it would be read as the wrong one."""
     found = matching(dialects(), content)
     if len(found) > 1:
         raise InputError(f"{content.path} has the entries of {in_words(found)}: remove those of one")
@@ -38,7 +38,7 @@ def recognised(content: Content) -> Dialect | None:
 
 def read(content: Content, size: ImageSize | None = None) -> CalibrationFile:
     """Reads a file by its dialect; `size` is that of the images, used where it has none. Raises InputError for a file
-    of no known dialect, which says what was looked for."""
+    of no known dialect, with a list of the signatures."""
     dialect = recognised(content)
     if dialect is not None:
         return dialect.read(content, size)

@@ -27,7 +27,8 @@ from ispom.io.calibrations.dialect import (
 from ispom.io.calibrations.placed import Placed
 
 _PERSPECTIVE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")
-_MOST_INSIDE = 8
+_MAX_DEPTH = 8
+"""Largest number of base classes that are searched for imageSize."""
 
 
 def _recognises(content: Content) -> bool:
@@ -77,10 +78,10 @@ def _camera(content: Content, n: int, camera: dict[Any, Any], model: dict[Any, A
 
 
 def _size(data: dict[Any, Any], depth: int = 0) -> dict[Any, Any] | None:
-    """imageSize, which lies in the data of the class that a model is derived from."""
+    """Returns imageSize, which is in the data of a base class of the model."""
     if isinstance(data.get("imageSize"), dict):
         return data["imageSize"]
-    if depth > _MOST_INSIDE:
+    if depth > _MAX_DEPTH:
         return None
     inner = (_size(each, depth + 1) for each in data.values() if isinstance(each, dict))
     return next((size for size in inner if size is not None), None)

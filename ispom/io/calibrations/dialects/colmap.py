@@ -3,8 +3,8 @@ them.
 
 The corner of the top-left pixel is (0, 0), so that half a pixel is subtracted. Parameters: f or fx fy, cx cy, then k
 (k1 k2 of RADIAL, OpenCV's order of OPENCV and FULL_OPENCV, k1 to k4 of OPENCV_FISHEYE). Cameras have no poses here:
-those of images.txt are of a recording. FOV, THIN_PRISM_FISHEYE, division and other models are not supported. Source:
-COLMAP, doc/format.rst, doc/cameras.rst and src/colmap/sensor/models.h.
+those in images.txt are poses of a recording. FOV, THIN_PRISM_FISHEYE, division and other models are not supported.
+Source: COLMAP, doc/format.rst, doc/cameras.rst and src/colmap/sensor/models.h.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ MODELS = (
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
     "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )  # fmt: skip
-"""By their numbers in cameras.bin."""
-OTHER_COUNTS = {
+"""Models in the order of their numbers in cameras.bin."""
+UNSUPPORTED_COUNTS = {
     "FOV": 5, "THIN_PRISM_FISHEYE": 12, "RAD_TAN_THIN_PRISM_FISHEYE": 16, "SIMPLE_DIVISION": 4, "DIVISION": 5,
     "EUCM": 6, "EQUIRECTANGULAR": 0,
 }  # fmt: skip
-"""Of models that are not supported."""
-MOST_CAMERAS = 100_000
+"""Numbers of parameters of the models that are not supported."""
+MAX_CAMERAS = 100_000
+"""Largest number of cameras of a file."""
 _COUNT, _CAMERA = struct.Struct("<Q"), struct.Struct("<iiQQ")
 
 
@@ -48,7 +49,7 @@ def _is_binary(data: bytes) -> bool:
         return False
     (count,) = _COUNT.unpack_from(data)
     _, model, width, height = _CAMERA.unpack_from(data, _COUNT.size)
-    plausible = 1 <= count <= MOST_CAMERAS and 0 <= model < 64 and 0 < width < 1 << 17 and 0 < height < 1 << 17
+    plausible = 1 <= count <= MAX_CAMERAS and 0 <= model < 64 and 0 < width < 1 << 17 and 0 < height < 1 << 17
     return plausible and len(data) >= _COUNT.size + count * _CAMERA.size
 
 
@@ -76,7 +77,7 @@ def _of_binary(content: Content) -> list[Camera]:
         if not 0 <= number < len(MODELS):
             raise InputError(f"{path}: camera {n + 1} has model {number}, which no known version of COLMAP has")
         model = MODELS[number]
-        used = COUNTS.get(model, OTHER_COUNTS.get(model, 0))
+        used = COUNTS.get(model, UNSUPPORTED_COUNTS.get(model, 0))
         if place + 8 * used > len(data):
             raise InputError(f"{path} ends in camera {n + 1} of {count}: restore the file")
         values = struct.unpack_from(f"<{used}d", data, place)

@@ -30,7 +30,7 @@ from ispom.io.calibrations.placed import Placed, rotation_of
 from ispom.io.camera import intrinsics_of
 from ispom.io.mapping import finite_numbers
 
-CENTIMETRE = 1e-2
+METRES_PER_CENTIMETRE = 1e-2
 _ROLES = {0: "video", 1: "left", 2: "right"}
 _TYPES = {0: "opencv", 1: "fisheye"}
 
@@ -80,7 +80,7 @@ def _camera(content: Content, socket: int, camera: dict[Any, Any]) -> Placed:
 
 
 def _to_end(content: Content, socket: int, data: dict[int, dict[Any, Any]]) -> tuple[int, Pose]:
-    """The last camera of the chain of extrinsics, and last_from_socket."""
+    """Returns the last camera of the chain of extrinsics, and last_from_socket."""
     pose, seen = Pose(), {socket}
     while True:
         extrinsics = data[socket].get("extrinsics")
@@ -93,7 +93,7 @@ def _to_end(content: Content, socket: int, data: dict[int, dict[Any, Any]]) -> t
         rotation = rotation_of(content.path, f"rotationMatrix of {where}", rotation.reshape(3, 3))
         place = mapping_in(content.path, f"translation of {where}", extrinsics.get("translation"))
         translation = several_numbers(content.path, f"translation of {where}: ", place, ("x", "y", "z"))
-        pose = Pose(rotation, CENTIMETRE * np.array(translation)) @ pose
+        pose = Pose(rotation, METRES_PER_CENTIMETRE * np.array(translation)) @ pose
         seen.add(to)
         socket = to
 

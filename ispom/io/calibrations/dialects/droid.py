@@ -1,6 +1,6 @@
-"""One line of numbers as DROID-SLAM, DPVO and DPV-SLAM take it: fx fy cx cy, and perhaps the coefficients.
+"""DROID-SLAM, DPVO and DPV-SLAM: one line of numbers, fx fy cx cy, and optionally the coefficients.
 
-Pixel (0, 0) is the centre of the top-left pixel. Coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], as they are given to
+Pixel (0, 0) is the centre of the top-left pixel. Coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], in the order of
 cv2.undistort. The size is that of the images; there is no pose. Source: DROID-SLAM, demo.py and calib/.
 """
 

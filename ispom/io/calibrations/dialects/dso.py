@@ -13,21 +13,22 @@ import re
 from ispom.errors import InputError
 from ispom.io.calibrations.camera_info import ImageSize
 from ispom.io.calibrations.content import Content
-from ispom.io.calibrations.dialect import CORNER, CalibrationFile, Dialect, lens_camera, not_supported
+from ispom.io.calibrations.dialect import CORNER_ORIGIN_PX, CalibrationFile, Dialect, lens_camera, not_supported
 from ispom.io.rows import numbers
 
 _LENSES = {"radtan": "opencv", "pinhole": "opencv", "equidistant": "fisheye", "kannalabrandt": "fisheye", "fov": "fov"}
 _RECTIFIES = re.compile(r"crop|full|none|(\S+ ){4}\S+")
-_MOST_LINES = 8
+_MAX_LINES = 8
+"""Largest number of lines of a file; DSO's format has four."""
 
 
 def _lines(content: Content) -> list[tuple[int, list[str]]]:
-    """The lines with words, with their numbers counted from 1; none of a long text."""
+    """Returns the lines with words, with their numbers counted from 1; no line of a text longer than _MAX_LINES."""
     if not 0 < len(content.words) <= 4096:
         return []
     lines = enumerate(content.words.splitlines(), 1)
     found = [(n, line.split()) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
-    return found if len(found) <= _MOST_LINES else []
+    return found if len(found) <= _MAX_LINES else []
 
 
 def _recognises(content: Content) -> bool:
@@ -49,7 +50,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     values = numbers(path, lines[0][0], words[1:]).tolist()
     width, height = numbers(path, lines[1][0], lines[1][1]).tolist()
     if name == "pinhole" and not any(values[4:]):
-        values = [*values[:4], 0.0]  # as 4Seasons has it, with more zeros
+        values = [*values[:4], 0.0]  # files of 4Seasons have more zeros
     expected = 8 if lens == "fisheye" or name == "radtan" else 5
     if len(values) != expected:
         raise InputError(f"{path} line {lines[0][0]}: {words[0]} has {expected} numbers, not {len(values)}: correct it")
@@ -58,7 +59,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     intrinsics = values[:4]
     if intrinsics[2] < 1 and intrinsics[3] < 1:
         fx, fy, cx, cy = intrinsics
-        intrinsics = [fx * width, fy * height, cx * width - CORNER, cy * height - CORNER]
+        intrinsics = [fx * width, fy * height, cx * width - CORNER_ORIGIN_PX, cy * height - CORNER_ORIGIN_PX]
     distortion = values[4:] if expected == 8 else []
     camera = lens_camera(
         content, path.stem, (width, height), intrinsics, distortion, "opencv" if lens == "fov" else str(lens)

@@ -1,7 +1,7 @@
-"""One camera in ISPOM's own words: width, height, fx, fy, cx, cy [px] and `distortion`.
+"""ISPOM's own format of one camera: width, height, fx, fy, cx, cy [px] and `distortion`.
 
 Pixel (0, 0) is the centre of the top-left pixel. Coefficients are in OpenCV's order, or those of a fisheye lens with
-`model: fisheye`; k1, k2, p1 ... by name are understood, too. There is no pose. Source: this documentation.
+`model: fisheye`; coefficients by name (k1, k2, p1 ...) are also accepted. There is no pose. Source: this documentation.
 """
 
 from __future__ import annotations

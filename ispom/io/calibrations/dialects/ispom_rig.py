@@ -1,4 +1,4 @@
-"""Cameras and other sensors in ISPOM's own words: `video`, `left`, `right`, each with rig_from_CAMERA.
+"""ISPOM's own format of cameras and other sensors: `video`, `left`, `right`, each with rig_from_CAMERA.
 
 Pixel (0, 0) is the centre of the top-left pixel; coefficients are in OpenCV's order. Poses are rig_from_CAMERA
 (x_rig = R x_camera + t) in metres, quaternions x, y, z, w. Source: this documentation.
@@ -21,7 +21,7 @@ def _recognises(content: Content) -> bool:
 
 
 def read_placed(content: Content, every_placed: bool) -> CalibrationFile:
-    """Reads a rig; unless `every_placed`, its video camera may be without a pose: it is then that of the rig."""
+    """Reads a rig. Unless `every_placed`, the pose of its video camera may be missing, and is then that of the rig."""
     path, rig = content.path, read_rig(content.path, every_placed)
     cameras = [
         placed(path, p.name, p.name, p.camera, p.pose, order_doubts(str(path), p.name, p.pose)) for p in placed_of(rig)

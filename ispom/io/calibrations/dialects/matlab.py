@@ -1,10 +1,10 @@
-"""MATLAB: what it prints of cameraParameters or cameraIntrinsics, and the Caltech toolbox's Calib_Results.m.
+"""MATLAB: printed cameraParameters or cameraIntrinsics, and the Caltech toolbox's Calib_Results.m.
 
 MATLAB counts pixels from 1: the centre of the top-left pixel, our (0, 0), is (1, 1), and 1 is subtracted; ImageSize is
 rows and columns, and IntrinsicMatrix is transposed. RadialDistortion k1 k2 [k3] and TangentialDistortion p1 p2 are
 OpenCV's. The Caltech toolbox (fc, cc, kc, nx, ny) counts from 0, and kc is k1 k2 p1 p2 k3; of a pair (fc_left ...), om
-and T are x_right = R x_left + T in millimetres. Nothing is run. Binary .mat files are not read. Source: MATLAB's
-documentation of cameraIntrinsics; J.-Y. Bouguet, Camera Calibration Toolbox, "Description of the calibration
+and T are x_right = R x_left + T in millimetres. The file is not executed. Binary .mat files are not read. Source:
+MATLAB's documentation of cameraIntrinsics; J.-Y. Bouguet, Camera Calibration Toolbox, "Description of the calibration
 parameters".
 """
 
@@ -27,13 +27,14 @@ from ispom.io.calibrations.dialect import (
     pose_of_rotvec,
     size_of_images,
 )
-from ispom.io.calibrations.dialects.matrix import ONE
+from ispom.io.calibrations.dialects.matrix import MATLAB_ORIGIN_PX
 from ispom.io.calibrations.placed import Placed
-from ispom.io.camera import LARGEST_SKEW, intrinsics_of
+from ispom.io.camera import MAX_SKEW, intrinsics_of
 from ispom.io.values import number
 
-MILLIMETRE = 1e-3
-MOST_LETTERS = 256 << 10
+METRES_PER_MILLIMETRE = 1e-3
+MAX_LETTERS = 256 << 10
+"""Largest size of a text, which is searched by regular expressions."""
 _CALTECH = re.compile(r"^\s*fc(?:_left)?\s*=", re.MULTILINE)
 _PRINTED = re.compile(r"\b(?:FocalLength|IntrinsicMatrix)\b|\bcamera(?:Parameters|Intrinsics)\b")
 _MAT = b"MATLAB 5.0 MAT-file"
@@ -43,7 +44,7 @@ _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 def _recognises(content: Content) -> bool:
     if content.data.startswith(_MAT):
         return True
-    if content.keys or len(content.words) > MOST_LETTERS:
+    if content.keys or len(content.words) > MAX_LETTERS:
         return False
     return _CALTECH.search(content.words) is not None or (
         _PRINTED.search(content.words) is not None
@@ -70,7 +71,7 @@ def _printed(content: Content, size: ImageSize | None) -> Placed:
         fx, fy = _required(content, "FocalLength", 2)
         cx, cy = _required(content, "PrincipalPoint", 2)
         skew = (_numbers(content, "Skew", 1) or [0.0])[0]
-        if abs(skew) > LARGEST_SKEW * abs(fx):
+        if abs(skew) > MAX_SKEW * abs(fx):
             raise InputError(f"{path}: Skew is {skew:g}, which no sensor has: correct it")
         notes += (f"{path}: the skew of {skew:g} px is skipped, as cameras here have none",) if skew else ()
         intrinsics = [fx, fy, cx, cy]
@@ -86,7 +87,7 @@ def _printed(content: Content, size: ImageSize | None) -> Placed:
     radial = _numbers(content, "RadialDistortion", 3) or _numbers(content, "RadialDistortion", 2) or [0.0, 0.0]
     tangential = _numbers(content, "TangentialDistortion", 2) or [0.0, 0.0]
     distortion = [*radial[:2], *tangential, *radial[2:]]
-    return lens_camera(content, path.stem, sides, intrinsics, distortion, "opencv", None, notes, "", ONE)
+    return lens_camera(content, path.stem, sides, intrinsics, distortion, "opencv", None, notes, "", MATLAB_ORIGIN_PX)
 
 
 def _printed_size(content: Content, size: ImageSize | None) -> tuple[tuple[float, float], tuple[str, ...]]:
@@ -98,8 +99,8 @@ def _printed_size(content: Content, size: ImageSize | None) -> tuple[tuple[float
 
 
 def _numbers(content: Content, name: str, count: int, is_line: bool = False) -> list[float] | None:
-    """The `count` numbers after a name (or one of several, with | between them) and its : or =, on this line or the
-    next ones; None where others stand there. With `is_line`, the name begins a line."""
+    """Returns the `count` numbers after a name (or one of several, with | between them) and its : or =, on this line or
+    the next ones; None for another number of them. With `is_line`, the name must begin a line."""
     between = r"[\s,;\[\]]+"
     start = r"(?m:^)\s*" if is_line else r"\b"
     several = rf"{_NUMBER}(?:{between}{_NUMBER}){{{count - 1}}}"
@@ -133,7 +134,7 @@ def _caltech(content: Content, size: ImageSize | None) -> CalibrationFile:
     right = _of_toolbox(content, "_right", "right", sides, ())
     turn, shift = _required(content, "om", 3, True), _required(content, "T", 3, True)
     right_from_left = pose_of_rotvec(path, "om", [*turn, *shift])
-    right_from_left = Pose(right_from_left.rotation, MILLIMETRE * right_from_left.translation)
+    right_from_left = Pose(right_from_left.rotation, METRES_PER_MILLIMETRE * right_from_left.translation)
     return pair(content, left, right, right_from_left.inverse())
 
 
@@ -141,7 +142,7 @@ def _of_toolbox(content: Content, suffix: str, name: str, sides: tuple[float, fl
     fx, fy = _required(content, f"fc{suffix}", 2, True)
     cx, cy = _required(content, f"cc{suffix}", 2, True)
     skew = (_numbers(content, f"alpha_c{suffix}", 1, True) or [0.0])[0]
-    if abs(skew) > LARGEST_SKEW:
+    if abs(skew) > MAX_SKEW:
         raise InputError(f"{content.path}: alpha_c{suffix} is {skew:g}, which no sensor has: correct it")
     notes += (
         (f"{content.path}: the skew alpha_c{suffix} ({skew:g}) is skipped, as cameras here have none",) if skew else ()

@@ -1,4 +1,4 @@
-"""A bare camera matrix as text or CSV: K of 3 rows and 3 columns, or 3 x 4 or 4 x 4 with nothing in the last column.
+"""A bare camera matrix as text or CSV: K (3 x 3), or a 3 x 4 or 4 x 4 matrix with zeros in the last column.
 
 Pixel (0, 0) is the centre of the top-left pixel. The size is that of the images; there is no distortion and no pose. A
 matrix whose last row has the principal point is MATLAB's IntrinsicMatrix, which counts pixels from 1. Files: K.txt of
@@ -17,8 +17,8 @@ from ispom.io.calibrations.content import Content
 from ispom.io.calibrations.dialect import CalibrationFile, Dialect, lens_camera, size_of_images
 from ispom.io.camera import intrinsics_of
 
-ONE = 1.0
-"""MATLAB's coordinates of the centre of the top-left pixel."""
+MATLAB_ORIGIN_PX = 1.0
+"""MATLAB's coordinates of the centre of the top-left pixel, which is (0, 0) here."""
 _SHAPES = ((3, 3), (3, 4), (4, 4))
 
 
@@ -45,7 +45,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
 def matrix_file(
     content: Content, matrix: Array, size: ImageSize | None, distortion: tuple[float, ...] = ()
 ) -> CalibrationFile:
-    """Reads K, or a projection whose last column is 0. Raises InputError for one with a rotation or a baseline."""
+    """Reads K, or a projection whose last column is 0. Raises InputError for a matrix with a rotation or a baseline."""
     path = content.path
     if matrix.shape == (4, 4) and np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:
         raise InputError(f"{path}: the last row of a 4 x 4 matrix is not 0 0 0 1: give the camera matrix alone")
@@ -56,7 +56,7 @@ def matrix_file(
         )
     k, origin, notes = matrix[:3, :3], 0.0, ()
     if not k[:2, 2].any() and k[2, 2] == 1 and k[2, :2].any():
-        k, origin = k.T, ONE
+        k, origin = k.T, MATLAB_ORIGIN_PX
         notes = (f"{path}: its last row has the principal point, as in MATLAB: pixels are counted from 1 in it",)
     intrinsics, about = intrinsics_of(path, "the matrix", k)
     sides, note = size_of_images(path, size)

@@ -14,13 +14,14 @@ from xml.etree import ElementTree
 from ispom.errors import InputError
 from ispom.io.calibrations.camera_info import ImageSize
 from ispom.io.calibrations.content import Content
-from ispom.io.calibrations.dialect import CORNER, CalibrationFile, Dialect, lens_camera, not_supported
+from ispom.io.calibrations.dialect import CORNER_ORIGIN_PX, CalibrationFile, Dialect, lens_camera, not_supported
 from ispom.io.calibrations.placed import Placed
-from ispom.io.camera import LARGEST_SKEW
+from ispom.io.camera import MAX_SKEW
 from ispom.io.values import number
 
 PROGRAM = "Metashape"
-MOST_SENSORS = 16
+MAX_SENSORS = 16
+"""Largest number of sensors of a document."""
 
 
 def _recognises(content: Content) -> bool:
@@ -38,7 +39,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     if root.tag == "calibration":
         return CalibrationFile(path, [_camera(content, root, path.stem, root.findtext("projection", "frame"))])
     found = []
-    for sensor in list(root.iter("sensor"))[:MOST_SENSORS]:
+    for sensor in list(root.iter("sensor"))[:MAX_SENSORS]:
         adjusted = [each for each in sensor.iter("calibration") if each.find("f") is not None]
         adjusted.sort(key=lambda each: each.get("class") != "adjusted")
         if adjusted:
@@ -81,13 +82,13 @@ def _camera(content: Content, root: ElementTree.Element, name: str, kind: str | 
     if used := [key for key, value in many.items() if value]:
         what = f"{', '.join(used)} of a {kind} camera"
         raise not_supported(path, program, what, f"optimise the cameras again without {', '.join(used)}")
-    if abs(b2) > LARGEST_SKEW * abs(f):
+    if abs(b2) > MAX_SKEW * abs(f):
         raise InputError(f"{path}: b2 is {b2:g} px, a skew that no sensor has: correct it")
     notes = (f"{path}: the skew of {b2:g} px (b2) is skipped, as cameras here have none",) if b2 else ()
     distortion = [k1, k2, k3, k4] if is_fisheye else [k1, k2, p2, p1, k3]
     intrinsics = [f + b1, f, width / 2 + cx, height / 2 + cy]
     lens = "fisheye" if is_fisheye else "opencv"
-    return lens_camera(content, name, (width, height), intrinsics, distortion, lens, None, notes, "", CORNER)
+    return lens_camera(content, name, (width, height), intrinsics, distortion, lens, None, notes, "", CORNER_ORIGIN_PX)
 
 
 DIALECT = Dialect(

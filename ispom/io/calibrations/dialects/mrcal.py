@@ -24,7 +24,7 @@ from ispom.io.calibrations.dialect import (
 from ispom.io.mapping import MAX_BYTES, finite_numbers, mapping_of
 
 _INPUTS = re.compile(r"['\"]optimization_inputs['\"]\s*:\s*b?(?:'[^']*'|\"[^\"]*\")\s*,?")
-"""Data that mrcal itself uses: large, and no calibration."""
+"""The inputs of mrcal's optimisation, which are large and not part of the calibration."""
 _COUNTS = {"PINHOLE": 4, "OPENCV4": 8, "OPENCV5": 9, "OPENCV8": 12, "OPENCV12": 16}
 
 

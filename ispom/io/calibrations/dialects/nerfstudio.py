@@ -1,12 +1,12 @@
 """transforms.json of nerfstudio, instant-ngp and Polycam: `frames`, and `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` for all
 or for each, or camera_angle_x.
 
-The corner of the top-left pixel is (0, 0), so that half a pixel is subtracted: in files that nerfstudio's and
-instant-ngp's own converters made, which copy COLMAP's values and leave marks (applied_transform, aabb_scale,
-colmap_im_id ...). Others often write OpenCV's values: those count as they stand, with a note. Coefficients by name: k1
-k2 p1 p2 k3, or k1 to k4 of OPENCV_FISHEYE; k4 of another lens is that of r^8, which is not supported. Of frames whose
-lenses differ by up to 2 % the median counts. The poses of the frames (world_from_camera, y up, z backwards) are those
-of a recording, not of a rig. Equirectangular and orthographic cameras are not supported. Source: nerfstudio,
+In files of nerfstudio's and instant-ngp's own converters, which copy COLMAP's values, the corner of the top-left pixel
+is (0, 0), so that half a pixel is subtracted. Such files are recognised by applied_transform, aabb_scale, colmap_im_id
+and others. Other programs often write OpenCV's values: these are used unchanged, with a note. Coefficients by name: k1
+k2 p1 p2 k3, or k1 to k4 of OPENCV_FISHEYE; k4 of another lens is that of r^8, which is not supported. If the lenses of
+frames differ by up to 2 %, their median is used. The poses of the frames (world_from_camera, y up, z backwards) are
+those of a recording, not of a rig. Equirectangular and orthographic cameras are not supported. Source: nerfstudio,
 docs/quickstart/data_conventions and cameras/cameras.py (get_image_coords, pixel_offset 0.5).
 """
 
@@ -20,7 +20,7 @@ from ispom.errors import InputError
 from ispom.io.calibrations.camera_info import ImageSize
 from ispom.io.calibrations.content import Content
 from ispom.io.calibrations.dialect import (
-    CORNER,
+    CORNER_ORIGIN_PX,
     CalibrationFile,
     Dialect,
     lens_camera,
@@ -33,8 +33,9 @@ from ispom.io.calibrations.dialect import (
 )
 
 PROGRAM = "nerfstudio"
-MOST_FRAMES = 20_000
-ALIKE = 0.02
+MAX_FRAMES = 20_000
+"""Largest number of frames of a file."""
+MAX_LENS_DIFFERENCE = 0.02
 """Largest difference of the lenses of single frames from their median, relative to the focal length."""
 _FISHEYE = {"OPENCV_FISHEYE"}
 _PERSPECTIVE = {"", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
@@ -53,7 +54,7 @@ def _recognises(content: Content) -> bool:
 
 def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     path, top = content.path, content.mapping
-    frames = list_in(path, "frames", top["frames"], MOST_FRAMES)
+    frames = list_in(path, "frames", top["frames"], MAX_FRAMES)
     first = mapping_in(path, "frames[0]", frames[0])
     model = str(top.get("camera_model", first.get("camera_model", ""))).strip().upper()
     if model not in _PERSPECTIVE | _FISHEYE:
@@ -71,8 +72,10 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
         rows = [_lens(content, f"frames[{n}].", top | frame, width, height) for n, frame in enumerate(each)]
     values = np.array(rows)
     median = np.median(values, axis=0)
-    if np.abs(values[:, :4] - median[:4]).max() > ALIKE * median[0]:
-        raise InputError(f"{path}: its frames have lenses that differ by more than {ALIKE:.0%}: one camera is needed")
+    if np.abs(values[:, :4] - median[:4]).max() > MAX_LENS_DIFFERENCE * median[0]:
+        raise InputError(
+            f"{path}: its frames have lenses that differ by more than {MAX_LENS_DIFFERENCE:.0%}: one camera is needed"
+        )
     if np.abs(values - median).max() > 0:
         notes += (f"{path}: the lens differs from frame to frame: the median of {len(rows)} frames is used",)
     k1, k2, p1, p2, k3, k4 = median[4:].tolist()
@@ -81,7 +84,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     distortion = [k1, k2, k3, k4] if lens == "fisheye" else [k1, k2, p1, p2, k3]
     if lens == "fisheye" and (p1 or p2):
         raise not_supported(path, PROGRAM, "p1 and p2 of a fisheye lens")
-    origin = CORNER
+    origin = CORNER_ORIGIN_PX
     if not _MARKS & content.keys and not _MARKS_OF_FRAME & set(first):
         origin = 0.0
         notes += (
@@ -95,7 +98,7 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
 
 
 def _lens(content: Content, where: str, values: dict[Any, Any], width: float, height: float) -> list[float]:
-    """fx, fy, cx, cy and the coefficients."""
+    """Returns fx, fy, cx, cy and the coefficients."""
     path = content.path
     if "fl_x" in values:
         fx = one_number(path, where, values, "fl_x")

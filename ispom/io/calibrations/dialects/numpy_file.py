@@ -25,8 +25,8 @@ from ispom.io.calibrations.dialects.matrix import matrix_file
 from ispom.io.calibrations.dialects.opencv import opencv_file
 
 _MAGIC, _ZIP, _PICKLE = b"\x93NUMPY", b"PK\x03\x04", (b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05")
-MOST_ARRAYS, MOST_VALUES = 200, 256
-"""Arrays of an .npz, and values of one that is looked at: those of more are corners or images."""
+MAX_ARRAYS, MAX_VALUES = 200, 256
+"""Largest number of arrays of an .npz, and of values of an array that is read: larger ones are corners or images."""
 
 
 def _recognises(content: Content) -> bool:
@@ -53,12 +53,12 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
 
 
 def _entries(content: Content) -> dict[Any, Any]:
-    """The small arrays of an archive as lists, by name."""
+    """Returns the small arrays of an archive as lists, by name."""
     path, entries = content.path, {}
     try:
         with zipfile.ZipFile(BytesIO(content.data)) as archive:
             members = archive.infolist()
-            if len(members) > MOST_ARRAYS:
+            if len(members) > MAX_ARRAYS:
                 raise InputError(
                     f"{path} holds {len(members)} arrays, more than a calibration has: give the right file"
                 )
@@ -66,7 +66,7 @@ def _entries(content: Content) -> dict[Any, Any]:
                 if not member.filename.endswith(".npy") or member.flag_bits & 1:
                     continue
                 with archive.open(member) as file:
-                    head = file.read(8 * MOST_VALUES + 4096)  # whatever the archive says of its length
+                    head = file.read(8 * MAX_VALUES + 4096)  # bounded, as the length in the archive may be wrong
                 array = _array(content, member.filename, head)
                 if array is not None:
                     entries[member.filename.removesuffix(".npy")] = array.tolist()
@@ -76,8 +76,8 @@ def _entries(content: Content) -> dict[Any, Any]:
 
 
 def _array(content: Content, name: str, data: bytes) -> Array | None:
-    """The array of the bytes of an .npy; None for a large one, and for what are no numbers. Raises InputError for
-    objects, and for bytes that are none."""
+    """Returns the array of the bytes of an .npy; None for a large one, and for one without numbers. Raises InputError
+    for Python objects, and for damaged bytes."""
     wrong = InputError(f"{content.path}: {name[:60]} is not a whole array: save it again")
     file = BytesIO(data)
     try:
@@ -94,7 +94,7 @@ def _array(content: Content, name: str, data: bytes) -> Array | None:
             "matrices with np.savez"
         )
     count = int(np.prod(shape, dtype=object)) if shape else 1
-    if not 0 <= count <= MOST_VALUES or dtype.kind not in "iuf" or dtype.itemsize > 8:
+    if not 0 <= count <= MAX_VALUES or dtype.kind not in "iuf" or dtype.itemsize > 8:
         return None
     values = file.read(count * dtype.itemsize)
     if len(values) < count * dtype.itemsize:

@@ -1,4 +1,4 @@
-"""What OpenCV's samples and FileStorage write (YAML, XML, JSON), and ROS's camera_info: a camera matrix, coefficients,
+"""Files of OpenCV's samples and FileStorage (YAML, XML, JSON), and ROS's camera_info: a camera matrix, coefficients,
 and for a pair K1 D1 K2 D2 R T.
 
 Pixel (0, 0) is the centre of the top-left pixel. Coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], or k1 to k4 of the fisheye
@@ -27,7 +27,7 @@ def _recognises(content: Content) -> bool:
 
 
 def opencv_file(content: Content, entries: dict[Any, Any], size: ImageSize | None) -> CalibrationFile:
-    """Reads entries as OpenCV names them. Raises InputError that names the missing or invalid one."""
+    """Reads entries with OpenCV's names. Raises InputError that names the missing or invalid one."""
     second = read_extrinsics(content.path, entries)
     cameras = [] if second is not None else read_opencv(content.path, size, entries)
     of_pair = len(cameras) == 1 and cameras[0].body_from_camera is not None

@@ -38,12 +38,12 @@ _DEPTH = ("DepthMapFactor", "RGBD.DepthMapFactor", "depth_map_factor")
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 _PERSPECTIVE = {"", "pinhole", "rectified", "perspective"}
 
-OTHERS = frozenset(f"Camera.{name}" for name in ("model", "setup", "cols", "rows", "color_order"))
-"""Entries of stella_vslam."""
+STELLA_VSLAM_KEYS = frozenset(f"Camera.{name}" for name in ("model", "setup", "cols", "rows", "color_order"))
+"""Entries by which a file is one of stella_vslam."""
 
 
 def _recognises(content: Content) -> bool:
-    return bool(content.keys & {"Camera.fx", "Camera1.fx"}) and not content.keys & OTHERS
+    return bool(content.keys & {"Camera.fx", "Camera1.fx"}) and not content.keys & STELLA_VSLAM_KEYS
 
 
 def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
@@ -90,7 +90,7 @@ def _size(content: Content, size: ImageSize | None) -> tuple[tuple[float, float]
 
 
 def _below(content: Content, prefix: str) -> dict[str, Any]:
-    """The entries whose names begin with `prefix`, without it."""
+    """Returns the entries whose names begin with `prefix`, without it."""
     return {key.removeprefix(prefix): content.mapping[key] for key in content.keys if key.startswith(prefix)}
 
 
@@ -107,7 +107,7 @@ def _camera(
 
 
 def _baseline(content: Content, prefix: str) -> float | None:
-    """In metres; None of one camera."""
+    """Returns the baseline [m]; None for one camera."""
     values = content.mapping
     if "Stereo.b" in values:
         return one_number(content.path, "", values, "Stereo.b")
@@ -118,7 +118,7 @@ def _baseline(content: Content, prefix: str) -> float | None:
 
 
 def _raw_pair(content: Content, size: ImageSize | None) -> CalibrationFile:
-    """Reads a pair whose images are as recorded, with what rectifies them; Camera.fx is of the rectified images."""
+    """Reads a pair of unrectified images with their rectification; Camera.fx is that of the rectified images."""
     cameras = []
     for side in ("LEFT", "RIGHT"):
         values = _below(content, f"{side}.")

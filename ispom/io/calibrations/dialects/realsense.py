@@ -1,4 +1,4 @@
-"""What `rs-enumerate-devices -c` prints of a RealSense: intrinsics of each stream and size, and extrinsics.
+"""The output of `rs-enumerate-devices -c` for a RealSense: intrinsics of each stream and size, and extrinsics.
 
 Pixel (0, 0) is the centre of the top-left pixel. Coefficients: k1 k2 p1 p2 k3 (Brown Conrady); Kannala Brandt4: k1 to
 k4. The inverse and the modified Brown Conrady model are not supported where they have coefficients. An extrinsic from A
@@ -25,7 +25,8 @@ _INTRINSIC = re.compile(r'^\s*Intrinsic of "([^"]{1,40})"\s*/?\s*(\d{1,5})\s*x\s
 _EXTRINSIC = re.compile(r'^\s*Extrinsic from "([^"]{1,40})"\s*To\s*"([^"]{1,40})"', re.MULTILINE)
 _NUMBER = r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
 _ROLES = {"Infrared 1": "left", "Infrared 2": "right", "Fisheye 1": "left", "Fisheye 2": "right", "Color": "video"}
-MOST_BLOCKS = 2000
+MAX_BLOCKS = 2000
+"""Largest number of blocks, one for each stream and size of images."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def _stream(content: Content, role: str, streams: list[str]) -> str:
 
 def _blocks(content: Content) -> list[_Block]:
     text = content.words
-    starts = list(_INTRINSIC.finditer(text))[:MOST_BLOCKS]
+    starts = list(_INTRINSIC.finditer(text))[:MAX_BLOCKS]
     ends = [match.start() for match in starts[1:]] + [len(text)]
     return [
         _Block(match[1], (int(match[2]), int(match[3])), text[match.end() : min(end, match.end() + 2000)])
@@ -79,7 +80,7 @@ def _only_size(content: Content, blocks: list[_Block]) -> tuple[int, int]:
 
 
 def _of_size(content: Content, blocks: list[_Block], size: tuple[int, int]) -> dict[str, _Block]:
-    """The blocks of this size by stream; where there is none, those of the largest size of the same shape."""
+    """Returns the blocks of this size by stream; where there is none, those of the largest size of the same shape."""
     of_cameras = [block for block in blocks if block.stream in _ROLES]
     taken = [block for block in of_cameras if block.size == size]
     if not taken:
@@ -121,11 +122,11 @@ def _float(path: object, where: str, word: str) -> float:
 
 
 def _poses(content: Content, streams: list[str]) -> list[Pose | None]:
-    """first_from_stream; None where the file has none."""
+    """Returns first_from_stream of each stream; None where the file has none."""
     if len(streams) < 2:
         return [None] * len(streams)
     found: dict[tuple[str, str], Pose] = {}
-    for match in list(_EXTRINSIC.finditer(content.words))[:MOST_BLOCKS]:
+    for match in list(_EXTRINSIC.finditer(content.words))[:MAX_BLOCKS]:
         part = content.words[match.end() : match.end() + 600].split("Extrinsic from")[0]
         rotation, _, translation = part.partition("Translation Vector:")
         numbers = re.findall(_NUMBER, rotation.partition("Rotation Matrix:")[2]), re.findall(_NUMBER, translation)

@@ -28,7 +28,7 @@ from ispom.io.calibrations.dialect import (
     several_numbers,
     size_of_images,
 )
-from ispom.io.calibrations.dialects.orbslam import OTHERS, rate_entry
+from ispom.io.calibrations.dialects.orbslam import STELLA_VSLAM_KEYS, rate_entry
 from ispom.io.calibrations.placed import Placed, rotation_of
 from ispom.io.camera import intrinsics_of
 from ispom.io.mapping import finite_numbers
@@ -38,13 +38,13 @@ PROGRAM = "stella_vslam"
 
 def _recognises(content: Content) -> bool:
     nested = content.mapping.get("Camera")
-    return bool(content.keys & OTHERS) or (
+    return bool(content.keys & STELLA_VSLAM_KEYS) or (
         isinstance(nested, dict) and bool({"model", "setup"} & set(nested)) and "name" in nested
     )
 
 
 def _section(content: Content, name: str) -> dict[Any, Any]:
-    """The entries below `name`, nested or dotted."""
+    """Returns the entries below `name`, nested or dotted."""
     nested = content.mapping.get(name)
     if nested is not None:
         return mapping_in(content.path, name, nested)

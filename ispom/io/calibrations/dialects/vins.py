@@ -66,7 +66,7 @@ def _camera(content: Content, size: ImageSize | None) -> Placed:
 
 
 def _extrinsic(content: Content) -> Pose | None:
-    """imu_from_camera of VINS-Mono's settings."""
+    """Returns imu_from_camera of VINS-Mono's settings."""
     entries = content.mapping
     if not {"extrinsicRotation", "extrinsicTranslation"} <= content.keys:
         return None
@@ -76,7 +76,7 @@ def _extrinsic(content: Content) -> Pose | None:
 
 
 def _settings(content: Content, size: ImageSize | None) -> CalibrationFile:
-    """Reads the cameras that VINS-Fusion's settings name, beside them."""
+    """Reads the cameras' files that VINS-Fusion's settings name, from the same folder."""
     path, entries = content.path, content.mapping
     names = [key for key in _CAMERAS if key in entries]
     cameras = []

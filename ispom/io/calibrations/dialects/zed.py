@@ -24,10 +24,12 @@ SIZES = {
     "SVGA": (960, 600), "QHDPLUS": (3200, 1800), "4K": (3840, 2160),
 }  # fmt: skip
 _SECTION = re.compile(r"\[(LEFT|RIGHT)_CAM_(\w+)\]", re.IGNORECASE)
-_MOST_LINES = 2000
-MILLIMETRE = 1e-3
-OFF_CENTRE = 0.06
-"""Lenses are mounted to 0.03 of the longer side."""
+_MAX_LINES = 2000
+"""Largest number of lines of a file."""
+METRES_PER_MILLIMETRE = 1e-3
+MAX_OFF_CENTRE = 0.06
+"""Largest distance of the principal point from the image's centre, relative to the longer side: twice the 0.03 to which
+lenses are mounted. A larger one means another image size."""
 
 
 def _recognises(content: Content) -> bool:
@@ -35,11 +37,11 @@ def _recognises(content: Content) -> bool:
 
 
 def _sections(content: Content) -> dict[str, dict[str, float]]:
-    """The numbers of each section, by names in capitals."""
+    """Returns the numbers of each section, by names in capitals."""
     sections: dict[str, dict[str, float]] = {}
     current = sections.setdefault("", {})
     lines = content.words.splitlines()
-    if len(lines) > _MOST_LINES:
+    if len(lines) > _MAX_LINES:
         raise InputError(f"{content.path} has {len(lines)} lines, more than such a file: give the right file")
     for line in lines:
         text = re.split("[;#]", line)[0].strip()
@@ -76,21 +78,21 @@ def _read(content: Content, size: ImageSize | None) -> CalibrationFile:
     stereo = sections["STEREO"]
 
     def value(key: str) -> float:
-        """Of this size, or of all."""
+        """Returns the value for this size, or the one for all sizes."""
         return one_number(path, "STEREO.", stereo, f"{key}_{which}" if f"{key}_{which}" in stereo else key, 0.0)
 
     baseline = one_number(path, "STEREO.", stereo, "BASELINE")
     rotvec = np.array([value("RX"), value("CV"), value("RZ")])
     if np.abs(rotvec).max() > 1:
         raise InputError(f"{path}: RX, CV and RZ turn the right camera by more than 57 degrees: correct them")
-    right_from_left = Pose(so3_exp(rotvec), -MILLIMETRE * np.array([baseline, value("TY"), value("TZ")]))
+    right_from_left = Pose(so3_exp(rotvec), -METRES_PER_MILLIMETRE * np.array([baseline, value("TY"), value("TZ")]))
     return pair(content, left, right, right_from_left.inverse())
 
 
 def _chosen(
     content: Content, named: list[str], sections: dict[str, dict[str, float]], size: ImageSize | None
 ) -> tuple[str, tuple[int, int], tuple[str, ...]]:
-    """The section of the images' size, that size, and a note."""
+    """Returns the section of the images' size, that size, and notes."""
     path = content.path
     known = [name for name in named if name in SIZES]
     sizes = ", ".join(f"{name} {SIZES[name][0]}x{SIZES[name][1]}" for name in known)
@@ -118,11 +120,11 @@ def _chosen(
 
 
 def _off_centre_note(content: Content, name: str, sections: dict[str, dict[str, float]]) -> tuple[str, ...]:
-    """A note where the principal point shows that the images have another size than is usual."""
+    """Returns a note where the principal point shows that the images do not have the section's size."""
     width, height = SIZES[name]
     section = sections[f"LEFT_CAM_{name}"]
     off = max(abs(section.get("CX", 0.0) - (width - 1) / 2), abs(section.get("CY", 0.0) - (height - 1) / 2))
-    if off <= OFF_CENTRE * width:
+    if off <= MAX_OFF_CENTRE * width:
         return ()
     return (
         f"{content.path}: its principal point is {off:.0f} px from the middle of {name}, {width} x {height}: where the "

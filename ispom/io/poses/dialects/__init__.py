@@ -1,7 +1,7 @@
-"""The dialects of poses, a module each: one that has a `DIALECT` is found by being here.
+"""The dialects of poses, one module each: every module of this package that has a `DIALECT` is registered.
 
-A module's docstring has the conventions of the program: axes, order of the quaternion, units, direction of the poses,
-and where that is written. The documents show it.
+A module's docstring states the conventions of the program: axes, order of the quaternion, units, direction of the
+poses, and their source. It is shown in the documentation.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def dialects() -> tuple[PoseDialect, ...]:
 
 
 def recognised(content: PoseContent) -> PoseDialect | None:
-    """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has those of
-    two, as the file of one would be read as that of the other."""
+    """Returns the dialect of a file; None where it has no dialect's signature. Raises InputError where it has the
+    signatures of two, as it would be read as the wrong one."""
     found = matching(dialects(), content)
     if len(found) > 1:
         raise InputError(
@@ -43,7 +43,7 @@ def recognised(content: PoseContent) -> PoseDialect | None:
 
 def read(content: PoseContent, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
     """Reads a file by its dialect; `times_ns` are those of its rows, where it has none. Raises InputError for a file of
-    no known dialect, which says what was looked for."""
+    no known dialect, with a list of the signatures."""
     dialect = recognised(content)
     if dialect is not None:
         return dialect.read(content, times_ns)
@@ -57,7 +57,7 @@ def read(content: PoseContent, times_ns: NDArray[np.int64] | None = None) -> Tra
 
 
 def _refuse_text(content: PoseContent) -> None:
-    """Raises InputError for a file without rows, and for one whose rows have as many columns as those of no dialect."""
+    """Raises InputError for a file without rows, and for one with a number of columns that no dialect has."""
     if not content.data and not content.rows:
         raise InputError(f"{content.path} holds no pose: give a trajectory, such as a TUM, KITTI or EuRoC file")
     if content.sample:

@@ -2,8 +2,8 @@
 world_from_FRAME.
 
 The rotation is Rz(yaw) Ry(pitch) Rx(roll), about the axes of the body in the order yaw, pitch, roll (aviation, ROS).
-Units are in the header (roll [deg], yaw_rad), or show in the values: more than 2 pi are degrees; jumps of about 2 pi
-are radians. Otherwise such files are refused, since small angles in degrees look like radians. Times as in other
+Units are in the header (roll [deg], yaw_rad), or follow from the values: angles above 2 pi are in degrees, those with
+jumps of about 2 pi in radians. Other files are refused, since small angles may be in either unit. Times as in other
 tables; without times, rows are images. Source: ROS REP 103.
 """
 
@@ -21,8 +21,8 @@ from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_quaternions, 
 from ispom.io.rows import numbers
 
 TITLE = "roll, pitch and yaw"
-JUMP = 0.1
-"""A jump of 2 pi is one to this [rad]."""
+JUMP_TOLERANCE_RAD = 0.1
+"""Largest deviation of a jump from 2 pi [rad]."""
 
 
 def _recognises(content: PoseContent) -> bool:
@@ -52,10 +52,10 @@ def _in_degrees(content: PoseContent, angles: Array, unit: str | None) -> tuple[
     path = content.path
     if unit is not None:
         return unit == "deg", ()
-    if np.abs(angles).max() > 2 * np.pi + JUMP:
+    if np.abs(angles).max() > 2 * np.pi + JUMP_TOLERANCE_RAD:
         return True, (f"{path}: roll, pitch and yaw are in degrees: some are larger than 2 pi",)
     jumps = np.abs(np.diff(angles, axis=0))
-    if (np.abs(jumps - 2 * np.pi) < JUMP).any():
+    if (np.abs(jumps - 2 * np.pi) < JUMP_TOLERANCE_RAD).any():
         return False, (f"{path}: roll, pitch and yaw are in radians: they jump by 2 pi",)
     raise InputError(
         f"{path} does not say whether roll, pitch and yaw are in radians or degrees, and its values may be both: call "

@@ -23,7 +23,8 @@ from ispom.types import Trajectory
 
 TITLE, WORDS = "COLMAP", 10
 _IMAGE = struct.Struct("<I7dI")
-_OBSERVATION = 24
+_OBSERVATION_BYTES = 24
+"""Size of an observation in COLMAP's format: x, y and the id of its point."""
 LONGEST_NAME, MOST_IMAGES = 1024, 1_000_000
 
 
@@ -52,7 +53,7 @@ def _is_unit(words: list[str]) -> bool:
 
 
 def _image_words(words: list[str]) -> bool:
-    """Whether these are a line of an image: whole numbers, numbers, and a name that is none."""
+    """Checks whether these are a line of an image: whole numbers, numbers, and a name that is none."""
     if len(words) < WORDS or not words[0].isdigit() or not words[8].isdigit():
         return False
     return all(map(_is_number, words[1:8])) and not all(map(_is_number, words[9:]))
@@ -118,7 +119,7 @@ def _of_binary(content: PoseContent) -> dict[str, list[float]]:
         if end < 0 or end + 9 > len(data):
             raise cut
         name = data[at:end].decode("utf-8", "replace")
-        at = end + 9 + _OBSERVATION * int.from_bytes(data[end + 1 : end + 9], "little")
+        at = end + 9 + _OBSERVATION_BYTES * int.from_bytes(data[end + 1 : end + 9], "little")
         if at > len(data) or name in images or not name.isprintable() or not all(abs(v) <= LARGEST for v in pose):
             raise cut
         images[name] = list(pose)

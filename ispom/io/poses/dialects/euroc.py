@@ -15,7 +15,7 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile
 from ispom.io.trajectories import OWN
 
-COUNT, LOOKED_AT = 8, 16
+MIN_COLUMNS, LOOKED_AT = 8, 16
 DATES_NS = 1e12
 """Larger times with a decimal point are dates in nanoseconds, as programs write whole numbers that were floats."""
 
@@ -23,7 +23,7 @@ DATES_NS = 1e12
 def _recognises(content: PoseContent) -> bool:
     if content.columns is not None:
         return content.columns.order == OWN.order and content.columns.unit in (None, "ns")
-    if content.header_fault is not None or content.spaced or content.width < COUNT or content.roles is not None:
+    if content.header_fault is not None or content.spaced or content.width < MIN_COLUMNS or content.roles is not None:
         return False
     whole = content.column(0)
     if any("." in words[0] for _, words in content.data[:LOOKED_AT]) and whole.max() < DATES_NS:

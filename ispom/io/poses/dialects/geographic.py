@@ -19,6 +19,7 @@ from ispom.io.rows import numbers
 
 TITLE = "latitude and longitude"
 RADIUS_M, FLATTENING = 6_378_137.0, 1 / 298.257223563
+"""Equatorial radius and flattening of WGS 84, as defined in NIMA TR8350.2."""
 ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
 
 

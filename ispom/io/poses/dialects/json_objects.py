@@ -48,9 +48,10 @@ INVERSE = {
     "extrinsic",
 }
 INVERSE |= {"t_camera_world", "tcw"}
-UNSAID = {"pose", "transform", "matrix", "transformation", "t", "transform_matrix", "pose_matrix"}
-_MATRICES = FORWARD | INVERSE | UNSAID
-MOST_NAMES = 200
+UNDIRECTED = {"pose", "transform", "matrix", "transformation", "t", "transform_matrix", "pose_matrix"}
+_MATRICES = FORWARD | INVERSE | UNDIRECTED
+MAX_NAMES = 200
+"""Largest number of values of an object, with those of nested objects."""
 
 
 def _objects(content: PoseContent) -> list[tuple[int, Any]]:
@@ -77,8 +78,8 @@ def _flat(where: str, values: dict[str, Any], prefix: str = "") -> dict[str, str
             found |= {f"{name}.{letter}": each for letter, each in zip(letters, value, strict=True)}
         elif isinstance(value, str):
             found[name] = value
-        if len(found) > MOST_NAMES:
-            raise InputError(f"{where} has more than {MOST_NAMES} values: it is no pose")
+        if len(found) > MAX_NAMES:
+            raise InputError(f"{where} has more than {MAX_NAMES} values: it is no pose")
     return found
 
 
@@ -125,7 +126,7 @@ def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> Trajector
         if key.lower() in INVERSE:
             rotations = rotations.transpose(0, 2, 1)
             positions = -np.einsum("nij,nj->ni", rotations, positions)
-        elif key.lower() in UNSAID:
+        elif key.lower() in UNDIRECTED:
             notes = (f"{path}: {key} is taken as world_from_camera, as the file does not say its direction",)
         xyzw = Rotation.from_matrix(rotations).as_quat()
     else:

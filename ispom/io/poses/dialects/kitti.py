@@ -14,11 +14,12 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, untimed
 from ispom.types import Trajectory
 
-COUNT = 12
+COLUMNS = 12
+"""Number of columns in KITTI's format: a (3, 4) matrix."""
 
 
 def _recognises(content: PoseContent) -> bool:
-    return content.width == COUNT and content.spaced and content.columns is None
+    return content.width == COLUMNS and content.spaced and content.columns is None
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:

@@ -17,7 +17,7 @@ from ispom.geometry import Array
 from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_matrices, rectangular, untimed, values_of
 
-LAST = np.array([0.0, 0, 0, 1])
+LAST_ROW = np.array([0.0, 0, 0, 1])
 
 
 def _recognises(content: PoseContent) -> bool:
@@ -27,7 +27,7 @@ def _recognises(content: PoseContent) -> bool:
 
 
 def _is_last(row: list[float]) -> bool:
-    return bool((np.abs(np.array(row) - LAST) <= 1e-6).all())
+    return bool((np.abs(np.array(row) - LAST_ROW) <= 1e-6).all())
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
@@ -42,8 +42,8 @@ def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> Trajector
 
 
 def in_row_order(matrices: Array) -> Array:
-    """Returns matrices (N, 4, 4) whose last rows are 0 0 0 1, from those whose last rows, or else last columns, are."""
-    if np.abs(matrices[:, 3] - LAST).max() > 1e-6 and np.abs(matrices[:, :, 3] - LAST).max() <= 1e-6:
+    """Returns matrices (N, 4, 4) with 0 0 0 1 as last row; transposes those that have it as last column."""
+    if np.abs(matrices[:, 3] - LAST_ROW).max() > 1e-6 and np.abs(matrices[:, :, 3] - LAST_ROW).max() <= 1e-6:
         return matrices.transpose(0, 2, 1)
     return matrices
 

@@ -21,7 +21,8 @@ from ispom.io.values import number, time_ns
 from ispom.types import Trajectory
 
 TITLE, MATRIX, NAME, TIME = "nerfstudio", "transform_matrix", "file_path", "timestamp"
-MOST_FRAMES = 100_000
+MAX_FRAMES = 100_000
+"""Largest number of frames of a file."""
 
 
 def _frames(content: PoseContent) -> list[Any]:
@@ -37,8 +38,8 @@ def _recognises(content: PoseContent) -> bool:
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
     path, frames = content.path, _frames(content)
-    if len(frames) > MOST_FRAMES:
-        raise InputError(f"{path} has more than {MOST_FRAMES} frames: give fewer")
+    if len(frames) > MAX_FRAMES:
+        raise InputError(f"{path} has more than {MAX_FRAMES} frames: give fewer")
     matrices: dict[str, list[float]] = {}
     for n, frame in enumerate(frames):
         where = f"{path}: frames[{n}]"

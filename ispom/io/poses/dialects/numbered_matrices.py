@@ -32,7 +32,7 @@ def _recognises(content: PoseContent) -> bool:
 
 
 def _is_matrix(content: PoseContent) -> bool:
-    """Of the first rows: EuRoC's, and others with columns behind a pose, have other numbers there."""
+    """Checks the first rows for rotation matrices: EuRoC's files, and others with columns after a pose, have none."""
     values = np.array(content.sample)[:, 1:].reshape(len(content.sample), -1, 4)
     turns = (in_row_order(values) if values.shape[1] == 4 else values)[:, :3, :3]
     return bool(abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max() < 0.1)

@@ -25,21 +25,21 @@ from ispom.io.poses.dialect import (
     values_of,
 )
 
-COUNT, TITLE = 8, "OpenVINS"
+COLUMNS, TITLE = 8, "OpenVINS"
 _HEADER = re.compile(r"^#\s*(?:timestamp|time)\s*\(?s?\)?[ ,]+q(?:_gtoi)?[ ,]+p(?:_iing)?\b", re.MULTILINE)
 
 
 def _recognises(content: PoseContent) -> bool:
     if content.columns is not None or content.roles is not None or not content.unit_length(1):
         return False
-    if content.width >= COUNT and _HEADER.search(content.comments):
+    if content.width >= COLUMNS and _HEADER.search(content.comments):
         return True
-    return content.width == COUNT and not content.unit_length(4)
+    return content.width == COLUMNS and not content.unit_length(4)
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
-    rows = rectangular(content, COUNT, at_least=content.width > COUNT)
-    values = values_of(content.path, rows, 1, COUNT)
+    rows = rectangular(content, COLUMNS, at_least=content.width > COLUMNS)
+    values = values_of(content.path, rows, 1, COLUMNS)
     xyzw, notes = values[:, :4], ()
     if not _HEADER.search(content.comments):
         comma = " " if content.spaced else ","

@@ -15,18 +15,18 @@ from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_quaternions, 
 from ispom.io.poses.dialects import matrices
 from ispom.io.rows import numbers
 
-COUNT, TITLE = 4, "positions"
-LEAST = 3
-"""Rows from which on four columns without a header are no rest of another file that was cut off."""
+COLUMNS, TITLE = 4, "positions"
+MIN_ROWS = 3
+"""Least number of rows with four columns and without a header: fewer may be the end of another, truncated file."""
 
 
 def _recognises(content: PoseContent) -> bool:
     roles = content.roles
     if roles is not None:
         if content.header_fault is not None or (content.spaced and content.width >= POSE_COLUMNS):
-            return False  # what is behind the positions may be a rotation
+            return False  # further columns may be a rotation
         return bool(roles.times and roles.xyz) and not (roles.xyzw or roles.angles or roles.geographic)
-    four = content.width == COUNT and len(content.sample) >= LEAST
+    four = content.width == COLUMNS and len(content.sample) >= MIN_ROWS
     steps = np.diff(content.column(0)) if four else np.zeros(1)
     increasing = bool((steps >= 0).all() and (steps > 0).any())
     return increasing and not matrices.DIALECT.recognises(content)
@@ -35,7 +35,7 @@ def _recognises(content: PoseContent) -> bool:
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
     path, roles = content.path, content.roles
     columns = (1, 2, 3) if roles is None else roles.xyz
-    width = max(content.width, COUNT if roles is None else max((*columns, *roles.times)) + 1)
+    width = max(content.width, COLUMNS if roles is None else max((*columns, *roles.times)) + 1)
     rows = rectangular(content, width)
     values = np.array([numbers(path, line, [words[i] for i in columns]) for line, words in rows])
     unit, known, stated = "", True, None if roles is None else roles.unit

@@ -15,26 +15,28 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, numbered, of_matrices, values_of
 
 TITLE = "Redwood"
-BLOCK = 5
-"""Rows of a pose."""
+ROWS_PER_POSE = 5
+"""Number of rows of a pose."""
 
 
 def _recognises(content: PoseContent) -> bool:
-    if not content.is_text or len(content.rows) < BLOCK or content.head.lstrip()[:1] in (b"{", b"["):
+    if not content.is_text or len(content.rows) < ROWS_PER_POSE or content.head.lstrip()[:1] in (b"{", b"["):
         return False
-    return [len(words) for _, words in content.rows[:BLOCK]] == [3, 4, 4, 4, 4] and content.width == 3
+    return [len(words) for _, words in content.rows[:ROWS_PER_POSE]] == [3, 4, 4, 4, 4] and content.width == 3
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
     path, rows = content.path, content.rows
-    if len(rows) % BLOCK:
-        raise InputError(f"{path} has {len(rows)} rows, and each pose is {BLOCK} of them: restore the file")
+    if len(rows) % ROWS_PER_POSE:
+        raise InputError(f"{path} has {len(rows)} rows, and each pose is {ROWS_PER_POSE} of them: restore the file")
     for i, (line, words) in enumerate(rows):
-        width = 4 if i % BLOCK else 3
+        width = 4 if i % ROWS_PER_POSE else 3
         if len(words) != width:
             raise InputError(f"{path} line {line} has {len(words)} columns, not {width}: correct that line")
-    heads = rows[::BLOCK]
-    matrices = np.stack([values_of(path, rows[i + 1 : i + BLOCK], 0, 4) for i in range(0, len(rows), BLOCK)])
+    heads = rows[::ROWS_PER_POSE]
+    matrices = np.stack(
+        [values_of(path, rows[i + 1 : i + ROWS_PER_POSE], 0, 4) for i in range(0, len(rows), ROWS_PER_POSE)]
+    )
     times, known = numbered(content, heads, times_ns)
     return TrajectoryFile(path, TITLE, of_matrices(path, heads, matrices, times), known, numbered=True)
 

@@ -2,9 +2,9 @@
 world_from_FRAME.
 
 8 numbers with commas between them and seconds first (`t, x, y, z` and a quaternion), or 9 whose first two are whole
-seconds and nanoseconds. Whether w is the first or the last of the quaternion does not show in its values: a header
-decides, or the first pose where it is the identity in one of both orders, which is noted. Otherwise such files are
-refused. Source: files of several programs, such as those of `rosbag` scripts and of Blender.
+seconds and nanoseconds. Whether w is the first or the last of the quaternion is known from a header, or from the first
+pose, if it is the identity in one of both orders only (with a note). Other files are refused. Source: files of several
+programs, such as those of `rosbag` scripts and of Blender.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Poses without times: 7 numbers in a row, `x y z` and a quaternion, or the quaternion and `x y z`; metres,
 world_from_FRAME.
 
-Which four numbers are the quaternion shows in their length; whether w is its first or its last does not: a header of
-the seven names decides, or the first pose where it is the identity in one of both orders, which is noted. Otherwise
-such files are refused. Rows are images, in their order; `--times` gives the times. Source: files of several programs,
+The four numbers of unit length are the quaternion. Whether w is its first or its last one is known from a header of the
+seven names, or from the first pose, if it is the identity in one of both orders only (with a note). Other files are
+refused. Rows are images, in their order; `--times` gives the times. Source: files of several programs,
 such as the trajectories of DROID-SLAM and of AirSim.
 """
 
@@ -24,14 +24,14 @@ from ispom.io.poses.dialect import (
     values_of,
 )
 
-COUNT, TITLE = 7, "7 columns"
+COLUMNS, TITLE = 7, "7 columns"
 
 
 def _recognises(content: PoseContent) -> bool:
     roles = content.roles
     if roles is not None:
         return content.width > 0 and not roles.times and bool(roles.xyz and roles.xyzw) and not roles.geographic
-    return content.width == COUNT and (content.unit_length(0) or content.unit_length(3))
+    return content.width == COLUMNS and (content.unit_length(0) or content.unit_length(3))
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:

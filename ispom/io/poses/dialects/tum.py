@@ -18,18 +18,19 @@ from ispom.io.poses.content import PoseContent
 from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_quaternions, rectangular, timed, values_of
 from ispom.io.trajectories import is_tum
 
-COUNT = 8
+COLUMNS = 8
+"""Number of columns in TUM's format."""
 
 
 def _recognises(content: PoseContent) -> bool:
     if content.columns is not None:
         return is_tum(content.columns)
     rotation_first = content.unit_length(1) and not content.unit_length(4)
-    return content.width == COUNT and content.spaced and not rotation_first
+    return content.width == COLUMNS and content.spaced and not rotation_first
 
 
 def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> TrajectoryFile:
-    rows = rectangular(content, COUNT)
+    rows = rectangular(content, COLUMNS)
     notes: tuple[str, ...] = ()
     unpadded = unpadded_nanoseconds([words[0] for _, words in rows])
     if unpadded is None:
@@ -38,7 +39,7 @@ def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> Trajector
         order = np.argsort(unpadded, kind="stable")
         times, unit, rows = unpadded[order], "s", [rows[i] for i in order]
         notes = (f"{content.path}: times are seconds and nanoseconds without leading zeros: they are even then",)
-    values = values_of(content.path, rows, 1, COUNT)
+    values = values_of(content.path, rows, 1, COLUMNS)
     trajectory = of_quaternions(content, rows, times, values[:, :3], values[:, 3:])
     return TrajectoryFile(content.path, "TUM", trajectory, unit="" if unit == "s" else unit, notes=notes)
 
