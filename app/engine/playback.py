@@ -18,7 +18,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
 from ispom.methods import STEREO, Config, kinds_of
 from ispom.methods import method as registered
-from ispom.sequences.readable import UNREADABLE_SHARE
+from ispom.sequences.readable import MAX_UNREADABLE_SHARE
 from ispom.solvers.influence.problem import Problem
 from ispom.stopwatch import cpu_clock
 from ispom.types import Rig, Sequence, Step, Trajectory
@@ -214,7 +214,7 @@ class Playback:
         return self.ensemble.without_tracks(self._state, self.sequence[self.position], method, ids)
 
     def _skip(self, index: int, fault: str) -> Stepped:
-        if len(self.skipped) + 1 > UNREADABLE_SHARE * len(self.sequence):
+        if len(self.skipped) + 1 > MAX_UNREADABLE_SHARE * len(self.sequence):
             more = f" (skipped before it: {len(self.skipped)})" if self.skipped else ""
             raise InputError(fault + more)
         self.skipped.append(fault)

@@ -1,4 +1,4 @@
-"""Where measurements come from, and how a source given in words is opened."""
+"""Opens a source of measurements: a simulation, a live camera, or a recording whose format is recognised."""
 
 from __future__ import annotations
 
@@ -40,10 +40,11 @@ from ispom.sequences.readable import require_readable
 from ispom.sequences.readings import with_doubts
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import scaled_calibrations
-from ispom.sequences.two_rate import MOST_FRAMES, check_shape, two_rate
+from ispom.sequences.two_rate import MAX_FRAMES, check_shape, two_rate
 from ispom.types import FRAME_KINDS, Found, Measurement, Sequence
 
 MIN_FRAMES = 3
+"""Least number of frames of a run: an alignment of its trajectory needs three positions."""
 Topics = tuple[str, ...]
 Looks = Callable[[Path], bool]
 LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
@@ -60,7 +61,7 @@ LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
     looks_like_tartanair: open_tartanair,
     looks_like_feature_table: open_feature_table,
 }
-"""How each kind of folder or file is recognised and opened; the first that recognises it counts."""
+"""The function that opens each format, by the function that recognises it; the first that matches is used."""
 ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
     looks_like_bag: open_bag,
     looks_like_tum: open_tum,
@@ -70,7 +71,7 @@ ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
     looks_like_images: open_folder,
     looks_like_video_folder: open_video_folder,
 }
-"""The same, of kinds whose calibration may be a file of its own, so that another may take its place."""
+"""The same for formats whose calibration may be replaced by another file."""
 
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
@@ -81,8 +82,8 @@ FILES = VIDEO_SUFFIXES | BAG_SUFFIXES | SETTINGS
 
 def check_max_exposures(count: int | None) -> None:
     """Raises InputError where the option is out of its range."""
-    if count is not None and not MIN_FRAMES <= count <= MOST_FRAMES:
-        raise InputError(f"--max-exposures is {str(count)[:40]}, give {MIN_FRAMES} or more, up to {MOST_FRAMES}")
+    if count is not None and not MIN_FRAMES <= count <= MAX_FRAMES:
+        raise InputError(f"--max-exposures is {str(count)[:40]}, give {MIN_FRAMES} or more, up to {MAX_FRAMES}")
 
 
 def open_sequence(
@@ -100,15 +101,20 @@ def open_sequence(
     topics: Topics = (),
     cache_dir: Path | None = None,
 ) -> Sequence:
-    """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
-    by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
+    """Opens a simulation, a live camera, or a recording. Raises InputError for an invalid source or option, and for a
+    source that the `policy` does not allow.
 
-    Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
-    the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
-    pose: it is then that of the rig. With `scale_calibration`, a calibration for images of another size of the same
-    shape is scaled to the images. Other sensors are those that lie in or beside the source ("auto"), those of the file
-    `sensors` (see `sequences.sensors`), or none ("none", or None). `topics` names those of a bag: left=TOPIC and
-    right=TOPIC, or video=TOPIC. `cache_dir` replaces the user's cache folder, where images of simulations are kept.
+    Args:
+        source: `sim:NAME` (made from `seed`) or `sim:NAME#SEED`; a live camera, calibrated by the file `camera`; or a
+            path whose format is recognised, shaped by `two_rate`.
+        max_exposures: limits the sequence to its first frames.
+        scale_calibration: scales a calibration to images of another size of the same shape.
+        placed: requires poses of all cameras. Otherwise the pose of a rig's video camera may be missing, and is then
+            that of the rig.
+        sensors: other sensors: those in or beside the source ("auto"), those of a file (see `sequences.sensors`), or
+            none ("none", or None).
+        topics: topics of a bag: left=TOPIC and right=TOPIC, or video=TOPIC.
+        cache_dir: replaces the user's cache folder, which contains images of simulations.
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
@@ -123,7 +129,7 @@ def open_sequence(
     choice = NONE if sensors is None else Path(sensors)
     own: tuple[OwnSensor, ...] = ()
     if source.startswith("sim:"):
-        from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
+        from ispom.sequences.formats.simulated import open_words  # imports the ray caster, which takes seconds
 
         with bounded(policy.places):  # its words may name files: a route, a mesh
             sequence = open_words(source.removeprefix("sim:"), seed, cache_dir)
@@ -145,7 +151,7 @@ def open_sequence(
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
-    if not source.startswith("sim:"):  # a simulation is as it was ordered
+    if not source.startswith("sim:"):  # faults of a simulation are intended
         sequence = with_doubts(sequence.with_notes(_unit_notes(source, sequence)), source)
     sequence = replace(sequence, name=as_text(sequence.name))
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
@@ -157,8 +163,8 @@ def open_sequence(
 
 
 def _with_sensors(sequence: Sequence, own: tuple[OwnSensor, ...], choice: Path) -> Sequence:
-    """With the other sensors of a file, or those of its own that can be used, or none."""
-    if choice in (AUTO, Path()):  # nothing is written in the page's field
+    """Returns the sequence with the sensors of a file, or those of its own that can be used, or none."""
+    if choice in (AUTO, Path()):  # the page's field is empty
         return with_own_sensors(sequence, own)
     if choice == NONE:
         why = "is not used, as --sensors is none"
@@ -173,7 +179,7 @@ def _as_text(note: str) -> str:
 
 
 def _unit_notes(source: str, sequence: Sequence) -> tuple[str, ...]:
-    """A note about a pair whose baseline is hardly in metres, whichever file says so."""
+    """Returns a note about a pair whose baseline is likely not in metres."""
     if not sequence.rig.has_stereo:
         return ()
     note = unit_note(sequence.rig.baseline_m)
@@ -181,7 +187,8 @@ def _unit_notes(source: str, sequence: Sequence) -> tuple[str, ...]:
 
 
 def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
-    """The same sequence, whose images are read within the policy's bounds, and within what it is confined to, too."""
+    """Returns the sequence with images that are read within the bounds of the policy, and of the current
+    confinement."""
     places = confinement()
     if policy.places is None and places is None:
         return sequence
@@ -209,7 +216,7 @@ def _opened(path: Path, calibration: Path | None, seed: int, topics: Topics = ()
         return open_scenario(path, seed)
     if layout in ONE_CAMERA:
         return ONE_CAMERA[layout](path, calibration)
-    if layout in LAYOUTS or (not is_folder(path) and is_yaml(path)):  # which says what a description needs
+    if layout in LAYOUTS or (not is_folder(path) and is_yaml(path)):  # open_described reports missing entries
         if calibration is not None:
             raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
         return LAYOUTS.get(layout, open_described)(path)
@@ -241,16 +248,17 @@ def _opened(path: Path, calibration: Path | None, seed: int, topics: Topics = ()
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """What can be opened in a folder that is no recording itself, by name, depth images last; descriptions of cameras
-    are none."""
+    """Returns the recordings in a folder that is none itself, by name, depth images last; without camera files."""
     inner = (p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if p.suffix.lower() not in SETTINGS)
     return sorted((p for p in inner if recognised(p)), key=lambda p: ("depth" in p.name.lower(), p))
 
 
 def layout_of(path: Path) -> Looks | Format | None:
-    """Returns what recognises a folder or file, and so how it is opened: formats of packages after those that name
-    their layout, before those that are images or a video. None where nothing does. Raises InputError where it cannot
-    be looked at."""
+    """Returns the key of LAYOUTS or ONE_CAMERA, or the installed format, that recognises a folder or file; else None.
+
+    Formats of packages are tried after the layouts with characteristic names, before images and videos. Raises
+    InputError where the path cannot be read.
+    """
     for looks in (looks_like_scenario, *LAYOUTS):
         if looks is not None and looks(path):
             return looks
@@ -260,8 +268,8 @@ def layout_of(path: Path) -> Looks | Format | None:
 
 
 def recognised(path: Path) -> bool:
-    """Whether a folder or file can be opened, by what `open_sequence` recognises it by; not what cannot be looked at,
-    such as a link to nothing."""
+    """Checks whether a folder or file can be opened, by what `open_sequence` recognises it by; not what cannot be
+    looked at, such as a link to nothing."""
     try:
         known = FILES.union(*(each.suffixes for each in FORMATS.items().values()))
         if path.suffix.lower() not in known and not is_folder(path):

@@ -1,36 +1,36 @@
-"""Sources that are no paths: cameras of this machine, and addresses of streams, shown without their secrets."""
+"""Sources other than paths: cameras of this machine, and addresses of streams, which are shown without secrets."""
 
 from __future__ import annotations
 
 import re
 
-DEVICE = "camera:"
+DEVICE_PREFIX = "camera:"
 MAX_SEED = 2**32 - 1
-"""Of a simulation."""
+"""Largest seed of a simulation."""
 SCHEMES = ("http", "https", "rtsp", "rtsps", "rtmp", "udp", "tcp")
 _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 
 
 def is_device(source: str) -> bool:
-    """Whether it names a camera of this machine: `camera:0`."""
-    return source.startswith(DEVICE)
+    """Checks whether a source is a camera of this machine: `camera:0`."""
+    return source.startswith(DEVICE_PREFIX)
 
 
 def is_address(source: str) -> bool:
-    """Whether it is an address, of a kind that can be opened or not."""
+    """Checks whether a source is an address, also one that cannot be opened."""
     return _SCHEME.match(source) is not None
 
 
 def scheme(address: str) -> str:
-    """What an address begins with, in small letters."""
+    """Returns the scheme of an address (http, rtsp ...) in lower case."""
     match = _SCHEME.match(address)
     return match[1].lower() if match else ""
 
 
 def without_secrets(source: str) -> str:
-    """The source without the user's name and password that an address may hold, and without its query's values.
+    """Returns the source without user name and password, and without the values of its query.
 
-    A password may hold @ and / itself: what stands before the last @ is removed, in doubt a part of the path, too.
+    As a password may contain @ and /, all before the last @ is removed, which may include a part of the path.
     """
     match = _SCHEME.match(source)
     if match is None:

@@ -1,4 +1,5 @@
-"""Decoders that write about what they meet on the process's standard error, silenced: the one sentence is ours."""
+"""Silences decoders that write to the process's standard error: errors are reported by one sentence of ISPOM
+instead."""
 
 from __future__ import annotations
 
@@ -12,22 +13,24 @@ from pathlib import Path
 import cv2
 
 STDERR = 2
+"""Descriptor of the standard error, by the POSIX standard."""
 
 
 def quiet_decoders() -> None:
-    """From the first use of FFmpeg on, unless the person asks it for more by OPENCV_FFMPEG_LOGLEVEL."""
+    """Silences FFmpeg from its first use on, unless OPENCV_FFMPEG_LOGLEVEL is set."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     warnings.filterwarnings("ignore", module=r"PIL\.")
 
 
 def film_name(path: Path) -> str:
-    """What FFmpeg is to open: of a relative path that begins with 12: it takes 12 for the name of a protocol."""
+    """Returns the name by which FFmpeg opens a file: it takes the beginning of a relative path such as 12:a for the
+    name of a protocol."""
     return os.path.abspath(path)
 
 
 class _Silence:
-    """Descriptor 2 leads to nowhere for as long as anyone wants it."""
+    """Redirects descriptor 2 to nowhere while any thread requires it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -52,9 +55,9 @@ _silence = _Silence()
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Meanwhile what C code writes to descriptor 2 goes nowhere: libpng and libjpeg have no other switch.
+    """Discards the output of C code on descriptor 2 in its context: libpng and libjpeg cannot be silenced otherwise.
 
-    Safe from several threads. Python's own standard error is lost as well, unless it has another descriptor.
+    Can be used from several threads. Python's own standard error is lost as well, unless it has another descriptor.
     """
     _silence.begin()
     try:
@@ -64,7 +67,7 @@ def silenced() -> Iterator[None]:
 
 
 def _redirected() -> int:
-    """Descriptor 2 led to nowhere; a copy of what it was, -1 where it was closed."""
+    """Redirects descriptor 2 to nowhere; returns a copy of the old one, -1 where it was closed."""
     try:
         copy = os.dup(STDERR)
     except OSError:

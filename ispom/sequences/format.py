@@ -15,27 +15,27 @@ from ispom.types import Sequence
 
 @dataclass(frozen=True, eq=False)
 class Format:
-    """How a kind of folder or file is recognised and opened."""
+    """How folders or files of a format are recognised and opened."""
 
     name: str
-    """Its identity in messages."""
+    """Name in messages."""
     recognises: Callable[[Path], bool]
-    """Looks at a folder, or at a file with one of the `suffixes`. It is tried before folders of images and videos."""
+    """Checks a folder, or a file with one of the `suffixes`. It is tried before folders of images and videos."""
     open: Callable[[Path], Sequence | Recording]
-    """Opens it: a Sequence is run as it is, a Recording becomes video and stereo frames as the options say. Raises
-    InputError with one sentence for what is wrong."""
+    """Opens it: a Sequence is run unchanged; a Recording is split into video and stereo frames by the options. Raises
+    InputError with one sentence about the problem."""
     suffixes: frozenset[str] = frozenset()
-    """Of files, in lower case with a dot; a format without any is one of folders."""
+    """Suffixes of files, in lower case with a dot; empty for a format of folders."""
 
 
 FORMATS = Registry("ispom.formats", Format, "format", ())
-"""Those of installed packages."""
+"""Formats of installed packages."""
 
 
 def format_of(path: Path, is_folder: bool) -> Format | None:
     """Returns the format of a package that recognises a folder or file; None where none does.
 
-    Raises InputError where a package fails while it looks.
+    Raises InputError where a package fails.
     """
     for each in FORMATS.items().values():
         if is_folder or path.suffix.lower() in each.suffixes:
@@ -46,14 +46,14 @@ def format_of(path: Path, is_folder: bool) -> Format | None:
 
 
 def opened(found: Format, path: Path) -> Sequence | Recording:
-    """Returns what the format makes of a folder or file. Raises InputError where the package fails, too."""
+    """Opens a folder or file by the format. Raises InputError, also where the package fails."""
     with _failing_as(found, path):
         return found.open(path)
 
 
 @contextmanager
 def _failing_as(found: Format, path: Path) -> Iterator[None]:
-    """Any fault of the package as one sentence."""
+    """Converts any exception of the package to an InputError."""
     try:
         yield
     except (InputError, OSError):

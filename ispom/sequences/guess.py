@@ -1,7 +1,7 @@
-"""A camera without a calibration: its focal length by the file's metadata, else a guess; both are reported.
+"""The focal length of a camera without a calibration: from the file's metadata, or else a guess; both are reported.
 
-Photos may have it in their EXIF, films of phones in QuickTime's metadata, both as that of a 35 mm camera with the same
-angle of view. The principal point is taken to be the middle, and lenses are taken to be free of distortion.
+Photos may have it in their EXIF, films of phones in QuickTime's metadata, both as the equivalent on 35 mm film. The
+principal point is assumed in the middle, and lenses without distortion.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from ispom.sequences.quicktime import quicktime_metadata
 from ispom.types import Camera, Guess
 
 FILM_DIAGONAL_MM = 43.267
-"""Of 36 x 24 mm: focal lengths "in 35 mm film" are compared by the diagonal (CIPA DCG-001)."""
+"""Diagonal of 36 x 24 mm, by which focal lengths "in 35 mm film" are defined (CIPA DCG-001)."""
 USUAL_SHARE, USUAL_SIGMA = 0.7, 0.3
-"""Focal length as a share of the longer side where nothing is known: phones have 0.7 to 0.85, wide lenses of robots and
-cars 0.5 to 0.6; and the standard deviation of its logarithm."""
+"""Guessed focal length relative to the longer side, and the standard deviation of its logarithm: phones have 0.7 to
+0.85, wide lenses of robots and cars 0.5 to 0.6."""
 METADATA_SIGMA = 0.05
-"""The same of one in a file's metadata: it is rounded to millimetres, and films are cropped for stabilisation."""
-LEAST_METADATA_SHARE, MOST_METADATA_SHARE = 0.2, 20.0
+"""The same standard deviation for a focal length in metadata: it is rounded to millimetres, and films are cropped for
+stabilisation."""
+MIN_METADATA_SHARE, MAX_METADATA_SHARE = 0.2, 20.0
 """Range of focal lengths in metadata, as a share of the longer side: of lenses of 7 to 720 mm on 35 mm film."""
-MOST_ASPECT = 4.0
-"""Of pixels: those of films have at most 2."""
+MAX_ASPECT = 4.0
+"""Largest aspect of pixels: those of films have at most 2."""
 SENSOR_MM = (2.0, 62.0)
-"""The longer side of a camera's sensor: from telephones to medium format."""
+"""Range of the longer side of a sensor: from telephones to medium format."""
 _EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
 _GPS, _LATITUDE, _LONGITUDE = 0x8825, 2, 4
 _PLANE_RESOLUTION, _PLANE_UNIT = 41486, 41488
@@ -37,34 +38,34 @@ _PIXEL_SIDES = (40962, 40963)
 _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _SUBTITLES = re.compile(r"focal_len\s*:\s*([0-9]{1,4}(?:\.[0-9]{1,4})?)")
 _SUBTITLES_HEAD = 4096
+"""Number of first bytes of subtitles that are searched."""
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
 def guessed(size: tuple[int, int], metadata_focal: tuple[float, str] | None, aspect: float = 1.0) -> Guess:
-    """Of images (width, height) with pixels of this `aspect`, width over height.
+    """Returns the guess for images of `size` (width, height) with pixels of this `aspect`, width over height.
 
-    `metadata_focal` is a focal length, in heights of a pixel, and its source in words.
+    `metadata_focal` is a focal length, in heights of a pixel, and the name of its source.
     """
     longer = max(size[0] * aspect, size[1])
-    if (
-        metadata_focal is not None
-        and LEAST_METADATA_SHARE * longer <= metadata_focal[0] <= MOST_METADATA_SHARE * longer
-    ):
+    if metadata_focal is not None and MIN_METADATA_SHARE * longer <= metadata_focal[0] <= MAX_METADATA_SHARE * longer:
         return Guess(metadata_focal[0], METADATA_SIGMA, metadata_focal[1], aspect)
     return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side", aspect)
 
 
 def pixel_aspect(width: float, height: float) -> float:
-    """Width of a pixel over its height, as a file has it; 1 where that cannot be."""
+    """Returns the width of a pixel over its height, from the values of a file; 1 for impossible values."""
     if not (width > 0 and height > 0):
         return 1.0
     aspect = width / height
-    return aspect if 1 / MOST_ASPECT <= aspect <= MOST_ASPECT else 1.0
+    return aspect if 1 / MAX_ASPECT <= aspect <= MAX_ASPECT else 1.0
 
 
 def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, Camera]:
-    """By the first image of a folder, turned by EXIF's `orientation` of all, or else by its own; InputError where it is
-    none."""
+    """Returns the guess, and the camera, from the first image of a folder. Raises InputError where it is no image.
+
+    `orientation` is EXIF's orientation for all images; by default the image's own one is used.
+    """
     with opened(path) as file:
         try:
             with Header.open(file) as image:
@@ -93,7 +94,7 @@ def position_note(path: Path) -> str:
 
 
 def _exif_of(image: Header.Image) -> Header.Exif:
-    """Empty where the rest of the file is damaged: whether it can be read as a whole is asked when it is read."""
+    """Returns the EXIF entries; none for a damaged file, which is reported when it is read."""
     try:
         return image.getexif()
     except (OSError, ValueError, SyntaxError):
@@ -101,13 +102,13 @@ def _exif_of(image: Header.Image) -> Header.Exif:
 
 
 def size_of_photo(path: Path, orientation: int | None = None) -> tuple[int, int]:
-    """(width, height) of an image as it is looked at, as `guess_of_photo`."""
+    """Returns (width, height) of an image after the rotation by its orientation, as in `guess_of_photo`."""
     _, camera = guess_of_photo(path, orientation)
     return camera.width, camera.height
 
 
 def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Guess:
-    """By a film's metadata, and the size (width, height) of its images and the aspect of their pixels."""
+    """Returns the guess from a film's metadata, its size (width, height), and the aspect of its pixels."""
     equivalent, source = _number(quicktime_metadata(path).get(_QUICKTIME)), "the film's metadata"
     if equivalent is None and (subtitles := subtitles_of(path)) is not None:
         equivalent, source = _focal_of_subtitles(subtitles), subtitles.name
@@ -118,12 +119,13 @@ def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Gue
 
 
 def subtitles_of(path: Path) -> Path | None:
-    """Returns the subtitles beside a film, as drones write them; None without any."""
+    """Returns the subtitles next to a film, as drones write them; None without any."""
     return next((place for suffix in (".SRT", ".srt") if exists(place := path.with_suffix(suffix))), None)
 
 
 def _focal_of_subtitles(path: Path) -> float | None:
-    """The focal length [mm on 35 mm film] of a drone's first subtitles; whole numbers from 100 on are tenths."""
+    """Returns the focal length [mm on 35 mm film] of a drone's first subtitles; whole numbers from 100 on are
+    tenths."""
     match = _SUBTITLES.search(read_head(path, _SUBTITLES_HEAD).decode("utf-8", "replace"))
     if match is None:
         return None
@@ -138,7 +140,7 @@ def _focal_of_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[f
     mm = _MM_OF_UNIT.get(int(_number(entries.get(_PLANE_UNIT, 2)) or 0))
     if focal_mm is None or per_unit is None or mm is None:
         return None
-    # The resolution is that of the image as it was taken, which may have been made smaller since.
+    # The resolution is that of the original image, which may have been reduced later.
     sides = [side for tag in _PIXEL_SIDES if (side := _number(entries.get(tag))) is not None]
     taken = max(sides) if sides else max(size)
     if not SENSOR_MM[0] <= taken * mm / per_unit <= SENSOR_MM[1]:
@@ -152,7 +154,7 @@ def _px_of_35_mm(equivalent_mm: float, size: tuple[float, float]) -> float:
 
 
 def _number(value: object) -> float | None:
-    """A positive, finite number, or None."""
+    """Returns a positive, finite number, or None."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

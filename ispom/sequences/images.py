@@ -1,4 +1,4 @@
-"""Image files, read when requested. The header is read first: what it claims is decoded only where it is expected."""
+"""Reads image files. The header is read first, and the image is decoded only if it has the expected size."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ispom.io.camera import MAX_PIXELS
 from ispom.io.files import names, opened, read_bytes
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.image_header import FORMATS, MAX_BYTES, header_size, is_whole
-from ispom.sequences.orientation import SAMPLES as PHOTOS
+from ispom.sequences.orientation import MAX_SAMPLES as PHOTOS
 from ispom.sequences.orientation import oriented
 from ispom.types import Image
 
@@ -43,23 +43,24 @@ UNREAD_SUFFIXES = frozenset(
         ".rw2",
     }
 )
-"""Of images in formats that are not read."""
-SAMPLES = 8
-"""Images of a folder that determine the range of all."""
-DEFECTIVE = 0.1
-"""Per cent of the pixels at either end that may be defective, and are no part of that range."""
+"""Suffixes of images in unsupported formats."""
+SAMPLED_IMAGES = 8
+"""Number of images of a folder from which the range of grey values is determined."""
+DEFECTIVE_PERCENT = 0.1
+"""Percentage of the darkest and of the brightest pixels that are excluded from the range, as they may be defective."""
 
 
 def read_grey(path: Path, size: tuple[int, int] | None = None, orientation: int | None = None) -> Image:
-    """(H, W), read-only; turned by EXIF's `orientation` (see orientation.py), or else by the image's own.
+    """Returns the grey image (H, W), read-only, rotated by EXIF's `orientation` (see orientation.py), or by its own
+    one.
 
-    UnreadableImage where it is missing, damaged, or not of `size` (width, height).
+    Raises UnreadableImage where it is missing, damaged, or not of `size` (width, height).
     """
     return _read(path, size, cv2.IMREAD_GRAYSCALE, orientation)
 
 
 def read_image(path: Path, size: tuple[int, int] | None = None, orientation: int | None = None) -> Image:
-    """The same, (H, W, 3) RGB where the file has colours."""
+    """Returns the same, in RGB (H, W, 3) if the file has colours."""
     return _read(path, size, cv2.IMREAD_ANYCOLOR, orientation)
 
 
@@ -71,10 +72,11 @@ def decode(
     span: Callable[[], tuple[float, float]] | None = None,
     orientation: int | None = None,
 ) -> Image:
-    """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
+    """Returns the image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
 
-    Where its values are no bytes, `span()` is what becomes 0 and 255; without it, 0 and the largest value of their kind
-    do, or of floats 1. UnreadableImage, beginning with `where`, where it is not whole, or not of `size`.
+    For values other than bytes, `span()` returns the values that become 0 and 255; by default 0 and the largest value
+    of the type, which is 1 for floats. Raises UnreadableImage, which begins with `where`, for a damaged image, and for
+    one that does not have `size`.
     """
     claimed = header_size(content, where)
     if claimed is None or not is_whole(content):
@@ -98,7 +100,8 @@ def decode(
 
 
 def as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
-    """With `span` as 0 and 255; without it, 0 and the largest value of their kind, or of floats 1."""
+    """Converts values to bytes: those of `span` become 0 and 255, by default 0 and the largest value of the type (1 for
+    floats)."""
     if span is None:
         span = 0.0, np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
     black, white = span
@@ -110,16 +113,16 @@ def as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
 
 @lru_cache(maxsize=64)
 def span_of(folder: Path) -> tuple[float, float]:
-    """What is black and white in the images of a folder, where they are no bytes, from SAMPLES of them."""
+    """Returns the values of black and white in a folder's images that are no bytes, from SAMPLED_IMAGES of them."""
     return span_of_values([values for values in map(_values, _samples(folder)) if values is not None])
 
 
 def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
-    """What is black and white in images of a recording, by the finite values of some: of 12-bit ones 0 and 4095.
+    """Returns the values of black and white in a recording, from the finite values of some images.
 
-    Of several images, as one may be a dark one: 0, and the least of 1 (floats) and of 2^8, 2^10 ... 2^16 less one that
-    none of them exceeds. Of thermal cameras, whose values lie in a small part of that and far from 0, twice that part.
-    The same for all its images, so that their brightness can be compared.
+    These are 0, and the least of 1 (floats), 2^8 - 1, 2^10 - 1 ... 2^16 - 1 that none of the images exceeds, such as
+    4095 for 12 bits. For thermal cameras, whose values are in a small range far from 0, it is twice that range. The
+    values are the same for all images, so that their brightness can be compared.
     """
     values = [pixels for pixels in values if len(pixels)]
     if not values:
@@ -127,7 +130,7 @@ def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
     highest = max(float(pixels.max()) for pixels in values)
     if highest <= 1.0 and any(np.issubdtype(pixels.dtype, np.floating) for pixels in values):
         return 0.0, 1.0
-    ends = [np.percentile(pixels, (DEFECTIVE, 100 - DEFECTIVE)) for pixels in values]
+    ends = [np.percentile(pixels, (DEFECTIVE_PERCENT, 100 - DEFECTIVE_PERCENT)) for pixels in values]
     low, high = float(min(low for low, _ in ends)), float(max(high for _, high in ends))
     if high / 2 <= low < high:
         return low - (high - low) / 2, high + (high - low) / 2
@@ -135,8 +138,8 @@ def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
 
 
 def sampled(count: int) -> list[int]:
-    """Indices of SAMPLES of so many images."""
-    return np.unique(np.linspace(0, count - 1, SAMPLES).round().astype(int)).tolist() if count else []
+    """Returns the indices of SAMPLED_IMAGES of `count` images."""
+    return np.unique(np.linspace(0, count - 1, SAMPLED_IMAGES).round().astype(int)).tolist() if count else []
 
 
 def _samples(folder: Path) -> list[Path]:
@@ -145,7 +148,7 @@ def _samples(folder: Path) -> list[Path]:
 
 
 def _values(path: Path) -> NDArray[Any] | None:
-    """The finite values of an image; None where it holds bytes, or cannot be read."""
+    """Returns the finite values of an image; None where it holds bytes, or cannot be read."""
     try:
         return values_of(read_bytes(path, MAX_BYTES), str(path))
     except InputError:
@@ -153,7 +156,7 @@ def _values(path: Path) -> NDArray[Any] | None:
 
 
 def values_of(content: bytes, where: str) -> NDArray[Any] | None:
-    """The same of an image file's bytes."""
+    """Returns the same of an image file's bytes."""
     try:
         claimed = header_size(content, where)
     except InputError:
@@ -166,7 +169,8 @@ def values_of(content: bytes, where: str) -> NDArray[Any] | None:
 
 
 def require_size(path: Path, size: tuple[int, int]) -> None:
-    """InputError where an image's header has another size than the camera; a damaged one is found when it is read."""
+    """Raises InputError where an image's header has another size than the camera; damaged images are reported when they
+    are read."""
     try:
         content = read_bytes(path, MAX_BYTES)
     except InputError:
@@ -177,7 +181,8 @@ def require_size(path: Path, size: tuple[int, int]) -> None:
 
 
 def those_there(listing: Path, paths: list[Path]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Indices (N,) of the listed files that are there, and a note about the others; InputError where none is."""
+    """Returns the indices (N,) of the listed files that exist, and a note about the others. Raises InputError where
+    none exists."""
     folders = {path.parent for path in paths}
     there = {folder: set(names(folder)) if os.path.isdir(folder) else set() for folder in folders}
     present = np.array([i for i, path in enumerate(paths) if path.name in there[path.parent]], np.int64)
@@ -197,7 +202,8 @@ def _read(path: Path, size: tuple[int, int] | None, flag: int, orientation: int 
 
 
 def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, turned: bool = False) -> None:
-    """`turned`: sides may be exchanged, where EXIF's orientation is not yet applied."""
+    """Raises UnreadableImage for another size. With `turned` the sides may be exchanged, as EXIF's orientation is not
+    applied."""
     if size is None:
         if found[0] * found[1] > MAX_PIXELS:
             raise InputError(f"{where} is {found[0]} x {found[1]}, more than {MAX_PIXELS} px: give smaller images")
@@ -207,10 +213,10 @@ def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, t
 
 
 def same_size(paths: list[Path]) -> tuple[list[str], str]:
-    """The names of a folder's images that have the size that most of them have, and a note about the others.
+    """Returns the names of a folder's images with the most frequent size, and a note about the others.
 
-    The sizes are those of the files, before EXIF's orientation. Of a large folder some images are read first: where
-    they are all of one size, so is the folder.
+    The sizes are those of the files, before EXIF's orientation. In a large folder some images are read first; if these
+    have one size, that of all others is assumed to be the same.
     """
     every = max(1, len(paths) // PHOTOS)
     sizes = {path: _size_of(path) for path in paths[::every]}
@@ -226,7 +232,8 @@ def same_size(paths: list[Path]) -> tuple[list[str], str]:
 
 
 def opacities(paths: list[Path]) -> list[NDArray[np.uint8]]:
-    """The opacity (H, W), 0 to 255, of SAMPLES of the images that have one; empty where some of them have none."""
+    """Returns the opacity (H, W), 0 to 255, of SAMPLED_IMAGES of the images that have one; empty where some of them
+    have none."""
     found = []
     for i in sampled(len(paths)):
         try:
@@ -235,12 +242,12 @@ def opacities(paths: list[Path]) -> list[NDArray[np.uint8]]:
                     return []
                 found.append(np.asarray(image.getchannel("A"), np.uint8))
         except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):
-            continue  # a damaged one is found when it is read
+            continue  # damaged images are reported when they are read
     return found
 
 
 def _size_of(path: Path) -> tuple[int, int] | None:
-    """(width, height) of an image file by its header; None where it has none."""
+    """Returns (width, height) of an image file by its header; None where it has none."""
     try:
         with opened(path) as file, Header.open(file, formats=FORMATS) as header:
             return header.size

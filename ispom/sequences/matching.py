@@ -1,4 +1,4 @@
-"""What belongs together by its time: images of two cameras, and the truth at the times of images."""
+"""Matches by time: images of two cameras, and the ground truth at the times of images."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from numpy.typing import NDArray
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
-PAIR_NS = 2_000_000
-"""Images of two cameras exposed together differ by less than this."""
-TRUTH_GAP_NS = 100_000_000
-"""Truth is not interpolated over a longer gap."""
+MAX_PAIR_NS = 2_000_000
+"""Largest difference between the times of two images of a pair, whose cameras are triggered together."""
+MAX_TRUTH_GAP_NS = 100_000_000
+"""Largest gap over which ground truth is interpolated."""
 
 
 def pairs(left_ns: NDArray[np.int64], right_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices (N,) of left images and of their partners, at most PAIR_NS from each other; both times are increasing."""
+    """Returns indices (N,) of left images and of their partners, at most MAX_PAIR_NS from each other; both times are
+    increasing."""
     if not len(left_ns) or not len(right_ns):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     partner = _nearest(right_ns, left_ns)
     mutual = _nearest(left_ns, right_ns)[partner] == np.arange(len(left_ns))
-    left_index = np.flatnonzero(mutual & (abs(right_ns[partner] - left_ns) <= PAIR_NS))
+    left_index = np.flatnonzero(mutual & (abs(right_ns[partner] - left_ns) <= MAX_PAIR_NS))
     return left_index, partner[left_index]
 
 
 def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
-    """A note about images without a partner; nothing where there are none."""
+    """Returns a note about images without a partner; nothing where there are none."""
     if left == right == matched:
         return ()
     return (
@@ -36,8 +37,9 @@ def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
     )
 
 
-def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH_GAP_NS) -> Trajectory | None:
-    """The truth at those of the times (N,) that it covers, interpolated over gap_ns at most; None: it covers none."""
+def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = MAX_TRUTH_GAP_NS) -> Trajectory | None:
+    """Returns the ground truth at those times (N,) that it covers, interpolated over at most gap_ns; None without
+    any."""
     if not len(truth):
         return None
     after = np.searchsorted(truth.times_ns, times_ns).clip(0, len(truth) - 1)
@@ -48,7 +50,7 @@ def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH
 
 
 def no_truth_note(path: Path, found: Trajectory | None) -> tuple[str, ...]:
-    """A note where a file of truth covers no image."""
+    """Returns a note where a file of truth covers no image."""
     return () if found is not None else (f"{path} has no pose at the times of the images: no ground truth.",)
 
 

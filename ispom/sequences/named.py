@@ -1,4 +1,4 @@
-"""When images were taken, by their names: times, or numbers with gaps in them."""
+"""The times of images from their names, which are times, or numbers with gaps."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from ispom.errors import InputError
 from ispom.io.pose_table import unpadded_nanoseconds
 
 _STAMP = re.compile(r"(?<![0-9.])1(?:([0-9]{9})\.([0-9]{1,9})|([0-9]{18}|[0-9]{15}|[0-9]{12}|[0-9]{9}))$")
-"""Seconds with or without a fraction, or whole nano-, micro- or milliseconds since 1970, from 2001 to 2033; a date
-begins with 2."""
+"""Seconds with or without a fraction, or whole nano-, micro- or milliseconds since 1970. They begin with 1, from 2001
+to 2033; a date of this century begins with 2."""
 _SECONDS = re.compile(
     r"(?P<value>(?:^-)?(?<![0-9.,])[0-9]{1,19}(?:[.,](?P<fraction>[0-9]{1,20}))?(?P<exponent>e[-+][0-9]{1,2})?)"
     r"[ _]?(?P<unit>s|secs?|seconds|ms|msec|us|usec|ns|nsec)?$"
 )
-"""Times from the recording's own zero, of which some have a fraction, or all a unit; without one they are seconds."""
+"""Times from the start of the recording; some have a fraction, or all a unit. Without a unit they are seconds."""
 _UNITS_NS = {"": 10**9, "s": 10**9, "m": 10**6, "u": 10**3, "n": 1}
 _SECONDS_NANOSECONDS = re.compile(r"(?<![0-9.])1[0-9]{9}[._][0-9]{1,9}$")
-"""Both since 1970."""
+"""Seconds since 1970, and nanoseconds."""
 _DATE = re.compile(
     r"(?<![0-9])((?:19|20)[0-9]{2})([-_.]?)([0-9]{2})\2([0-9]{2})[-_.T ]{0,3}([0-9]{2})([-_.:hm]?)([0-9]{2})[-_.:hm]?"
     r"([0-9]{2})(?:[.,]([0-9]{1,9})|[-_]?([0-9]{3}|[0-9]{6}|[0-9]{9}))?[sZ]?$"
 )
 """A date and a time of day, perhaps with a fraction of the second."""
 _LAST_NUMBER = re.compile(r"(.*?)([0-9]{1,18})([^0-9]*)")
-SHORTEST_NS, LONGEST_NS = 1_000_000, 10_000_000_000
-"""The median interval of images whose names are taken for times lies between these."""
-LATEST_NS = 4_600_000_000 * 10**9
-"""No time is later: in 2115, counted since 1970."""
-MOST_STEP = 5_000
-"""Numbers that advance by this or more do not count images, but are times."""
+MIN_INTERVAL_NS, MAX_INTERVAL_NS = 1_000_000, 10_000_000_000
+"""Range of the median interval of images whose names are interpreted as times."""
+MAX_TIME_NS = 4_600_000_000 * 10**9
+"""Latest time: in 2115, counted since 1970."""
+MIN_STEP_OF_TIMES = 5_000
+"""Least step of numbers that are times; smaller steps count images."""
 UNITS = {"milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
-"""Of whole numbers that are times, from the longest to the shortest."""
-ROUNDED = 0.1
-"""Of the usual interval, times of images may be early or late by this share."""
-WRAPS = (99, 255, 999, 9_999, 32_767, 65_535, 99_999, 999_999)
-"""Largest values of counters, after which they start again: those of decimal digits at 1, the binary ones at 0."""
-WRAP_STEPS, WRAP_SHARE = 10, 0.5
-"""From the last image before a counter starts again to the first one after it there are at most so many steps; and
-images take up less than this share of the counter."""
-IN_STEP = 0.5
-"""Share of the intervals that are one step, or the numbers do not count images."""
-SEVERAL = 0.5
-"""Share of the numbers that images of two kinds have in common, or they are no kinds of images of one recording."""
+"""Units of whole numbers that are times [ns], from the longest to the shortest."""
+MAX_JITTER = 0.1
+"""Largest deviation of an image's time from a constant rate, relative to the interval."""
+COUNTER_MAXIMA = (99, 255, 999, 9_999, 32_767, 65_535, 99_999, 999_999)
+"""Largest values of counters, after which they start again: decimal ones at 1, binary ones at 0."""
+MAX_WRAP_STEPS, MAX_WRAP_SHARE = 10, 0.5
+"""Largest number of steps between the last image before a counter starts again and the first one after it, and largest
+share of the counter's range that the images use."""
+MIN_REGULAR_SHARE = 0.5
+"""Least share of intervals of exactly one step, if numbers count images."""
+MIN_COMMON_SHARE = 0.5
+"""Least share of common numbers of two kinds of images in one recording, such as those of two cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,24 +63,25 @@ class Named:
     stamps_ns: NDArray[np.int64] | None = None
     """(N,) increasing; None where the names are not times."""
     numbers: NDArray[np.int64] | None = None
-    """(N,) increasing; None where the names have no number each, or no times."""
+    """(N,) increasing; None where the names have no numbers, or where these are times."""
     unread: NDArray[np.int64] | None = None
-    """(K,) numbers of images between them whose format is not read."""
+    """(K,) numbers of images among them in unsupported formats."""
     notes: tuple[str, ...] = ()
-    """About names that could be read in another way, too."""
+    """Sentences about ambiguous names."""
 
     @property
     def step(self) -> int:
-        """What numbers differ by from one image to the next where none is missing; 0 where they do not count images."""
+        """The difference of the numbers of consecutive images; 0 where numbers do not count images."""
         if self.numbers is None:
             return 0
         return _step(self.numbers if self.unread is None else np.union1d(self.numbers, self.unread))
 
 
 def named(names: list[str], unread: list[str] | None = None) -> Named:
-    """By their times, or else by their numbers, 2 before 10; `unread` are images that cannot be read, and have numbers.
+    """Orders images by the times in their names, or else by the numbers, 2 before 10.
 
-    InputError where several images have one number: those of several cameras, or colours and depths.
+    `unread` are names of images in unsupported formats, whose numbers are gaps. Raises InputError where several images
+    have one number, as those of several cameras, or colours and depths.
     """
     if (unpadded := _unpadded(names)) is not None:
         return unpadded
@@ -96,8 +97,8 @@ def named(names: list[str], unread: list[str] | None = None) -> Named:
 
 
 def _unpadded(names: list[str]) -> Named | None:
-    """By seconds since 1970 and nanoseconds without leading zeros, with a point or _ between them; None where they are
-    something else."""
+    """Orders names that are seconds since 1970 and nanoseconds without leading zeros, with a point or _ between them;
+    None for other names."""
     matches = [_SECONDS_NANOSECONDS.search(Path(name).stem) for name in names]
     words = [match[0] for match in matches if match is not None]
     if len(words) < len(names) or len({_SECONDS_NANOSECONDS.sub("", Path(name).stem) for name in names}) > 1:
@@ -111,11 +112,11 @@ def _unpadded(names: list[str]) -> Named | None:
 
 
 def _counted(names: list[str], unread: list[str]) -> Named:
-    """The images by their numbers."""
+    """Orders images by the numbers in their names."""
     order = sorted(names, key=_order)
     _require_one_kind(order)
     parts = [_number(name) for name in order]
-    if len({Path(kind).stem for kind, _ in parts}) > 1:  # in one format or another
+    if len({Path(kind).stem for kind, _ in parts}) > 1:  # not counting the file formats
         return Named(tuple(order))
     numbers = [number for _, number in parts]
     if -1 in numbers or not all(a < b for a, b in pairwise(numbers)):
@@ -133,40 +134,48 @@ def _counted(names: list[str], unread: list[str]) -> Named:
 
 
 def _padded(names: list[str]) -> int:
-    """To how many digits numbers are filled with zeros; 0 where they are not."""
+    """Returns the number of digits to which numbers are filled with zeros; 0 where they are not."""
     digits = [match[2] for name in names if (match := _LAST_NUMBER.fullmatch(Path(name).stem)) is not None]
     widths = {len(each) for each in digits}
     return widths.pop() if len(widths) == 1 and any(each[0] == "0" and len(each) > 1 for each in digits) else 0
 
 
 def _of_seconds(names: list[str]) -> Named | None:
-    """By decimal seconds, of which at least one has a fraction, or by times with their unit; None where the names are
-    something else, such as versions and counters with points."""
+    """Orders names that are decimal seconds, of which at least one has a fraction, or times with a unit; None for other
+    names, such as versions and counters with points."""
     matches = [_SECONDS.search(Path(name).stem) for name in names]
     parts = [match for match in matches if match is not None]
-    fractions = [match["fraction"] for match in parts if match["fraction"] is not None]
     units = {match["unit"] or "" for match in parts}
     kinds = {_SECONDS.sub("", Path(name).stem) for name in names}
-    if len(parts) < max(2, len(names)) or len(kinds) > 1 or len(units) > 1 or not (fractions or any(units)):
+    if len(parts) < max(2, len(names)) or len(kinds) > 1 or len(units) > 1:
         return None
-    # 1.9 and 1.10 are counters: seconds are printed to one number of digits, or to as many as they need.
-    same = len({len(fraction) for fraction in fractions}) == 1 and len(fractions) == len(parts)
-    plain = not any(units) and not any(match["exponent"] for match in parts)
-    if plain and not same and any(fraction.endswith("0") and fraction != "0" for fraction in fractions):
-        return None
-    if plain and same and _is_counter([_both_sides(match["value"]) for match in parts]):
+    has_fraction = any(match["fraction"] is not None for match in parts)
+    if not any(units) and (not has_fraction or _are_counters(parts)):
         return None
     unit_ns = _UNITS_NS[units.pop()[:1]]
     stamps = {name: _time_ns(match["value"], unit_ns) for name, match in zip(names, parts, strict=True)}
     order = sorted(names, key=stamps.__getitem__)
-    if max(abs(stamps[name]) for name in order) > LATEST_NS:
+    if max(abs(stamps[name]) for name in order) > MAX_TIME_NS:
         return None
     stamps_ns = np.array([stamps[name] for name in order], np.int64)
     return Named(tuple(order), stamps_ns) if _is_likely(np.diff(stamps_ns)) else None
 
 
+def _are_counters(parts: list[re.Match[str]]) -> bool:
+    """Checks for counters with points among numbers without a unit, such as 1.9 and 1.10, or 1.00, 1.01, 2.00.
+
+    Seconds are printed with a constant number of digits, or without zeros at the end.
+    """
+    if any(match["exponent"] for match in parts):
+        return False
+    fractions = [match["fraction"] for match in parts if match["fraction"] is not None]
+    if len(fractions) == len(parts) and len({len(fraction) for fraction in fractions}) == 1:
+        return _is_counter([_both_sides(match["value"]) for match in parts])
+    return any(fraction.endswith("0") and fraction != "0" for fraction in fractions)
+
+
 def _both_sides(value: str) -> tuple[int, int]:
-    """What stands before and after the point."""
+    """Returns the whole numbers before and after the point."""
     before, _, after = value.replace(",", ".").partition(".")
     return int(before), int(after or 0)
 
@@ -176,7 +185,8 @@ def _time_ns(value: str, unit_ns: int) -> int:
 
 
 def _is_counter(parts: list[tuple[int, int]]) -> bool:
-    """Whether what stands after the point counts 0, 1, 2 or 1, 2, 3 for each value before it: 1.00, 1.01, 2.00."""
+    """Checks whether the numbers after the point count 0, 1, 2 or 1, 2, 3 for each number before it: 1.00, 1.01,
+    2.00."""
     after: dict[int, list[int]] = {}
     for before, fraction in sorted(parts):
         after.setdefault(before, []).append(fraction)
@@ -187,31 +197,31 @@ def _is_counter(parts: list[tuple[int, int]]) -> bool:
 
 
 def _of_whole_numbers(one: Named) -> Named:
-    """With times, where its numbers advance by a step that is no whole number, as rounded times do (0, 33, 67, 100), or
-    one that is too large for a counter."""
+    """Interprets the numbers as times, if their step is not constant, as that of rounded times (0, 33, 67, 100), or too
+    large for a counter; else returns the images unchanged."""
     if one.numbers is None:
         return one
     steps = np.diff(one.numbers)
-    if len(steps) < 3 or 0 < one.step < MOST_STEP:
+    if len(steps) < 3 or 0 < one.step < MIN_STEP_OF_TIMES:
         return one
     ticks = np.rint(steps / np.median(steps))
-    if not ticks.all() or (ticks == 1).mean() < IN_STEP:
+    if not ticks.all() or (ticks == 1).mean() < MIN_REGULAR_SHARE:
         return one
     interval = steps.sum() / ticks.sum()
     late = one.numbers - one.numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
-    if interval < 1 / ROUNDED or np.abs(late).max() > max(1.0, ROUNDED * interval):
+    if interval < 1 / MAX_JITTER or np.abs(late).max() > max(1.0, MAX_JITTER * interval):
         return one
     for unit, unit_ns in UNITS.items():
-        if SHORTEST_NS < interval * unit_ns <= 1_000_000_000:
+        if MIN_INTERVAL_NS < interval * unit_ns <= 1_000_000_000:
             note = f"the numbers in the names of the images are taken as times in {unit} (rate_hz says otherwise)"
             return replace(one, stamps_ns=one.numbers * unit_ns, numbers=None, notes=(note,))
     return one
 
 
 def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int64], str]:
-    """Counts (N,) that go on where a counter started again (9998, 9999, 1, 2), and a note about that.
+    """Returns numbers (N,) that continue where a counter started again (9998, 9999, 1, 2), and a note about that.
 
-    `numbers` (N,) are increasing, and filled with zeros to `padded` digits, or not.
+    `numbers` (N,) are increasing; `padded` is the number of digits to which zeros fill them, or 0.
     """
     steps = np.diff(numbers)
     if len(steps) < 2:
@@ -221,32 +231,32 @@ def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int6
     step = _step(low) if len(low) > 1 else _step(high)
     if not step or (len(high) > 1 and _step(high) != step):
         return numbers, ""
-    for most in WRAPS:
+    for most in COUNTER_MAXIMA:
         starts_at_1 = str(most).strip("9") == "" and low[0] > 0
         turn = most if starts_at_1 and (low[0] + most - high[-1]) % step == 0 else most + 1
         across = int(low[0] + turn - high[-1])
-        if high[-1] > most or (padded and padded != len(str(most))) or steps[first - 1] <= WRAP_SHARE * most:
+        if high[-1] > most or (padded and padded != len(str(most))) or steps[first - 1] <= MAX_WRAP_SHARE * most:
             continue
-        if across % step == 0 and across <= min(WRAP_STEPS * step, ROUNDED * most):
+        if across % step == 0 and across <= min(MAX_WRAP_STEPS * step, MAX_JITTER * most):
             note = f"the counter in the names of the images starts again after {most}: {low[0]} follows {high[-1]}"
             return np.where(np.arange(len(numbers)) < first, numbers + turn, numbers), note
     return numbers, ""
 
 
 def _is_likely(intervals_ns: NDArray[np.int64]) -> bool:
-    """Whether images may have been taken at such intervals."""
-    return bool((intervals_ns > 0).all()) and SHORTEST_NS < float(np.median(intervals_ns)) <= LONGEST_NS
+    """Checks that intervals are positive, and their median is a plausible one of images."""
+    return bool((intervals_ns > 0).all()) and MIN_INTERVAL_NS < float(np.median(intervals_ns)) <= MAX_INTERVAL_NS
 
 
 def ticks_of(one: Named) -> NDArray[np.int64]:
-    """Returns (N,) the number of images since the first, with missing ones counted."""
+    """Returns the number (N,) of images since the first one, including missing ones."""
     if one.numbers is None or not one.step:
         return np.arange(len(one.names))
     return (one.numbers - one.numbers[0]) // one.step
 
 
 def ticks_of_pair(left: Named, right: Named) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """The same of two cameras, (N,) and (M,), from the first of both on: images of one number were taken at once.
+    """Returns the same for two cameras, (N,) and (M,), since the first image of both: equal numbers are pairs.
 
     None where the names do not determine it.
     """
@@ -256,7 +266,7 @@ def ticks_of_pair(left: Named, right: Named) -> tuple[NDArray[np.int64], NDArray
     both = np.union1d(left.numbers, right.numbers)
     unread = [one.unread for one in (left, right) if one.unread is not None]
     step = _step(np.unique(np.concatenate([both, *unread])))
-    if len(common) < SEVERAL * min(len(left.numbers), len(right.numbers)) or not step:
+    if len(common) < MIN_COMMON_SHARE * min(len(left.numbers), len(right.numbers)) or not step:
         return None
     return (left.numbers - both[0]) // step, (right.numbers - both[0]) // step
 
@@ -266,11 +276,11 @@ def _step(numbers: NDArray[np.int64]) -> int:
     if not len(steps):
         return 1
     step = int(np.gcd.reduce(steps))
-    return step if (steps == step).mean() >= IN_STEP else 0
+    return step if (steps == step).mean() >= MIN_REGULAR_SHARE else 0
 
 
 def _stamp(stem: str) -> int | None:
-    """[ns] since 1970."""
+    """Returns the time [ns] since 1970; None without one."""
     match = _STAMP.search(stem)
     if match is None:
         return None
@@ -279,7 +289,7 @@ def _stamp(stem: str) -> int | None:
 
 
 def _date(stem: str) -> int | None:
-    """[ns] since 1970, of a date and a time of day."""
+    """Returns the time [ns] since 1970 of a date and a time of day; None without one."""
     match = _DATE.search(stem)
     if match is None:
         return None
@@ -292,12 +302,12 @@ def _date(stem: str) -> int | None:
 
 
 def _before(name: str, stamp: Callable[[str], int | None]) -> str:
-    """What a name has before its time."""
+    """Returns the part of a name before its time."""
     return (_STAMP if stamp is _stamp else _DATE).sub("", Path(name).stem)
 
 
 def _number(name: str) -> tuple[str, int]:
-    """What kind of image it is, by all that is not the last number in its name, and that number; -1 without one."""
+    """Returns the kind of an image, which is its name without the last number, and that number; -1 without one."""
     path = Path(name)
     match = _LAST_NUMBER.fullmatch(path.stem)
     kind = path.suffix.lower()
@@ -315,7 +325,7 @@ def _require_one_kind(names: list[str]) -> None:
     common = numbers[0] & numbers[1] - {-1}
     words = [re.sub("[0-9]", "", kind) for kind in (first, second)]
     parts = words[0] == words[1] and "cam" not in words[0].lower()  # of one recording, each counted from its first
-    if len(common) >= max(2, SEVERAL * len(numbers[0])) and not parts:
+    if len(common) >= max(2, MIN_COMMON_SHARE * len(numbers[0])) and not parts:
         raise InputError(
             f"images of several kinds have the same numbers ({kinds[first][0]} and {kinds[second][0]}): give those of "
             "each camera, and depth images, a folder of their own"
@@ -323,6 +333,6 @@ def _require_one_kind(names: list[str]) -> None:
 
 
 def _order(name: str) -> tuple[tuple[int, str], ...]:
-    """Numbers in the name by value; every second part of the split is a number."""
+    """Returns the sort key of a name, with numbers by value; every second part of the split is a number."""
     parts = re.split(r"([0-9]+)", name)
     return tuple((int(part), part) if i % 2 else (0, part) for i, part in enumerate(parts))

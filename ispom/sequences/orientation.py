@@ -1,7 +1,7 @@
 """One orientation for all photos of a camera.
 
-Phones write in EXIF how they were held, one by one: a camera that looks down at a board says 180 degrees of half of its
-photos. The sensor is the same in all, so a camera's images are all turned the same way, or not at all.
+Phones write their orientation into each photo's EXIF: half of the photos of a board on the ground, seen from above, may
+have 180 degrees. The sensor is the same in all photos, so all images of a camera are rotated in the same way.
 """
 
 from __future__ import annotations
@@ -19,21 +19,23 @@ from ispom.errors import InputError
 from ispom.io.files import opened
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp"})
-"""Of files whose EXIF OpenCV obeys."""
-SAMPLES = 200
-"""Photos of a folder that say how most of all are turned."""
+"""Suffixes of files whose EXIF orientation OpenCV applies."""
+MAX_SAMPLES = 200
+"""Largest number of photos of a folder whose orientation is read."""
 UPRIGHT = 1
+"""EXIF's value for an image without rotation (EXIF standard, tag Orientation)."""
 _TAG = 0x0112
+"""Number of the tag Orientation in the EXIF standard."""
 _DEGREES = {3: "180", 6: "90", 8: "270"}
 
 
 def common_orientation(paths: list[Path]) -> tuple[int | None, str]:
-    """EXIF's orientation (1 to 8) that most of one camera's images have, for all of them, and a note where they differ;
-    None where their files have no such thing."""
+    """Returns the most frequent EXIF orientation (1 to 8) of one camera's images, and a note where they differ; None
+    for files without EXIF."""
     photos = [path for path in paths if path.suffix.lower() in SUFFIXES]
     if not photos:
         return None, ""
-    sampled = [photos[i] for i in np.unique(np.linspace(0, len(photos) - 1, SAMPLES).round().astype(int))]
+    sampled = [photos[i] for i in np.unique(np.linspace(0, len(photos) - 1, MAX_SAMPLES).round().astype(int))]
     counts = Counter(orientation for orientation in map(_orientation, sampled) if orientation)
     if not counts:
         return None, ""
@@ -56,7 +58,7 @@ def _turned(orientation: int) -> str:
 
 
 def oriented(image: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """The image of a file whose EXIF says `orientation`, as it is looked at."""
+    """Returns the image rotated and mirrored by EXIF's `orientation`."""
     if orientation in (5, 6, 7, 8):
         image = image.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -67,10 +69,10 @@ def oriented(image: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 def _orientation(path: Path) -> int:
-    """EXIF's, 1 where it says nothing; 0 where the file cannot be read."""
+    """Returns EXIF's orientation, 1 without one; 0 where the file cannot be read."""
     try:
         with warnings.catch_warnings(action="ignore"), opened(path) as file, Header.open(file) as image:
-            if "exif" not in image.info:  # getexif would decode a PNG to look behind its pixels
+            if "exif" not in image.info:  # getexif would decode a PNG to find an entry after its pixels
                 return UPRIGHT
             orientation = image.getexif().get(_TAG, UPRIGHT)
     except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):

@@ -1,4 +1,4 @@
-"""Which sources somebody may open who is not at the command line: whoever types one into the page."""
+"""The sources that users of the page may open, who are not at the command line."""
 
 from __future__ import annotations
 
@@ -12,26 +12,25 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 
 @dataclass(frozen=True)
 class SourcePolicy:
-    """Simulations are always allowed, but for files that their words name. What is not allowed is refused without a
-    look at whether it is there."""
+    """The allowed sources. Simulations are always allowed, but the files that they name are checked. A forbidden path
+    is refused without a check of its existence."""
 
     root: Path | None = None
-    """Only what is inside of this folder is opened, links followed: the source, and all files that belong to it. None:
-    anything."""
+    """Folder that must contain the source and all files that belong to it, links followed; None for any folder."""
     devices: bool = True
     """Whether cameras of this machine may be opened."""
     network: bool = True
     """Whether addresses may be opened."""
     named: tuple[Path, ...] = ()
-    """Files outside of the root that are allowed as well: those that the command line names."""
+    """Files outside of the root that are also allowed: those of the command line."""
 
     @property
     def places(self) -> tuple[Path, ...] | None:
-        """What `bounded` takes."""
+        """The argument of `bounded`."""
         return None if self.root is None else (self.root, *self.named)
 
     def check(self, source: str) -> None:
-        """InputError where the source may not be opened."""
+        """Raises InputError where the source may not be opened."""
         if source.startswith("sim:"):
             return
         if is_device(source):
@@ -48,4 +47,4 @@ class SourcePolicy:
 
 
 ANY_SOURCE = SourcePolicy()
-"""For what the command line itself names."""
+"""The policy for the command line."""

@@ -1,4 +1,4 @@
-"""Decoding ahead: one background thread reads the next frames while the estimators work on this one."""
+"""Prefetching: one background thread reads the next frames while the estimators process the current one."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from threading import Lock
 
 from ispom.types import Measurement, Sequence
 
-AHEAD = 4
-"""Frames that are kept decoded at most."""
+MAX_DECODED = 4
+"""Largest number of frames that are decoded in advance."""
 
 
 def prefetched(sequence: Sequence) -> Sequence:
-    """The same sequence, read ahead from where `prepare` started last; one that prepares by itself, or is live, stays
-    as it is.
+    """Returns the sequence with prefetching from the last frame of `prepare` on; one that prefetches itself, or is
+    live, is returned unchanged.
 
-    The thread ends with the sequence or the process. Frames out of turn are read by whoever asks for them.
+    The thread ends with the sequence or the process. Frames that were not prefetched are read by the caller's thread.
     """
     if sequence.prepare is not None or sequence.grow is not None:
         return sequence
@@ -26,7 +26,7 @@ def prefetched(sequence: Sequence) -> Sequence:
 
 
 class _Ahead:
-    """Reads frames 0..count-1, the next AHEAD of them in the background. Safe from several threads."""
+    """Reads frames 0..count-1, the next MAX_DECODED of them in the background. Can be used from several threads."""
 
     def __init__(self, load: Callable[[int], Measurement], count: int) -> None:
         self._load, self._count = load, count
@@ -35,7 +35,7 @@ class _Ahead:
         self._pending: dict[int, Future[Measurement]] = {}
 
     def prepare(self, i: int) -> None:
-        """Starts again with frame i."""
+        """Restarts prefetching at frame i."""
         with self._lock:
             self._forget_before(self._count)
             self._fill(i)
@@ -49,11 +49,11 @@ class _Ahead:
         return self._load(i) if pending is None else pending.result()
 
     def _fill(self, i: int) -> None:
-        for j in range(i, min(i + AHEAD, self._count)):
+        for j in range(i, min(i + MAX_DECODED, self._count)):
             if j not in self._pending:
                 try:
                     self._pending[j] = self._pool.submit(self._load, j)
-                except RuntimeError:  # the process ends: whoever still wants a frame reads it
+                except RuntimeError:  # the process ends: frames that are still needed are read by the caller
                     return
 
     def _forget_before(self, i: int) -> None:

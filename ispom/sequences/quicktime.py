@@ -6,14 +6,14 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-MAX_MOOV = 64 << 20
-"""Bytes of the header atom that are looked into; those of films of hours have less."""
+MAX_MOOV_BYTES = 64 << 20
+"""Largest size of the header atom; those of films of several hours have less."""
 MAX_ATOMS, MAX_KEYS = 10_000, 1_000
 _TEXT, _FLOAT32, _FLOAT64, _SIGNED, _UNSIGNED = 1, 23, 24, 21, 22
 
 
 def quicktime_metadata(path: Path) -> dict[str, str | float]:
-    """Values by key; empty for a file of another kind, without metadata, or damaged."""
+    """Returns values by key; empty for a file of another kind, without metadata, or damaged."""
     try:
         moov = _moov(path)
         meta = next((body for name, body in _atoms(moov) if name == b"meta"), b"")
@@ -31,7 +31,7 @@ def quicktime_metadata(path: Path) -> dict[str, str | float]:
 
 
 def _moov(path: Path) -> bytes:
-    """The content of the header atom; the images before it are skipped."""
+    """Returns the content of the header atom; the images before it are skipped."""
     with path.open("rb") as file:
         for _ in range(MAX_ATOMS):
             head = file.read(8)
@@ -45,7 +45,7 @@ def _moov(path: Path) -> bytes:
             if size < taken:
                 return b""
             if name == b"moov":
-                return file.read(min(size - taken, MAX_MOOV))
+                return file.read(min(size - taken, MAX_MOOV_BYTES))
             file.seek(size - taken, 1)
     return b""
 
@@ -64,14 +64,14 @@ def _atoms(content: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _keys(content: bytes) -> list[str]:
-    """Version and flags, count, and entries of size, namespace, name."""
+    """Returns the names of the keys. Layout: version and flags, count, and entries of size, namespace, name."""
     if len(content) < 8:
         return []
     return [body.decode() for _, body in _atoms(content[8:])][:MAX_KEYS]
 
 
 def _value(data: bytes) -> str | float | None:
-    """Type, locale, value."""
+    """Returns the value of an item. Layout: type, locale, value."""
     (kind,) = struct.unpack(">I", data[:4])
     body = data[8:]
     if kind == _TEXT:

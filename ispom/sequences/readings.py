@@ -1,4 +1,4 @@
-"""What sensors other than cameras measured in a sequence, one array per sensor; and what of it is likely a mistake."""
+"""All measurements of sensors other than cameras, one array per sensor, and likely mistakes in them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from ispom.plausibility.wheel import still_doubts, wheel_doubts
 from ispom.types import FRAME_KINDS, FrameName, GnssFix, ImuSamples, Kind, Measurement, Rig, Sequence, WheelIncrement
 
 READ = ("imu", "gnss", "wheel")
-"""Kinds of measurements that are small enough to be loaded all."""
-LEAST_SHARE = 0.9
-"""Gravity is the mean specific force where the mean is so much of the mean length: the unit hardly turned."""
+"""Kinds of measurements that are small enough to be loaded at once."""
+MIN_GRAVITY_SHARE = 0.9
+"""Least ratio of the length of the mean specific force to its mean length, for a unit that hardly rotated: the mean is
+then gravity."""
 
 
 DISTURBING = ("time_unit", "imu_swapped", "imu_all_zero", "gyroscope_in_degrees", "gnss_all_zero", "gnss_jump")
-"""Doubts about sensors that are not compared with others then: one mistake has one note."""
+"""Doubts after which a sensor is not compared with others, so that one mistake has one note."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +35,17 @@ class Readings:
 
     kind: Kind
     times_ns: NDArray[np.int64]
-    """(N,); of wheels (N + 1,), the begin of the first increment being the first."""
+    """(N,) times; for wheels (N + 1,), with the start of the first increment."""
     values: Mapping[str, Array] = field(default_factory=dict)
-    """Of an IMU `rates` and `forces` (N, 3); of GNSS `xyz` and `sigma` (N, 3), and perhaps the latitude, longitude and
-    height that they were, `geodetic` (N, 3); of wheels `distances` and perhaps `turns` (N,); of other kinds nothing."""
+    """For an IMU `rates` and `forces` (N, 3). For GNSS `xyz` and `sigma` (N, 3), and `geodetic` (N, 3), the original
+    latitude, longitude and height, if there are any. For wheels `distances` and optionally `turns` (N,). Else empty."""
 
     def __len__(self) -> int:
         return len(self.times_ns) - (self.kind == "wheel" and len(self.times_ns) > 0)
 
     @staticmethod
     def of(measured: list[Measurement]) -> Readings:
-        """Of one sensor's measurements, of one kind."""
+        """Returns the readings of one sensor's measurements, which have one kind."""
         first = measured[0]
         if isinstance(first, ImuSamples):
             samples = [m for m in measured if isinstance(m, ImuSamples)]
@@ -85,9 +86,9 @@ def frames_ns_of(sequence: Sequence) -> NDArray[np.int64]:
 def sensor_doubts(
     where: Callable[[FrameName], str], rig: Rig, readings: Mapping[FrameName, Readings], frames_ns: NDArray[np.int64]
 ) -> tuple[Doubt, ...]:
-    """Returns doubts about what sensors measured, by themselves and against each other, and about their mounts.
+    """Returns doubts about the measurements of single sensors, about their consistency, and about the mounts.
 
-    `where` begins a sentence about a sensor.
+    `where` returns the beginning of a sentence about a sensor.
     """
     out: list[Doubt] = []
     for name, each in readings.items():
@@ -109,7 +110,7 @@ def sensor_doubts(
 
 
 def mount_doubts(where: str, rig: Rig) -> tuple[Doubt, ...]:
-    """Returns doubts about the places of all sensors; those of a pair are seen by its baseline."""
+    """Returns doubts about the positions of all sensors except a pair's, which are checked by its baseline."""
     pair = {"left", "right"} if rig.has_stereo else set()
     return tuple(
         doubt
@@ -147,19 +148,19 @@ def _of_values(where: str, each: Readings) -> tuple[Doubt, ...]:
 
 
 def _upward(readings: Mapping[FrameName, Readings]) -> dict[FrameName, Array]:
-    """Upward in the frame of each IMU that hardly turns: the direction of its mean specific force."""
+    """Returns the upward direction in the frame of each IMU that hardly rotates: that of its mean specific force."""
     found = {}
     for name, each in readings.items():
         if each.kind == "imu" and len(each.values.get("forces", ())):
             forces = each.values["forces"]
             mean, length = forces.mean(axis=0), np.linalg.norm(forces, axis=1).mean()
-            if length > 0 and np.linalg.norm(mean) > LEAST_SHARE * length:
+            if length > 0 and np.linalg.norm(mean) > MIN_GRAVITY_SHARE * length:
                 found[name] = mean / np.linalg.norm(mean)
     return found
 
 
 def measured_within(name: str, found: Readings, frames_ns: NDArray[np.int64]) -> Iterator[Measurement]:
-    """Yields what one sensor measured within the frames' time, in the order of time."""
+    """Yields the measurements of one sensor between the first and the last frame, in the order of time."""
     times_ns, values = found.times_ns, found.values
     if found.kind == "imu":
         yield from imu_measurements(times_ns, values["rates"], values["forces"], frames_ns, name)

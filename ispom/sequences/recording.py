@@ -1,4 +1,4 @@
-"""What a rectified recording of one or two cameras offers, before it is decided which image plays which camera."""
+"""A rectified recording of one or two cameras, before its images are assigned to video and stereo frames."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Rectified images of a left and perhaps a right camera, exposed together."""
+    """Rectified images of a left camera and, optionally, a right one, exposed together."""
 
     name: str
-    """What a person recognises: "KITTI 06"."""
+    """Name for people: "KITTI 06"."""
     camera: Camera
-    """Of both sides."""
+    """The camera of both sides."""
     baseline_m: float | None
     """None where there is no right camera."""
     times_ns: NDArray[np.int64]
@@ -33,16 +33,16 @@ class Recording:
     truth: Trajectory | None = None
     """world_from_left."""
     notes: tuple[str, ...] = ()
-    """What a person must know about it: images without a partner, a gap in time."""
+    """Sentences for the user, as about images without a partner, or a gap in time."""
     left_from_laser: Pose | None = None
-    """Of another sensor, where one is known."""
+    """Pose of a laser scanner; None without one."""
     video_sigma: LensSigma | None = None
-    """How sure the calibration is of the camera by itself,"""
+    """Standard deviations of the camera's calibration; None where they are not stated."""
     pair_sigma: PairSigma | None = None
-    """and of the pair; None where it does not say."""
+    """Standard deviations of the pair's calibration; None where they are not stated."""
     guess: Guess | None = None
-    """Where the camera has no calibration; its note comes before the others."""
+    """The guessed focal length of a camera without a calibration; its note comes before the others."""
     found: tuple[Found, ...] = ()
-    """What lies in or beside it, but for the sensors: used or not."""
+    """Files in or beside the recording, except those of sensors, whether used or not."""
     sensors: tuple[OwnSensor, ...] = ()
-    """The other sensors that lie in or beside it, with their poses in the left camera."""
+    """Other sensors whose files are in or beside the recording, with their poses in the left camera."""

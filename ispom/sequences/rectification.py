@@ -1,4 +1,4 @@
-"""Raw stereo images made rectified: one K without distortion, rows aligned."""
+"""Rectification of raw stereo images: one camera matrix without distortion, and aligned rows."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ispom.io.calibrations.pair import coefficients_of, rectified
 from ispom.types import Camera, Image, Rig
 
 Maps = tuple[NDArray, NDArray]
-"""What cv2.remap takes: the place in the raw image of each pixel of the rectified one."""
+"""Arguments of cv2.remap: x and y in the raw image of each pixel of the rectified one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rectification:
-    """Of one pair of cameras (Fusiello et al., as cv2.stereoRectify has it)."""
+    """The rectification of a pair of cameras (cv2.stereoRectify, after Fusiello et al.)."""
 
     camera: Camera
-    """Of both rectified images."""
+    """The camera of both rectified images."""
     baseline_m: float
     """Negative where the second camera is to the left of the first."""
     left_from_rectified: Pose
@@ -30,7 +30,8 @@ class Rectification:
 
     @staticmethod
     def of(left: Camera, right: Camera, right_from_left: Pose) -> Rectification:
-        """All pixels of the rectified images are inside the raw ones. ValueError where one is above the other."""
+        """Returns the rectification in which all pixels of the rectified images are inside the raw ones. Raises
+        ValueError where one camera is above the other."""
         size = (left.width, left.height)
         turn_left, turn_right, p_left, p_right = rectified(left, right, right_from_left)
         if p_right[0, 3] == 0:
@@ -45,7 +46,7 @@ class Rectification:
         )
 
     def placed(self, rig: Rig) -> Rig:
-        """The rig whose pair this is, with the pair as it is rectified."""
+        """Returns the rig of this pair with rectified cameras."""
         rig_from_left = rig.rig_from_left @ self.left_from_rectified
         left_from_right = Pose(translation=np.array([self.baseline_m, 0.0, 0.0]))
         return rig.changed(
@@ -57,24 +58,28 @@ class Rectification:
 
 
 def _line_delay_s(left: Camera, right: Camera, fy: float) -> float:
-    """From row to row of the rectified images, as it is in their middle."""
+    """Returns the delay from row to row of the rectified images, in their middle [s]."""
     return 0.5 * (left.line_delay_s * left.fy + right.line_delay_s * right.fy) / fy
 
 
 def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple[int, int]) -> Maps:
-    """Maps from an image (width, height) seen through `projection` (3, 3) or (3, 4), whose axes are `turn` (3, 3) times
-    the camera's, to the camera's own image."""
-    # Not in fixed point: places rounded to 1/32 px are off together, and so are tracks.
+    """Returns the maps from an image of `size` (width, height) to the camera's own image.
+
+    The image has the projection matrix `projection` (3, 3) or (3, 4), in axes that are `turn` (3, 3) times the
+    camera's.
+    """
+    # Not in fixed point: positions rounded to 1/32 px have common errors, and so have tracks.
     maps = cv2.fisheye.initUndistortRectifyMap if camera.lens == "fisheye" else cv2.initUndistortRectifyMap
     first, second = maps(camera.matrix, coefficients_of(camera), turn, projection[:, :3], size, cv2.CV_32FC1)
     return first, second
 
 
 def remapped(image: Image, maps: Maps) -> Image:
-    """The image seen through maps, read-only.
+    """Returns the image remapped by the maps, read-only.
 
-    Between pixels of the image made twice as fine, by lines: between its own, fine texture is up to 0.012 px nearer to
-    the next pixel than it is, and so are all tracks there; cv2.remap's finer ways round places to 1/32 px.
+    Interpolates linearly in the image at twice the resolution. In the original one, linear interpolation shifts fine
+    texture, and all tracks on it, by up to 0.012 px towards the nearest pixel; cv2.remap's cubic interpolation rounds
+    positions to 1/32 px.
     """
     fine = cv2.resize(image.astype(np.float32), None, fx=2, fy=2, interpolation=cv2.INTER_LANCZOS4)
     resampled = cv2.remap(fine, 2 * maps[0] + 0.5, 2 * maps[1] + 0.5, cv2.INTER_LINEAR)

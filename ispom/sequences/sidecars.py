@@ -1,7 +1,7 @@
-"""Sidecar files: what lies in or beside a folder of images, or beside a film, and belongs to it.
+"""Sidecar files, in or beside a folder of images, or beside a film.
 
-Files are looked for by the names that programs give them, in the folder and, where it is called as folders of images
-are (images, rgb, color ...), next to it. What is found and not used is named with the reason.
+Files are found by the names that programs give them, in the folder and, if it has a usual name of image folders
+(images, rgb, color ...), next to it. Files that are not used are reported with the reason.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ispom.sequences.matching import truth_at
 from ispom.types import Found, Trajectory
 
 INNER = ("images", "image", "rgb", "color", "colour", "frames", "img", "imgs", "results")
-"""Names of folders of images within the folder of a recording."""
+"""Usual names of image folders within the folder of a recording."""
 _MODELS = ("sparse/0", "sparse", "colmap/sparse/0", ".")
 CALIBRATIONS = (
     "transforms.json",
@@ -39,7 +39,7 @@ CALIBRATIONS = (
     "calibration.yaml",
     "camchain.yaml",
 )
-"""Other programs' calibrations of one camera, the first that is there counts; a camera.yaml comes before them."""
+"""Other programs' calibrations of one camera, of which the first existing one is used; a camera.yaml has priority."""
 TIMES = ("times.txt", "timestamps.txt", "timestamp.txt", "times.csv", "timestamps.csv")
 POSES = (
     *(f"groundtruth.{kind}" for kind in ("txt", "csv", "tum")),
@@ -51,31 +51,31 @@ POSES = (
     "poses.txt",
     "pose",
 )
-"""Files of poses; `pose` is a folder with a matrix for each image, as ScanNet has it."""
+"""Files of poses; `pose` is a folder with a matrix for each image, as in ScanNet."""
 OTHERS = ("depth", "confidence")
-"""What is named where it is there, as it is not used; the files of other sensors are in `sensors_beside`."""
+"""Folders that are reported as not used; for files of other sensors see `sensors_beside`."""
 IMU, IMU_TABLES = "imu.yaml", ("imu.csv", "imu.txt", "imu0.csv", "imu0/data.csv")
-"""What an IMU's noise and its measurements are called."""
+"""Names of the files of an IMU's noise, and of its measurements."""
 
 
 def places_of(folder: Path) -> tuple[Path, ...]:
-    """Where sidecar files of a folder of images lie."""
+    """Returns the folders that may contain sidecar files of a folder of images."""
     real = folder.resolve()
     return (folder, real.parent) if real.name.lower() in INNER else (folder,)
 
 
 def first_of(places: Sequence[Path], wanted: Sequence[str]) -> Path | None:
-    """Returns the first of the wanted files that is there."""
+    """Returns the first of the wanted files that exists; None without any."""
     return next((place / name for name in wanted for place in places if exists(place / name)), None)
 
 
 def used(*parts: tuple[str, Path | None]) -> tuple[Found, ...]:
-    """The files that are used, each with what it holds; without those that are not there."""
+    """Returns the existing files, each with its content's name, as files that are used."""
     return tuple(Found(what, str(path)) for what, path in parts if path is not None)
 
 
 def not_used(places: Sequence[Path]) -> tuple[Found, ...]:
-    """What is there and not used."""
+    """Returns existing files that are not used."""
     why = "is not used: the cameras' images are all that is taken of it"
     there = [
         Found("depth", str(place / name), False, why) for place in places for name in OTHERS if exists(place / name)
@@ -90,9 +90,9 @@ def image_times(path: Path, count: int, image_names: Sequence[str] = ()) -> tupl
     """Returns increasing times (N,) [ns] of `count` images from a file with a line for each, and a note about an
     assumed unit ("" without one).
 
-    A line is a time, or the name or number of an image and its time, in either order, perhaps with an exposure after
-    them; spaces, commas or semicolons are between them. Units are seconds, or that in which the times are dates, or
-    else their intervals usual. Raises InputError that names the invalid line.
+    A line is a time, or the name or number of an image and its time, in either order, optionally followed by an
+    exposure time; they are separated by spaces, commas or semicolons. The unit is inferred as in `pose_table.unit_of`.
+    Raises InputError that names the invalid line.
     """
     text = read_text(path)
     if re.match(r"\s*\d{4}-\d\d-\d\d \d\d:", text):
@@ -136,7 +136,7 @@ def _of_count(path: Path, times: NDArray[np.int64], count: int) -> NDArray[np.in
 
 
 def _named_rows(rows: list[Row], image_names: Sequence[str]) -> tuple[dict[str, Row], int | None]:
-    """Returns the rows by the image that they name, and the column of the times; nothing where they name none."""
+    """Returns the rows by the image that they name, and the column of the times; ({}, None) where they name none."""
     by_word = {Path(name).stem: name for name in image_names} | {name: name for name in image_names}
     for column, other in ((0, 1), (1, 0)):
         if len(rows[0][1]) <= column or len(rows[0][1]) == 1:
@@ -148,7 +148,7 @@ def _named_rows(rows: list[Row], image_names: Sequence[str]) -> tuple[dict[str, 
 
 
 def _counts(rows: list[Row]) -> bool:
-    """Whether the first words count 0, 1, 2 or 1, 2, 3."""
+    """Checks whether the first words of rows count 0, 1, 2 or 1, 2, 3."""
     first = [words[0] for _, words in rows]
     if not all(word.isascii() and word.isdigit() and len(word) <= 9 for word in first):
         return False
@@ -169,8 +169,8 @@ def truth_of_images(
     """Returns the ground truth at the times (N,) of images from a file of poses of any dialect, or a folder with a
     matrix for each image, and notes; None where it has none at those times.
 
-    Poses with names of images are those of these images; others with times are interpolated; rows without times are
-    images, in their order. Raises InputError for a file that is invalid or ambiguous.
+    Poses with names of images are assigned by name; poses with times are interpolated; rows without times are assigned
+    in their order. Raises InputError for an invalid or ambiguous file.
     """
     if is_folder(path) and path.name == "pose":
         return _of_pose_folder(path, times_ns, image_names, frame)
@@ -212,7 +212,7 @@ def _at_images(file: TrajectoryFile, times_ns: NDArray[np.int64], image_names: S
 def _of_pose_folder(
     path: Path, times_ns: NDArray[np.int64], image_names: Sequence[str], frame: str
 ) -> tuple[Trajectory | None, tuple[str, ...]]:
-    """Of ScanNet's `pose/NUMBER.txt`: world_from_camera, x to the right, y down and z ahead."""
+    """Returns the poses of ScanNet's `pose/NUMBER.txt`: world_from_camera, x to the right, y down and z forward."""
     there = set(names(path))
     known: list[int] = []
     matrices: list[Array] = []
@@ -234,8 +234,8 @@ def _of_pose_folder(
 def truth_beside(
     places: Sequence[Path], times_ns: NDArray[np.int64], image_names: Sequence[str]
 ) -> tuple[Trajectory | None, tuple[str, ...], tuple[Found, ...]]:
-    """Returns the ground truth that lies beside images, notes that say where it is from, or why it is not used, and
-    what was found."""
+    """Returns the ground truth from a file beside images, notes about its source or the reason why it is not used, and
+    the file."""
     path = first_of(places, POSES)
     if path is None:
         return None, (), ()
@@ -251,13 +251,13 @@ def truth_beside(
 
 
 def subtitles_found(path: Path | None) -> tuple[Found, ...]:
-    """The positions in the subtitles of a drone's film, which are not used; nothing without them."""
+    """Returns the subtitles of a drone's film with positions, which are not used; empty without them."""
     if path is None:
         return ()
     try:
         count = len(read_trajectory(path).trajectory)
     except InputError:
-        return ()  # of a film with a language
+        return ()  # subtitles of a spoken text
     why = f"has {counted(count, 'position')}: not used as ground truth, as it has no rotations; compare with them "
     return (Found("truth", str(path), False, f"{why}by ispom evaluate {path} ESTIMATE --alignment sim3"),)
 
@@ -274,7 +274,7 @@ def calibration_beside(
             continue
         seen.append(path)
         if chosen is not None:
-            if path.stem != chosen.stem:  # cameras.txt says what cameras.bin says
+            if path.stem != chosen.stem:  # cameras.txt and cameras.bin have the same content
                 why = f"is there and not used: the calibration is that of {chosen}"
                 found += (Found("lens", str(path), False, why),)
             continue

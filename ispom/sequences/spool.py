@@ -1,4 +1,4 @@
-"""Images of one size in a temporary file that has no name: it vanishes with the program, however that ends."""
+"""Images of one size in an unnamed temporary file, which is deleted when the program ends, for whatever reason."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from ispom.errors import InputError
 from ispom.types import Image
 
 MAX_BYTES = 8 << 30
-DISK_SHARE = 0.5
-"""Of what is free where temporary files are kept, so much is used at most."""
+"""Largest size of the file."""
+MAX_DISK_SHARE = 0.5
+"""Largest share of the free space for temporary files."""
 
 
 class Spool:
-    """Appended to by one thread, read by any."""
+    """A store of images, to which one thread appends, and from which any thread reads."""
 
     def __init__(self, shape: tuple[int, ...], max_images: int | None = None) -> None:
-        """InputError where there is no room for any image."""
+        """Raises InputError where there is no room for any image."""
         self._shape, self._bytes = shape, int(np.prod(shape))
         self.limit = f"the space for temporary files in {gettempdir()}"
-        free = int(shutil.disk_usage(gettempdir()).free * DISK_SHARE)
+        free = int(shutil.disk_usage(gettempdir()).free * MAX_DISK_SHARE)
         room = min(MAX_BYTES, free) // self._bytes
         if not room:
             raise InputError(f"{self.limit} is used up: make room, or name another place in TMPDIR")
@@ -35,11 +36,11 @@ class Spool:
 
     @property
     def full(self) -> bool:
-        """Whether it ended for want of room, not because no more was requested."""
+        """Whether the disk space is used up, and not only the requested number of images."""
         return self._bounded_by_room and self._count == self.capacity
 
     def append(self, image: Image) -> None:
-        """InputError where the disk does not take it."""
+        """Raises InputError where the disk does not take it."""
         try:
             with self._lock:
                 self._file.seek(self._count * self._bytes)
@@ -51,7 +52,7 @@ class Spool:
             ) from None
 
     def read(self, i: int) -> Image:
-        """Image i, read-only."""
+        """Returns image i, read-only."""
         with self._lock:
             self._file.seek(i * self._bytes)
             content = self._file.read(self._bytes)

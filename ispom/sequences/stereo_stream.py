@@ -1,4 +1,4 @@
-"""Two streams as pairs of rectified images."""
+"""Combines two streams into pairs of rectified images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class StereoStream:
     """Left and right images exposed together."""
 
     rig: Rig
-    """With the rectified cameras in place of the raw ones."""
+    """The rig with rectified cameras in place of the raw ones."""
     times_ns: NDArray[np.int64]
     """(N,) increasing, those of the left images."""
     read: Callable[[Side, int], Image]
@@ -32,9 +32,9 @@ class StereoStream:
 
 
 def stereo_stream(path: Path, rig: Rig, left: Stream, right: Stream) -> StereoStream:
-    """The pairs of two streams of a rig with both cameras, as given in `path`.
+    """Returns the pairs of two streams of a rig with both cameras, as given in `path`.
 
-    InputError where no images belong together, and where the rig is not that of a stereo camera.
+    Raises InputError where no images are of the same time, and where the rig is not that of a stereo camera.
     """
     i_left, i_right = pairs(left.times_ns, right.times_ns)
     if not len(i_left):
@@ -58,8 +58,8 @@ def stereo_stream(path: Path, rig: Rig, left: Stream, right: Stream) -> StereoSt
 def level_pair(
     path: Path, streams: Mapping[Side, Stream]
 ) -> tuple[NDArray[np.int64], Callable[[Side, int], Image], tuple[str, ...]]:
-    """Returns times (N,), how image i of a side is read, and notes, of a left and perhaps a right stream whose images
-    are rectified. Raises InputError where no images belong together."""
+    """Returns times (N,), a function that reads image i of a side, and notes, for a left and, optionally, a right
+    stream of rectified images. Raises InputError where no images are of the same time."""
     left, right = streams["left"], streams.get("right")
     if right is None:
         return left.times_ns, lambda _, i: left.read(i), left.notes
@@ -76,7 +76,7 @@ def level_pair(
 
 
 def _rectification(path: Path, rig: Rig) -> Rectification | None:
-    """How the images become rectified; None where they are."""
+    """Returns the rectification of the images; None where they are already rectified."""
     left, right = rig.camera("left"), rig.camera("right")
     right_from_left = rig.rig_from_right.inverse() @ rig.rig_from_left
     fault = pair_fault(right_from_left.inverse())

@@ -1,4 +1,4 @@
-"""The images of one camera over time, wherever they are kept, and the clocks that people give with them."""
+"""The images of one camera over time, and the clock that gives their times."""
 
 from __future__ import annotations
 
@@ -21,37 +21,39 @@ from ispom.sequences.sidecars import image_times
 from ispom.types import Camera, Image
 
 NOMINAL_HZ = 30.0
+"""Frame rate that is assumed where none is known."""
 MIN_HZ, MAX_HZ = 1e-3, 1e5
 MAX_OFFSET_S = float(MAX_TIME_S)
-SHAPE_PX = 1.0
-"""By how much the height of an image that was scaled differs from the exact one, at most."""
-CROPPED = 0.02
-"""Images that are larger or smaller by no more than this share were cut, not scaled."""
-SLOW_S = 10.0
-"""Images with a longer interval than this are hardly those of one motion: their times may be in milliseconds."""
+MAX_SHAPE_ERROR_PX = 1.0
+"""Largest deviation of a scaled image's height from the exact one."""
+MAX_CROP = 0.02
+"""Largest relative difference in size of images that were cropped; with a larger one they were scaled."""
+MAX_INTERVAL_S = 10.0
+"""Longest plausible interval between images; times with longer ones may be in milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """Images by index; nothing is decoded before it is requested."""
+    """Images by index, which are decoded on demand."""
 
     times_ns: NDArray[np.int64]
     """(N,) increasing."""
     read: Callable[[int], Image]
-    """Image i, grey or RGB; InputError where it is unreadable or of the wrong size. Safe from several threads."""
+    """Returns image i, grey or RGB. Raises InputError where it is unreadable or of the wrong size. Can be called from
+    several threads."""
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Clock:
-    """When the images of a stream were exposed: by a file of times, or at a rate; in both cases moved by an offset."""
+    """The times of a stream's images: from a file of times, or from a rate, plus an offset."""
 
     times: Path | None = None
-    """A line for each image, as `image_times` reads it."""
+    """File with a line for each image, see `image_times`."""
     rate_hz: float | None = None
     offset_s: float = 0.0
     nominal_hz: float | None = None
-    """Rate that a program's settings state: it counts where nothing else says when the images were taken."""
+    """Rate in a program's settings, which is used where there is no other information about the times."""
 
     def times_ns(
         self,
@@ -62,16 +64,16 @@ class Clock:
         ticks: NDArray[np.int64] | None = None,
         image_names: Sequence[str] = (),
     ) -> tuple[NDArray[np.int64], str]:
-        """(N,) [ns] of the `count` images of `what`, and a note about them ("" where they are as given).
+        """Returns the times (N,) [ns] of the `count` images of `what`, and a note about assumptions; "" without any.
 
-        Without times and rate, `otherwise_ns` (N,) count, or `otherwise_hz`, or else NOMINAL_HZ. At a rate, image i is
-        taken at `ticks[i]` of it (N,), without them at i. A file of times may name the images.
+        Without times and rate, the times are `otherwise_ns` (N,), or the rate is `otherwise_hz`, or else NOMINAL_HZ. At
+        a rate, image i is number `ticks[i]`, by default i. A file of times may name the images.
         """
         if self.times is not None:
             stamps_ns, unit_note = image_times(self.times, count, image_names)
             interval_s = float(np.median(np.diff(stamps_ns))) * 1e-9 if count > 1 else 0.0
             note = f"{self.times}: images are {interval_s:g} s apart: are these times in seconds?"
-            return self._moved(stamps_ns, what), note if interval_s >= SLOW_S else unit_note
+            return self._moved(stamps_ns, what), note if interval_s >= MAX_INTERVAL_S else unit_note
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or self.nominal_hz or NOMINAL_HZ
@@ -90,7 +92,8 @@ class Clock:
 
 
 def clock_of(path: Path, values: dict[Any, Any], where: str = "") -> Clock:
-    """The clock of a mapping with `times` or `rate_hz`, and `offset_s`; InputError names the value that is wrong."""
+    """Returns the clock of a mapping with `times` or `rate_hz`, and `offset_s`. Raises InputError that names the
+    invalid value."""
     rate_hz, times = values.get("rate_hz"), values.get("times")
     if times is not None and rate_hz is not None:
         raise InputError(f"{path}: {where}times and {where}rate_hz are both given: remove one")
@@ -107,8 +110,8 @@ def clock_of(path: Path, values: dict[Any, Any], where: str = "") -> Clock:
 
 
 def named_file(path: Path, where: str, name: Any) -> Path:
-    """The file or folder that the YAML file `path` names, relative to its own folder; InputError where it is no name
-    or nothing is there."""
+    """Returns the file or folder that the YAML file `path` names, relative to its own folder. Raises InputError where
+    it is no name, or does not exist."""
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise InputError(f"{path}: {where} is not the name of a file: correct it")
     file = path.parent / name
@@ -122,7 +125,8 @@ _SCALED: ContextVar[bool] = ContextVar("scaled", default=False)
 
 @contextmanager
 def scaled_calibrations(allowed: bool) -> Iterator[None]:
-    """Within it, a calibration for images of another size of the same shape is scaled to the images, if `allowed`."""
+    """Allows in its context that a calibration for images of another size with the same aspect is scaled to the
+    images."""
     token = _SCALED.set(allowed)
     try:
         yield
@@ -131,15 +135,16 @@ def scaled_calibrations(allowed: bool) -> Iterator[None]:
 
 
 def fitted(path: Path, camera: Camera, size: tuple[int, int]) -> tuple[Camera, tuple[str, ...]]:
-    """The camera of a calibration file for images of this size (width, height), with a note where it was scaled.
+    """Returns the camera of a calibration file for images of this size (width, height), with a note where it was
+    scaled.
 
-    InputError where the images have another size of the same shape, and `scaled_calibrations` does not allow that. A
-    camera for images of another shape is left unchanged.
+    Raises InputError where the images have another size with the same aspect, and `scaled_calibrations` does not allow
+    scaling. A camera for images with another aspect is returned unchanged.
     """
     width, height = size
     factor = width / camera.width
-    same_shape = abs(camera.height * factor - height) <= SHAPE_PX
-    if abs(factor - 1) <= CROPPED or not same_shape:
+    same_shape = abs(camera.height * factor - height) <= MAX_SHAPE_ERROR_PX
+    if abs(factor - 1) <= MAX_CROP or not same_shape:
         return camera, ()
     made = f"{path} is made for images of {camera.width} x {camera.height}, these are {width} x {height}"
     whole = round(1 / factor) if factor < 1 else round(factor)
@@ -156,5 +161,5 @@ def fitted(path: Path, camera: Camera, size: tuple[int, int]) -> tuple[Camera, t
 
 
 def size_of(camera: Camera) -> tuple[int, int]:
-    """(width, height)."""
+    """Returns (width, height) of a camera."""
     return camera.width, camera.height

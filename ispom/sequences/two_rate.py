@@ -1,4 +1,4 @@
-"""Video and stereo of different rates from one recording: an honest emulation of the paper's platform."""
+"""Emulates the paper's platform by a stereo recording: video and stereo frames at different rates."""
 
 from __future__ import annotations
 
@@ -13,22 +13,24 @@ from ispom.sequences.recording import Recording
 from ispom.types import Frame, Image, Kind, LaserScanner, Measurement, Rig, Sequence
 
 MIN_SCALE = 0.05
-MOST_FRAMES = 10**9
-"""No recording has more."""
+"""Least scale of video images."""
+MAX_FRAMES = 10**9
+"""Largest number of frames in an option."""
 
 
 def check_shape(stereo_every: int, video_scale: float) -> None:
-    """InputError where an option is out of its range."""
-    if not 1 <= stereo_every <= MOST_FRAMES:
-        raise InputError(f"--stereo-every is {str(stereo_every)[:40]}, give 1 or more, up to {MOST_FRAMES}")
+    """Raises InputError where an option is out of its range."""
+    if not 1 <= stereo_every <= MAX_FRAMES:
+        raise InputError(f"--stereo-every is {str(stereo_every)[:40]}, give 1 or more, up to {MAX_FRAMES}")
     if not MIN_SCALE <= video_scale <= 1:
         raise InputError(f"--video-scale is {video_scale:g}, give a value from {MIN_SCALE:g} to 1")
 
 
 def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1.0) -> Sequence:
-    """Every left image, scaled, is video; every k-th pair, at full resolution and just before it, is stereo.
+    """Returns a sequence with every left image, scaled, as video, and every k-th pair, at full resolution, as stereo.
 
-    Without a right camera there is video only. InputError where an option is out of its range.
+    A stereo frame comes just before the video frame of the same time. Without a right camera there is video only.
+    Raises InputError where an option is out of its range.
     """
     check_shape(stereo_every, video_scale)
     video = recording.camera.scaled(video_scale)
@@ -49,7 +51,7 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
             plan.append((i, "stereo"))
         plan.append((i, "video"))
 
-    @lru_cache(maxsize=1)  # the left image of a pair is wanted again at once, as video
+    @lru_cache(maxsize=1)  # the left image of a pair is also the next video frame
     def left(i: int) -> Image:
         return recording.read("left", i)
 

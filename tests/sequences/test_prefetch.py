@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from ispom.errors import UnreadableImage
-from ispom.sequences.prefetch import AHEAD, prefetched
+from ispom.sequences.prefetch import MAX_DECODED, prefetched
 from ispom.types import Measurement, is_video
 from tests import doubles
 
@@ -50,13 +50,13 @@ def test_a_few_are_read_ahead_in_one_thread_and_no_more() -> None:
     ahead = prefetched(replace(SEQUENCE, load=source.load))
     assert not source.reads and ahead.prepare is not None
     ahead.prepare(0)
-    source.allowed.release(AHEAD)
-    for _ in range(AHEAD):
+    source.allowed.release(MAX_DECODED)
+    for _ in range(MAX_DECODED):
         assert source.read.acquire(timeout=10)
-    assert source.reads == [(i, "read-ahead") for i in range(AHEAD)]
+    assert source.reads == [(i, "read-ahead") for i in range(MAX_DECODED)]
     ahead[0]
-    assert source.read.acquire(timeout=10) and source.reads[AHEAD:] == [(AHEAD, "read-ahead")]
-    source.allowed.release(AHEAD)
+    assert source.read.acquire(timeout=10) and source.reads[MAX_DECODED:] == [(MAX_DECODED, "read-ahead")]
+    source.allowed.release(MAX_DECODED)
 
 
 def test_a_mistake_is_met_where_it_is() -> None:

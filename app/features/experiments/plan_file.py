@@ -16,7 +16,7 @@ from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.methods import method, with_dependencies
 from ispom.sequences import MIN_FRAMES, check_max_exposures
 from ispom.sequences.address import MAX_SEED
-from ispom.sequences.two_rate import MIN_SCALE, MOST_FRAMES
+from ispom.sequences.two_rate import MAX_FRAMES, MIN_SCALE
 from ispom.settings import check, from_plain
 
 from .options import Runs
@@ -44,9 +44,9 @@ class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     settings: dict[str, list[Value]] = {}
     quantities: tuple[str, ...] = Plan.quantities
     statements: tuple[Statement, ...] = ()
-    stereo_every: Annotated[int, msgspec.Meta(ge=1, le=MOST_FRAMES)] = 1
+    stereo_every: Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)] = 1
     video_scale: Annotated[float, msgspec.Meta(ge=MIN_SCALE, le=1)] = 1.0
-    max_exposures: Annotated[int, msgspec.Meta(ge=MIN_FRAMES, le=MOST_FRAMES)] | None = None
+    max_exposures: Annotated[int, msgspec.Meta(ge=MIN_FRAMES, le=MAX_FRAMES)] | None = None
     fields: tuple[Field, ...] = ()
 
 

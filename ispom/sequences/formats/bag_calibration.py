@@ -26,7 +26,7 @@ class TopicInfo:
     turn: Array
     """(3, 3) rectified_from_raw."""
     projection: Array
-    """(3, 4) of the rectified image; all zero where the camera was not calibrated."""
+    """(3, 4) projection of the rectified image; zero where the camera was not calibrated."""
     topic: str = ""
     notes: tuple[str, ...] = ()
 
@@ -37,13 +37,13 @@ class TopicInfo:
 
     @property
     def is_straight(self) -> bool:
-        """Whether its raw images are as rectified ones are to be."""
+        """Whether its raw images are already rectified and without distortion."""
         same = self.raw.lens == "opencv" and not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
         return bool(same and (self.raw.matrix == self.rectified.matrix).all())
 
 
 def usable_info(bag: BagFile, topic: str) -> TopicInfo | InputError | None:
-    """The topic's camera_info, or why it cannot be used; None where there is none, or it says nothing."""
+    """Returns the topic's camera_info, or the error for which it cannot be used; None where it is missing or empty."""
     try:
         return _info(bag, topic)
     except InputError as fault:
@@ -51,7 +51,7 @@ def usable_info(bag: BagFile, topic: str) -> TopicInfo | InputError | None:
 
 
 def _info(bag: BagFile, topic: str) -> TopicInfo | None:
-    """InputError where it is of no camera that can be used; None where there is none, or it says nothing."""
+    """Returns the topic's camera_info; None where it is missing or empty. Raises InputError for an unusable camera."""
     name = _info_topic(bag, topic)
     message = bag.message(name) if name else None
     if message is None:
@@ -73,8 +73,11 @@ def _info(bag: BagFile, topic: str) -> TopicInfo | None:
 
 
 def _info_topic(bag: BagFile, topic: str) -> str:
-    """Where the camera_info of a topic is: beside it, within it, as RealSense's recorder has it, called as the topic
-    is, or one level higher, where no images of another camera are; "" without one."""
+    """Returns the topic of an image topic's camera_info; "" without one.
+
+    It is a neighbour or a child of the topic, at the place where RealSense's recorder puts it, a topic with a similar
+    name, or one level higher, if no other camera has images there.
+    """
     topic = topic.removesuffix("/compressed")
     place, name = topic.rsplit("/", 1)
     above = place.rsplit("/", 1)[0]
@@ -97,7 +100,7 @@ def _info_topic(bag: BagFile, topic: str) -> str:
 
 
 def baseline_m(left: TopicInfo, right: TopicInfo) -> float:
-    """0 where they are not calibrated as a pair: one projection, moved to the right."""
+    """Returns the baseline [m]; 0 unless the right projection is the left one, moved to the right."""
     p, q = left.projection, right.projection
     if q[0, 0] <= 0 or abs(q[:, :3] - p[:, :3]).max() > 1e-6 * q[0, 0] or left.rectified != right.rectified:
         return 0.0
@@ -105,7 +108,7 @@ def baseline_m(left: TopicInfo, right: TopicInfo) -> float:
 
 
 def fault_of_pair(left: TopicInfo, right: TopicInfo) -> str:
-    """Why the two are no rectified pair, one clause; empty where they are one."""
+    """Returns one clause with the reason why the two are no rectified pair; empty if they are one."""
     p, q = left.projection, right.projection
     if p[0, 0] <= 0 or q[0, 0] <= 0:
         return "a P of their camera_info is zero: calibrate them as a pair"

@@ -47,21 +47,22 @@ ENCODINGS: dict[str, tuple[type[np.generic], int, int | None]] = {
     "yuv422_yuy2": (np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
     "yuyv": (np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
 }
-"""Kind and number of values per pixel, and what makes RGB of them where they are bytes."""
-FIRST = 10
-"""Images of which one must be readable."""
+"""Type and number of values per pixel, and OpenCV's conversion of bytes to RGB."""
+MAX_TRIALS = 10
+"""Number of first images of which one must be readable."""
 
 
 class TopicImages:
     """The images of one topic, decoded when requested."""
 
     def __init__(self, bag: BagFile, topic: str, index: Index, size: tuple[int, int] | None = None) -> None:
-        """Of this size (width, height) where it is known."""
+        """`size` is (width, height), if it is known."""
         self._bag, self._topic, self._index, self._size = bag, topic, index, size
         self._compressed = bag.types[topic] == IMAGE_TYPES[1]
 
     def read(self, i: int) -> Image:
-        """Image i, grey or RGB; InputError where it is unreadable, of an unknown encoding, or of another size."""
+        """Returns image i, grey or RGB. Raises InputError where it is unreadable, of an unknown encoding, or of another
+        size."""
         where, message = self._where(i), self._bag.message(self._topic, self._index.places[i])
         if self._compressed:
             return decode(bytes(message.data), where, self._size, span=lambda: self._span)
@@ -79,9 +80,9 @@ class TopicImages:
         return image
 
     def first_size(self) -> tuple[int, int]:
-        """(width, height) of the first image that can be read."""
+        """Returns (width, height) of the first image that can be read."""
         fault = None
-        for i in range(min(len(self._index.places), FIRST)):
+        for i in range(min(len(self._index.places), MAX_TRIALS)):
             try:
                 return self.read(i).shape[1::-1]
             except UnreadableImage as error:
@@ -90,7 +91,7 @@ class TopicImages:
 
     @cached_property
     def _span(self) -> tuple[float, float]:
-        """What is black and white in all images of the topic."""
+        """The values of black and white in all images of the topic."""
         spans = []
         for i in sampled(len(self._index.places)):
             message = self._bag.message(self._topic, self._index.places[i])
@@ -108,7 +109,7 @@ class TopicImages:
 
 
 def _values(message: Any, where: str) -> NDArray[Any]:
-    """(H, W) or (H, W, C) as the message has them; UnreadableImage where it is not whole."""
+    """Returns (H, W) or (H, W, C) as the message has them. Raises UnreadableImage where it is not whole."""
     if message.encoding not in ENCODINGS:
         raise InputError(f"{where} has encoding {message.encoding}, give one of {', '.join(ENCODINGS)}")
     kind, channels, conversion = ENCODINGS[message.encoding]

@@ -1,4 +1,4 @@
-"""Which topics of a bag are its cameras: by their names, by their camera_info, or as a person named them."""
+"""Finds the camera topics of a bag: by their names, by their camera_info, or by the user's choice."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ SIDES = (
     ("infra1", "infra2"),
     ("Infrared_1", "Infrared_2"),
 )
-"""How topics of a pair are called."""
+"""Names of the topics of a pair."""
 CHOICES = (("left", "right"), ("video",))
-"""What --topics may name."""
+"""Names that --topics may use."""
 Infos = dict[str, TopicInfo | InputError | None]
 
 
 def rank(topic: str) -> tuple[bool, bool, bool, str]:
-    """Cameras before depth images, rectified before raw, as they are before compressed."""
+    """Returns the sort key of a topic: cameras before depth images, rectified before raw, raw before compressed."""
     return is_depth(topic), not is_rectified(topic), topic.endswith("/compressed"), topic
 
 
@@ -50,7 +50,7 @@ def by_role(bag: BagFile, topics: list[str], chosen: Sequence[str]) -> dict[str,
 
 
 def pairs_by_baseline(topics: list[str], infos: Infos) -> Iterator[tuple[str, str, TopicInfo, TopicInfo]]:
-    """Yields the pairs of topics, those of one name in different places before others of one kind."""
+    """Yields the pairs of topics by their baseline: those with the same last name before others of the same kind."""
     for same in (_last_name, _kind_of):
         for left in topics:
             for right in topics:

@@ -28,21 +28,22 @@ from ispom.sequences.stream import Stream, size_of
 from ispom.types import Found, Image
 
 RIGS = ("camchain.yaml", "rig.yaml")
-"""Files of two cameras beside a bag."""
+"""Names of calibration files of two cameras in the folder of a bag."""
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 Opened = tuple[Recording, BagCamera]
 """A recording, and its left camera in the bag."""
 
 
 def looks_like_bag(path: Path) -> bool:
-    """Whether it is called a bag, or is the folder of a ROS 2 bag."""
+    """Checks whether a path has the name of a bag, or is the folder of a ROS 2 bag."""
     return path.suffix.lower() in BAG_SUFFIXES or (is_folder(path) and exists(path / METADATA))
 
 
 def open_bag(path: Path, calibration: Path | None = None, chosen: Sequence[str] = ()) -> Recording:
-    """The recording of a bag's stereo pair, or else of its first camera; InputError names what is missing or wrong.
+    """Returns the recording of a bag's stereo pair, or else of its first camera. Raises InputError that names what is
+    missing or wrong.
 
-    `calibration` is that of a camera whose camera_info is missing, or says that it is not calibrated. `chosen` names
+    `calibration` is that of a camera whose camera_info is missing, or without a calibration. `chosen` names
     the topics: left=TOPIC and right=TOPIC, or video=TOPIC. Opening reads the bag once, for the times of its images.
     """
     bag = BagFile(path)
@@ -57,7 +58,7 @@ def open_bag(path: Path, calibration: Path | None = None, chosen: Sequence[str] 
 
 
 def _with_others(bag: BagFile, recording: Recording, camera: BagCamera) -> Recording:
-    """The recording with what else the bag holds."""
+    """Returns the recording with the bag's other sensors and topics."""
     sensors, others = sensors_of_bag(bag, camera)
     times = Found("times", f"{bag.path.name}:{camera.topic}", why="by the bag's clock" if camera.own_clock else "")
     return replace(recording, found=(*recording.found, times, *others), sensors=sensors)
@@ -66,7 +67,7 @@ def _with_others(bag: BagFile, recording: Recording, camera: BagCamera) -> Recor
 def _of_choice(
     bag: BagFile, topics: list[str], infos: Infos, calibration: Path | None, roles: dict[str, str]
 ) -> Opened:
-    """The recording of the topics that a person named. Raises InputError where two are no pair."""
+    """Returns the recording of the topics that the user chose. Raises InputError for two topics that are no pair."""
     if "video" in roles:
         topic = roles["video"]
         return _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
@@ -89,7 +90,7 @@ def _of_choice(
 
 
 def _found(bag: BagFile, topics: list[str], infos: Infos, calibration: Path | None) -> Opened:
-    """The recording of the pair, or else the first camera, that topics and camera_info show."""
+    """Returns the recording of the pair, or else of the first camera, by names of topics and camera_info."""
     if not any(isinstance(info, TopicInfo) for info in infos.values()):
         by_file = _pair_of_file(bag, topics, calibration)
         if by_file is not None:
@@ -116,8 +117,8 @@ def _found(bag: BagFile, topics: list[str], infos: Infos, calibration: Path | No
 
 
 def _pair_by_baseline(bag: BagFile, topics: list[str], infos: Infos) -> Opened | None:
-    """The pair of two topics that are known by a P that is that of the other one moved to the right (Tx), whatever
-    their names are; None where there is none."""
+    """Returns the pair of two topics of which one has the P of the other one, moved to the right (Tx), with any names;
+    None without such a pair."""
     found = list(pairs_by_baseline(topics, infos))
     if not found:
         return None
@@ -132,10 +133,12 @@ def _pair_by_baseline(bag: BagFile, topics: list[str], infos: Infos) -> Opened |
 def _pair_of_file(
     bag: BagFile, topics: list[str], calibration: Path | None, chosen: tuple[str, str] | None = None
 ) -> Opened | None:
-    """The pair of a bag without calibration, by a file of two cameras: `calibration`, or a camchain.yaml or rig.yaml
-    beside the bag, whose topics are the `chosen` ones, those that it names (Kalibr's rostopic), or those that are
-    called as pairs are. None where there is no such file. Raises InputError where its cameras are none of the
-    topics."""
+    """Returns the pair of a bag without calibration, by a file of two cameras; None without such a file.
+
+    The file is `calibration`, or a camchain.yaml or rig.yaml beside the bag. The topics are the `chosen` ones, or those
+    that the file names (Kalibr's rostopic), or those with the usual names of a pair. Raises InputError where the file's
+    cameras are none of the topics.
+    """
     path = calibration or first_of((bag.path.resolve().parent,), RIGS)
     cameras = [topic for topic in topics if not is_depth(topic)]
     if path is None or (len(cameras) < 2 and chosen is None):
@@ -260,7 +263,7 @@ def _index(bag: BagFile, topic: str) -> Index:
 
 
 def _indices(bag: BagFile, topics: tuple[str, str]) -> tuple[Index, Index]:
-    """Of a pair, both by one clock: where stamps repeat, by that which makes more pairs."""
+    """Returns the indices of a pair's topics by one clock: if stamps repeat, by the clock that gives more pairs."""
     left, right = _index(bag, topics[0]), _index(bag, topics[1])
     if not (left.own_clock or right.own_clock):
         return left, right

@@ -1,4 +1,4 @@
-"""`sequence.yaml`: an own rig. Names the streams of its cameras, their clocks, `rig.yaml`, and perhaps the truth.
+"""`sequence.yaml`: a user's own rig. It names the cameras' streams, their clocks, `rig.yaml`, and the ground truth.
 
     name: roof, second flight        # optional
     rig: rig.yaml                    # optional; this is the default; also [intrinsics.yml, extrinsics.yml] of OpenCV
@@ -49,8 +49,8 @@ STREAM_ENTRIES = ("source", "half", *CLOCK_KEYS)
 
 
 def looks_described(path: Path) -> bool:
-    """Whether it is a folder with a sequence.yaml, or such a file by its content: not a calibration. InputError where
-    it is no YAML."""
+    """Checks whether it is a folder with a sequence.yaml, or such a file by its content: not a calibration. Raises
+    InputError where it is no YAML."""
     if is_folder(path):
         return exists(path / FILE) or _is_pair(path)
     if not is_yaml(path):
@@ -61,18 +61,21 @@ def looks_described(path: Path) -> bool:
 
 
 def is_yaml(path: Path) -> bool:
-    """By its name."""
+    """Checks the suffix of a path."""
     return path.suffix.lower() in (".yaml", ".yml")
 
 
 def filmed_rig(path: Path, placed: bool = True) -> Rig:
-    """The rig as its file has it (also one of another program), its pair perhaps not rectified. Unless all cameras must
-    be `placed`, the video camera of a rig.yaml may be without a pose: it is then that of the rig."""
+    """Returns the rig of a file (also of another program), whose pair may not be rectified.
+
+    Unless all cameras must be `placed`, the pose of a rig.yaml's video camera may be missing, and is then that of the
+    rig.
+    """
     return _filmed_rig(path, placed)[0]
 
 
 def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
-    """The same, with notes about what of the file is skipped or likely wrong."""
+    """Returns the same, with notes about skipped entries and likely mistakes."""
     path = path / FILE if is_folder(path) else path
     content = read_mapping(path) if exists(path) else {}
     rig_files = content.get("rig", "rig.yaml")
@@ -82,7 +85,7 @@ def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
     )
 
     def size() -> tuple[int, int]:
-        """Of the images of the first stream, where they are in a folder."""
+        """Returns the size of the images of the first stream that is a folder."""
         first = _sides(path.parent)[0] if not content else "left"
         entry = next((content[name] for name in ("left", "video") if name in content), first)
         folder = named_file(path, "source", entry.get("source") if isinstance(entry, dict) else entry)
@@ -112,9 +115,9 @@ def _sides(folder: Path) -> tuple[str, ...]:
 
 
 def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
-    """What a sequence.yaml, or the folder that holds one, describes; a recording where no video stream is named.
+    """Opens a sequence.yaml, or the folder that contains one; returns a recording if no video stream is named.
 
-    InputError names the file and the entry that is missing or wrong. `placed` as in `filmed_rig`.
+    Raises InputError that names the missing or invalid file and the entry. `placed` as in `filmed_rig`.
     """
     path = path / FILE if is_folder(path) else path
     content = read_mapping(path) if exists(path) else _of_pair(path.parent)
@@ -169,7 +172,7 @@ def _truth(path: Path, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, 
 
 
 def _of_pair(folder: Path) -> dict[Any, Any]:
-    """What a sequence.yaml would say of a folder with left and right images."""
+    """Returns the content of a sequence.yaml for a folder with left and right images."""
     if not exists(folder / "rig.yaml"):
         raise InputError(
             f"{folder} has left and right images, but no rig.yaml: make it with `ispom calibrate stereo`, or write it"
@@ -211,8 +214,8 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
 
 
 def _fitted_rig(path: Path, content: dict[Any, Any], rig: Rig) -> tuple[Rig, tuple[str, ...]]:
-    """The rig for the size of the images of each stream, where they are in a folder, with a note about each camera that
-    was scaled; InputError as `fitted`."""
+    """Returns the rig for the size of the images of each stream, where they are in a folder, with a note about each
+    camera that was scaled. Raises InputError as `fitted`."""
     notes: tuple[str, ...] = ()
     for name in STREAMS:
         entry, camera = content.get(name), getattr(rig, name)

@@ -27,7 +27,7 @@ from ispom.sequences.sensors_beside import EUROC_IMU, euroc_imu
 from ispom.types import Camera, Found, Image, Trajectory
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0")
-"""Folders that hold the body's poses, in EuRoC and in TUM-VI."""
+"""Folders of the body's poses in EuRoC and in TUM-VI."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,13 @@ class _Sensor:
 
 
 def looks_like_euroc(folder: Path) -> bool:
-    """Whether it is a `mav0`, or the folder that holds one."""
+    """Checks whether a folder is a `mav0`, or contains one."""
     return is_folder(folder / "mav0") or exists(folder / "cam0" / "data.csv")
 
 
 def open_euroc(folder: Path) -> Recording:
-    """The recording of a `mav0`, or of the folder that holds it; InputError names the file that is missing or wrong."""
+    """Returns the recording of a `mav0`, or of the folder that holds it. Raises InputError that names the missing or
+    invalid file."""
     mav0 = folder / "mav0" if is_folder(folder / "mav0") else folder
     name = f"EuRoC {mav0.resolve().parent.name}"
     left = _sensor(mav0 / "cam0")
@@ -86,7 +87,7 @@ def open_euroc(folder: Path) -> Recording:
 
 
 def _found(mav0: Path, cameras: tuple[str, ...], truth: tuple[Found, ...]) -> tuple[Found, ...]:
-    """What lies in the folder, but for the IMU."""
+    """Returns the other files in the folder, except those of the IMU."""
     found = [Found("lens", str(mav0 / name / "sensor.yaml")) for name in cameras]
     found += [*(Found("times", str(mav0 / name / "data.csv")) for name in cameras), *truth]
     known = {*(Path(each.where).parent.name for each in found), EUROC_IMU}
@@ -120,7 +121,7 @@ def _sensor(folder: Path) -> _Sensor:
 
 
 def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
-    """Times (N,) [ns] and file names of a data.csv."""
+    """Returns times (N,) [ns] and file names of a data.csv."""
     times_ns, names = [], []
     for line, text in enumerate(read_text(path).splitlines(), 1):
         stamp, comma, name = (word.strip() for word in text.partition(","))
@@ -141,7 +142,7 @@ def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
 def _truth(
     mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]
 ) -> tuple[Trajectory | None, tuple[Found, ...]]:
-    """world_from_left at the images' times, of the body's poses, and what was found of it."""
+    """Returns world_from_left at the images' times, from the body's poses, and a note if it has none there."""
     path = next((mav0 / name / "data.csv" for name in TRUTHS if exists(mav0 / name / "data.csv")), None)
     if path is None:
         return None, ()

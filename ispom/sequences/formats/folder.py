@@ -1,11 +1,11 @@
-"""A folder of images in the order of their names, with `camera.yaml` in it or next to it, or a guess (guess.py).
+"""A folder of images in the order of their names, with a `camera.yaml` in it or next to it, or a guess (guess.py).
 
-They may lie in a folder `images`, `rgb`, `color` ... of it. Other programs' calibrations, times and poses beside
-them are used, too (sidecars.py).
+The images may be in a subfolder `images`, `rgb`, `color` ... Calibrations, times and poses of other programs next to
+them are also used (sidecars.py).
 
-Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml and the numbers
-in the names, of which some may be missing; without a rate, names that are times count (named.py). Images in formats
-that are not read count as missing.
+Times are those of `times.txt` (one per image, seconds), or follow from `rate_hz` in camera.yaml and the numbers in the
+names, of which some may be missing. Without a rate, names that are times are used (named.py). Images in unsupported
+formats are treated as missing.
 """
 
 from __future__ import annotations
@@ -34,27 +34,26 @@ from ispom.types import Camera, Found, Image
 
 CAMERA, TIMES = "camera.yaml", "times.txt"
 OTHER_TIMES = tuple(name for name in ALL_TIMES if name != TIMES)
-CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortion and rate_hz"
 
 
 def holds_images(folder: Path) -> bool:
-    """Whether there are images right in it."""
+    """Checks whether a folder contains images, not counting subfolders."""
     return is_folder(folder) and any(_is_image(name) for name in names(folder))
 
 
 def first_image(folder: Path) -> Path | None:
-    """The image right in it whose name comes first in the alphabet; None where there is none."""
+    """Returns the first image of a folder in alphabetical order; None where there is none."""
     found = min((name for name in names(folder) if _is_image(name)), default=None)
     return None if found is None else folder / found
 
 
 def looks_like_images(folder: Path) -> bool:
-    """Whether there are images right in it, or in its `images` and the like."""
+    """Checks whether a folder contains images, or a subfolder such as `images` does."""
     return images_in(folder) is not None
 
 
 def open_folder(source: Path, calibration: Path | None = None) -> Recording:
-    """The recording of a folder of images; InputError names the file that is missing or wrong."""
+    """Returns the recording of a folder of images. Raises InputError that names the missing or invalid file."""
     folder = images_in(source) or source
     places = places_of(folder)
     path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
@@ -85,17 +84,17 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
 
 
 def images_in(source: Path) -> Path | None:
-    """Returns the folder itself, where it holds images, or else the first in it that is called as such folders are."""
+    """Returns the folder itself, if it contains images, or else its first subfolder with a usual name; None without."""
     return next((place for place in (source, *(source / name for name in INNER)) if holds_images(place)), None)
 
 
 def is_calibration(path: Path) -> bool:
-    """Checks that a file has the camera of images, whose size it may lack. Raises InputError where it has none."""
+    """Checks that a file contains a camera; its image size may be missing. Raises InputError where it has none."""
     return one_camera(path, lambda: (640, 480))[0].width > 0
 
 
 def settings_in(folder: Path, name: str = CAMERA) -> Path | None:
-    """The camera's file in a folder, by its `name` or with OpenCV's suffix .yml; None without one."""
+    """Returns the camera's file in a folder, by its `name` or with OpenCV's suffix .yml; None without one."""
     places = [(folder / name).with_suffix(suffix) for suffix in (".yaml", ".yml")]
     return next((place for place in places if exists(place)), None)
 
@@ -103,10 +102,10 @@ def settings_in(folder: Path, name: str = CAMERA) -> Path | None:
 def read_settings(
     path: Path, size: Callable[[], tuple[int, int]] | None = None
 ) -> tuple[Camera, Clock, tuple[str, ...]]:
-    """The camera of a camera.yaml or of another program's file, the clock of its images, and notes: about entries of a
-    camera.yaml that are not known, as a misspelt one would go unnoticed, and about values that are likely wrong.
+    """Returns the camera of a camera.yaml or of another program's file, the clock of its images, and notes.
 
-    `size` gives that (width, height) of the images: it counts where the file has none, and the camera is scaled to them
+    The notes are about unknown entries of a camera.yaml, which may be misspelt, and about values that are likely wrong.
+    `size` returns (width, height) of the images, which is used where the file has none; the camera is scaled to it
     where that is allowed (see `fitted`).
     """
     camera, entries, notes = one_camera(path, size)
@@ -117,9 +116,11 @@ def read_settings(
 
 
 def named_images(folder: Path, one_size: bool = False) -> Named:
-    """The images of a folder in their order; InputError where there is none, or where they are of several kinds.
+    """Returns the images of a folder in their order. Raises InputError where there is none, or where they are of
+    several kinds.
 
-    Those of `one_size` are the largest group of images of the same size: no camera is known that says which to take.
+    With `one_size`, only the largest group of images of the same size: for images without a camera, which would define
+    it.
     """
     image_names = [name for name in names(folder) if _is_image(name)]
     if not image_names:
@@ -141,12 +142,12 @@ def without_depth(image_names: list[str]) -> list[str]:
 
 
 def unread_images(folder: Path) -> list[str]:
-    """The images in a folder whose format is not read, such as those of iPhones (HEIC)."""
+    """Returns the images in a folder whose format is not read, such as those of iPhones (HEIC)."""
     return [name for name in names(folder) if _suffix(name) in UNREAD_SUFFIXES]
 
 
 def _unread_note(folder: Path, images: Named) -> str:
-    """How many images of other formats lie between those that are read."""
+    """Returns a note about images in unsupported formats among the others; "" without any."""
     unread = unread_images(folder)
     read = {Path(name).stem.lower() for name in images.names}
     alone = [name for name in unread if Path(name).stem.lower() not in read]
@@ -168,8 +169,11 @@ def folder_stream(
     ticks: NDArray[np.int64] | None = None,
     since_ns: int = 0,
 ) -> Stream:
-    """The `images` (width, height) of a folder, at `ticks` (N,) of the clock's rate where these are not those of the
-    images alone, and stamps counted from since_ns."""
+    """Returns the `images` of a folder, of `size` (width, height), as a stream.
+
+    `ticks` (N,) are the images' numbers at the clock's rate, by default those of the names alone. Times in the names
+    are counted from `since_ns`.
+    """
     paths = [folder / name for name in images.names]
     require_size(paths[0], size)
     stamps_ns = None if images.stamps_ns is None else images.stamps_ns - since_ns
@@ -197,10 +201,10 @@ def folder_stream(
 
 
 def _is_image(name: str) -> bool:
-    """Hidden files are those that other systems write next to the real ones."""
+    """Checks the suffix. Hidden files are no images: other systems write them next to the real ones."""
     return _suffix(name) in IMAGE_SUFFIXES
 
 
 def _suffix(name: str) -> str:
-    """In lower case; "" of a hidden file."""
+    """Returns the suffix in lower case; "" for a hidden file."""
     return "" if name.startswith(".") else Path(name).suffix.lower()

@@ -25,18 +25,18 @@ from ispom.sequences.stream import Clock, Stream, size_of
 from ispom.types import Trajectory
 
 IMAGES, CALIBRATION, POSES = "undistorted_images", "calibration", "GNSSPoses.txt"
-COLUMNS = 9
-"""Of a pose: the name of its image, position, quaternion, scale; others that follow are not needed."""
+POSE_COLUMNS = 9
+"""Number of columns of a pose: the image's name, position, quaternion, scale; further columns are ignored."""
 SIDES: dict[Side, str] = {"left": "cam0", "right": "cam1"}
 
 
 def looks_like_four_seasons(folder: Path) -> bool:
-    """Whether the undistorted left images are there."""
+    """Checks whether a folder has the undistorted left images."""
     return holds_images(folder / IMAGES / SIDES["left"])
 
 
 def open_four_seasons(folder: Path) -> Recording:
-    """The recording of such a folder; InputError names the file that is missing or wrong."""
+    """Returns the recording of such a folder. Raises InputError that names the missing or invalid file."""
     real = folder.resolve()
     places = [place / CALIBRATION for place in (real, real.parent, real.parent.parent)]
     calibration = next((place for place in places if exists(place / "undistorted_calib_0.txt")), None)
@@ -73,9 +73,11 @@ def _truth(path: Path) -> Trajectory:
         words = text.replace(",", " ").split()
         if not words or not words[0].isdigit():  # the header
             continue
-        if len(words) < COLUMNS:
-            raise InputError(f"{path} line {line} has {len(words)} columns, not {COLUMNS} or more: correct that line")
-        row = numbers(path, line, words[1:COLUMNS])
+        if len(words) < POSE_COLUMNS:
+            raise InputError(
+                f"{path} line {line} has {len(words)} columns, not {POSE_COLUMNS} or more: correct that line"
+            )
+        row = numbers(path, line, words[1:POSE_COLUMNS])
         if abs(np.linalg.norm(row[3:7]) - 1) > 0.01 or row[7] <= 0:
             raise InputError(f"{path} line {line}: its quaternion is not of length 1, or its scale not positive")
         if len(words[0]) > 19 or (values and int(words[0]) <= values[-1][0]):

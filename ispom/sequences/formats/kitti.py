@@ -26,12 +26,12 @@ PAIRS = (("image_0", "image_1"), ("image_2", "image_3"))
 
 
 def looks_like_kitti(folder: Path) -> bool:
-    """Whether anything that only a KITTI odometry drive has is there."""
+    """Checks whether a folder has files that only a KITTI odometry drive has."""
     return any(exists(folder / name) for name in (*PAIRS[0], "calib.txt"))
 
 
 def open_kitti(folder: Path) -> Recording:
-    """The recording of a folder `sequences/NN`; InputError names the file that is missing or wrong."""
+    """Returns the recording of a folder `sequences/NN`. Raises InputError that names the missing or invalid file."""
     left, right = next((pair for pair in PAIRS if is_folder(folder / pair[0])), PAIRS[0])
     paths = {"left": _images(folder / left)}
     count = len(paths["left"])
@@ -62,7 +62,7 @@ def open_kitti(folder: Path) -> Recording:
 
 
 def _images(images: Path) -> list[Path]:
-    """The images, numbered from 0 without a gap; of several copies of one, a PNG file."""
+    """Returns the images, numbered from 0 without a gap; of several copies of one, a PNG file."""
     if not is_folder(images):
         raise InputError(f"{images} is missing: give a drive with its images (image_0, or image_2 in colour)")
     paths = [Path(name) for name in names(images) if not name.startswith(".")]
@@ -80,9 +80,9 @@ def _images(images: Path) -> list[Path]:
 
 
 def _cameras(folder: Path, left: str, right: str, size: tuple[int, int]) -> tuple[Camera, float | None, Array]:
-    """The camera of both sides, and the baseline [m] if there is a right one.
+    """Returns the camera of both sides, and the baseline [m] if there is a right one.
 
-    Also what is added to a position in the camera of the truth to get that in the left one: (3,) [m].
+    Also the offset (3,) [m] from positions in the camera of the truth to those in the left one.
     """
     first, second = (name.replace("image_", "P") for name in (left, right))
     projections = read_calibration(folder / "calib.txt", (first, second))
@@ -112,7 +112,7 @@ def _truth_path(folder: Path) -> Path | None:
 
 
 def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """world_from_left of `poses/NN.txt` next to `sequences`, or next to NN as in UZH's course; None without one."""
+    """Returns world_from_left of `poses/NN.txt` next to `sequences`, or next to NN as in UZH's course; None without."""
     path = _truth_path(folder)
     if path is None:
         return None

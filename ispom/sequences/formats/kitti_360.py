@@ -30,12 +30,12 @@ IMAGES, CALIBRATION, POSES = "data_rect", "calibration/perspective.txt", "cam0_t
 
 
 def looks_like_kitti_360(folder: Path) -> bool:
-    """Whether the rectified left images are there."""
+    """Checks whether a folder has the rectified left images."""
     return holds_images(_images(folder, "left"))
 
 
 def open_kitti_360(folder: Path) -> Recording:
-    """The recording of a drive; InputError names the file that is missing or wrong."""
+    """Returns the recording of a drive. Raises InputError that names the missing or invalid file."""
     real = folder.resolve()
     root = real.parent.parent
     sides: list[Side] = [side for side in SIDES if holds_images(_images(folder, side))]

@@ -1,7 +1,7 @@
 """KITTI raw drives: `DAY_drive_NNNN_sync` (rectified) or `_extract` (rectified here), calibrated by their day's folder.
 
 The grey cameras (image_00, image_01) are read, or else the colour ones (image_02, image_03); the right one may be
-missing. The truth is the GPS/IMU track (oxts), where that and its calibration are there.
+missing. The ground truth is the GPS/IMU track (oxts), if that and its calibration exist.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ _PAIRS = (("00", "01"), ("02", "03"))
 _CALIBRATION = "calib_cam_to_cam.txt"
 _IMU, _VELO = "calib_imu_to_velo.txt", "calib_velo_to_cam.txt"
 _TRUTH_GAP_NS = 250_000_000
-"""Samples of synchronised drives follow each other by a tenth of a second, and some are missing."""
+"""Largest gap between samples over which the truth is interpolated: they are 100 ms apart, and single ones are
+missing."""
 
 
 def looks_like_kitti_raw(folder: Path) -> bool:
-    """Whether it is a drive with a left camera, grey or in colour."""
+    """Checks whether it is a drive with a left camera, grey or in colour."""
     return any(is_folder(folder / f"image_{left}" / "data") for left, _ in _PAIRS)
 
 
 def open_kitti_raw(folder: Path) -> Recording:
-    """The recording of a drive; InputError names the file that is missing or wrong."""
+    """Returns the recording of a drive. Raises InputError that names the missing or invalid file."""
     left, right = next(pair for pair in _PAIRS if is_folder(folder / f"image_{pair[0]}" / "data"))
     cameras = (left, right) if is_folder(folder / f"image_{right}" / "data") else (left,)
     path = _calibration_path(folder, _CALIBRATION)
@@ -89,7 +90,7 @@ def _calibration_path(folder: Path, name: str) -> Path | None:
 
 
 def _left_from_body(folder: Path, left: str, calibration: dict[str, Array], path: Path) -> tuple[Pose | None, str]:
-    """The pose of the GPS/IMU unit in the rectified left camera, or None and why it is not known."""
+    """Returns the pose of the GPS/IMU unit in the rectified left camera, or None and why it is not known."""
     imu, velo = _calibration_path(folder, _IMU), _calibration_path(folder, _VELO)
     if imu is None or velo is None:
         return None, f"{folder.resolve().parent / (_IMU if imu is None else _VELO)} is missing"
@@ -103,28 +104,28 @@ def _left_from_body(folder: Path, left: str, calibration: dict[str, Array], path
 def _truth(
     oxts: Path, left_from_body: Pose | None, why: str, times_ns: NDArray[np.int64]
 ) -> tuple[Trajectory | None, str]:
-    """world_from_left at the images' times, and a note about it."""
+    """Returns world_from_left at the images' times, and a note about it."""
     if not is_folder(oxts / "data"):
         return None, "The drive has no GPS/IMU track (oxts): no ground truth."
     if left_from_body is None:
         return None, f"{why}, without which the GPS/IMU track (oxts) cannot be used: no ground truth."
     truth = truth_at(read_oxts(oxts), times_ns, _TRUTH_GAP_NS)
     note = "The ground truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor. A method "
-    note += "that takes in its GNSS or IMU is compared with what it was given: its error says little."
+    note += "that uses its GNSS or IMU is compared with its own input, so that its error is not meaningful."
     if truth is None:
         return None, "The GPS/IMU track (oxts) is of other times than the images: no ground truth."
     return truth.moved(right=left_from_body.inverse(), frame="left"), note
 
 
 def _images(folder: Path, camera: str) -> dict[int, Path]:
-    """The image files by their number."""
+    """Returns the image files by their number."""
     data = folder / f"image_{camera}" / "data"
     paths = [data / name for name in names(data)]
     return {int(p.stem): p for p in paths if p.stem.isascii() and p.stem.isdigit() and len(p.stem) <= 10}
 
 
 def _frames(folder: Path, images: list[dict[int, Path]]) -> tuple[list[int], tuple[str, ...]]:
-    """The numbers of the images that every camera has, and notes about the others."""
+    """Returns the numbers of the images that every camera has, and notes about the others."""
     common = sorted(set.intersection(*(set(found) for found in images)))
     if not common:
         raise InputError(f"{folder} holds no image that every camera has: restore the images")
@@ -132,7 +133,7 @@ def _frames(folder: Path, images: list[dict[int, Path]]) -> tuple[list[int], tup
 
 
 def _rectified(path: Path, calibrations: list[dict[str, Array]]) -> tuple[Camera, float | None]:
-    """The rectified camera of both sides, and the baseline [m] where there are two."""
+    """Returns the rectified camera of both sides, and the baseline [m] where there are two."""
     left = calibrations[0]["P_rect"]
     fx, fy, cx, cy = left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
     camera = usable(Camera(*image_size(calibrations[0]["S_rect"]), fx, fy, cx, cy), f"{path}: P_rect")

@@ -1,7 +1,7 @@
 """A live camera: `camera:0` (by its number or its device file), or the address of a stream (HTTP, RTSP), by OpenCV.
 
-Its images are kept as they arrive, in a temporary file that vanishes with the program: none is lost where the
-estimators are slower, and they can be read again in any order. Their times are those of arrival.
+Images are stored on arrival in a temporary file that is deleted with the program: none is lost if the estimators are
+slower, and they can be read again in any order. Their times are those of arrival.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ import numpy as np
 
 from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import one_camera
-from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, scheme, without_secrets
+from ispom.sequences.address import DEVICE_PREFIX, SCHEMES, is_address, is_device, scheme, without_secrets
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.spool import Spool
 from ispom.sequences.stream import size_of
 from ispom.types import Camera, Frame, Image, Measurement, Rig, Sequence
 
-PATIENCE_S = 10.0
-"""A source that can't be opened for so long, or gives no image for so long, has failed."""
-STOP_S = 2.0
+SOURCE_TIMEOUT_S = 10.0
+"""Time after which a source has failed that cannot be opened, or gives no image."""
+STOP_TIMEOUT_S = 2.0
+"""Time for which `stop` waits for the thread of the camera."""
 
 
 def looks_live(source: str) -> bool:
-    """Whether it names a camera or a stream, not a path."""
+    """Checks whether a source is a camera or a stream, not a path."""
     return is_device(source) or is_address(source)
 
 
 def open_live(source: str, calibration: Path | None, max_frames: int | None = None, least: int = 1) -> Sequence:
-    """The sequence of a camera that records from now on, once it has `least` images; it ends after `max_frames`, by
-    `stop`, with the source, or with the room on disk.
+    """Starts recording a camera; returns its sequence when it has `least` images.
 
-    InputError where the camera cannot be opened, fails, or is not as `calibration` says.
+    The sequence ends after `max_frames`, by `stop`, with the source, or when the disk is full. Raises InputError where
+    the camera cannot be opened, fails, or does not have the image size of the `calibration`.
     """
     name = without_secrets(source)
     if calibration is None:
@@ -54,11 +55,11 @@ def open_live(source: str, calibration: Path | None, max_frames: int | None = No
 
 def _opened(source: str, name: str, camera: Camera) -> cv2.VideoCapture:
     if is_device(source):
-        capture = _device(source.removeprefix(DEVICE), name)
+        capture = _device(source.removeprefix(DEVICE_PREFIX), name)
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width)
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.height)
     else:
-        patience_ms = round(1000 * PATIENCE_S)
+        patience_ms = round(1000 * SOURCE_TIMEOUT_S)
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, patience_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, patience_ms]
         with silenced():
             capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, limits)
@@ -74,16 +75,16 @@ def _device(which: str, name: str) -> cv2.VideoCapture:
     if sys.platform == "linux":
         file = Path(f"/dev/video{which}" if which.isdecimal() else which)
         if not os.path.exists(file):
-            there = ", ".join(sorted(f"{DEVICE}{p}" for p in Path("/dev").glob("video*"))) or "none"
+            there = ", ".join(sorted(f"{DEVICE_PREFIX}{p}" for p in Path("/dev").glob("video*"))) or "none"
             raise InputError(f"{name} is not there (no {file}): plug it in, or give one of those there are: {there}")
         return cv2.VideoCapture(str(file), cv2.CAP_V4L2)
     if not which.isdecimal():
-        raise InputError(f"{name} is no camera: give its number, such as {DEVICE}0")
+        raise InputError(f"{name} is no camera: give its number, such as {DEVICE_PREFIX}0")
     return cv2.VideoCapture(int(which))
 
 
 class _Live:
-    """One thread reads the camera into the spool; all else is safe from any thread."""
+    """A thread that reads the camera into the spool. All methods may be called from any thread."""
 
     def __init__(
         self, name: str, camera: Camera, capture: cv2.VideoCapture, max_frames: int | None, notes: tuple[str, ...]
@@ -101,7 +102,8 @@ class _Live:
         self._thread.start()
 
     def grown(self, count: int, patience_s: float | None) -> Sequence:
-        """See Sequence.grow. A failure is raised once, after all images before it; then the sequence has ended."""
+        """Implements Sequence.grow. A failure is raised once, after all images before it; then the sequence has
+        ended."""
         with self._news:
             self._news.wait_for(lambda: self._count > count or self._over, patience_s)
             if self._failure and self._count <= count:
@@ -124,13 +126,13 @@ class _Live:
 
     def _stop(self) -> None:
         self._stopping = True
-        self._thread.join(STOP_S)
-        with self._news:  # a camera that gives no image may hold its thread for longer
+        self._thread.join(STOP_TIMEOUT_S)
+        with self._news:  # a camera without new images may block its thread for longer
             self._over = True
             self._news.notify_all()
 
     def _record(self) -> None:
-        """Until something ends it."""
+        """Records until the source, the limit, a failure or `stop` ends it."""
         reason = ""
         try:
             while self._count < self._spool.capacity and not self._stopping:
@@ -156,16 +158,16 @@ class _Live:
                 self._news.notify_all()
 
     def _next(self) -> Image | None:
-        """The next image, or None at the end of the stream; InputError where the camera fails."""
+        """Returns the next image, or None at the end of the stream. Raises InputError where the camera fails."""
         started_s = time.monotonic()
         good, image = self._capture.read()
         if self._stopping:
             return None
         if not good or image is None:
-            if time.monotonic() - started_s >= 0.9 * PATIENCE_S:
+            if time.monotonic() - started_s >= 0.9 * SOURCE_TIMEOUT_S:
                 raise InputError(
-                    f"{self._name} gave no image for {PATIENCE_S:g} s after {self._count}: check the camera and its "
-                    "connection"
+                    f"{self._name} gave no image for {SOURCE_TIMEOUT_S:g} s after {self._count}: check the camera and "
+                    "its connection"
                 )
             self._notes += (f"The source ended by itself after {self._count} images.",)
             return None
@@ -176,6 +178,7 @@ class _Live:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB if image.ndim == 3 else cv2.COLOR_GRAY2RGB), np.uint8)
 
     def _now_ns(self) -> int:
-        """The time of day at the start, and since then of a clock that nobody sets; always after the last one."""
+        """Returns the time [ns since 1970], which always increases: the time of day at the start plus a monotonic
+        clock."""
         before = int(self._times_ns[self._count - 1]) if self._count else 0
         return max(self._start_ns + time.monotonic_ns(), before + 1)

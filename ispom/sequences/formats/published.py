@@ -1,11 +1,11 @@
-"""Replica and ICL-NUIM: folders of images whose camera is not in them, as it is published with the data set.
+"""Replica and ICL-NUIM: folders of images without a camera file; the camera is published with the data set.
 
 | data set | recognised by | camera |
 | --- | --- | --- |
 | Replica, as NICE-SLAM renders it | `results/frame000000.jpg` and `traj.txt` | 1200 x 680, f 600, centre 599.5, 339.5 |
 | ICL-NUIM, as TUM RGB-D | `rgb/0.png` and `associations.txt` | 640 x 480, f 481.2 and 480, centre 319.5, 239.5 |
 
-Images of another size have no such camera. A calibration that lies there comes first. Replica's poses are
+For images of another size there is no such camera. A calibration file in the folder has priority. Replica's poses are
 world_from_camera (x to the right, y down, z ahead); those of ICL-NUIM (`*.gt.freiburg`) have other axes and are not
 used. Written from public documentation: NICE-SLAM's configuration of Replica, and the page of ICL-NUIM.
 """
@@ -25,12 +25,13 @@ ICL_NUIM = Camera(640, 480, 481.2, 480.0, 319.5, 239.5)
 
 
 def looks_like_published(folder: Path) -> bool:
-    """Whether it is a folder of Replica or of ICL-NUIM."""
+    """Checks whether a folder is one of Replica or of ICL-NUIM."""
     return _of(folder) is not None
 
 
 def open_published(folder: Path, calibration: Path | None = None) -> Recording:
-    """As a folder of images, with the published camera where nothing else is there; InputError as that."""
+    """Opens a folder of images, with the published camera where it has no calibration. Raises InputError as
+    `open_folder`."""
     opened = open_folder(folder, calibration)
     found = _of(folder)
     if found is None:

@@ -1,9 +1,9 @@
 """Oxford RobotCar: a traversal such as `2014-05-19-13-20-57` with `stereo/left` and `stereo/right`, the wide pair.
 
-The images are raw (Bayer pattern GBRG) and distorted; names are their times in microseconds. They are made straight by
-the tables of the data set's SDK, `models/stereo_wide_left.txt` (fx fy cx cy in its first line) and
-`stereo_wide_left_distortion_lut.bin` (for each pixel of the straight image u, and then v, in the raw one, from 0, as
-doubles), in the folder `models` in or beside the traversal. Both straight images have one camera. The baseline is that
+The images are raw (Bayer pattern GBRG) and distorted; names are their times in microseconds. They are rectified by the
+tables of the data set's SDK, `models/stereo_wide_left.txt` (fx fy cx cy in its first line) and
+`stereo_wide_left_distortion_lut.bin` (for each pixel of the rectified image u, and then v, in the raw one, from 0, as
+doubles), in the folder `models` in or beside the traversal. Both rectified images have one camera. The baseline is that
 of the SDK's camera, 0.239983 m. Positions (`gps`, `vo`) are not used. Written from public documentation: the page
 "documentation" of the data set, and its SDK.
 """
@@ -29,19 +29,20 @@ from ispom.sequences.stream import Stream
 from ispom.types import Camera, Image
 
 BASELINE_M = 0.239983
+"""Baseline of the wide pair, from the data set's SDK."""
 SIDES: tuple[Side, ...] = ("left", "right")
-LARGEST = 256 << 20
-"""Bytes of a table: those of the data set have 20 MB."""
+MAX_TABLE_BYTES = 256 << 20
+"""Largest size of a table: those of the data set have 20 MB."""
 
 
 def looks_like_robotcar(folder: Path) -> bool:
-    """Whether the left images of the stereo camera are there, and its list of times or its other images."""
+    """Checks whether a folder has the left images of the stereo camera, and its list of times or its other images."""
     others = ("stereo.timestamps", "stereo/right", "stereo/centre")
     return holds_images(folder / "stereo" / "left") and any(exists(folder / name) for name in others)
 
 
 def open_robotcar(folder: Path) -> Recording:
-    """The recording of a traversal; InputError names the file that is missing or wrong."""
+    """Returns the recording of a traversal. Raises InputError that names the missing or invalid file."""
     real = folder.resolve()
     places = [place / "models" for place in (real, real.parent, real.parent.parent)]
     models = next((place for place in places if exists(place / "stereo_wide_left.txt")), None)
@@ -91,8 +92,8 @@ def _stream(folder: Path, side: Side, models: Path, camera: Camera) -> Stream:
 
 
 def _maps(path: Path, size: tuple[int, int]) -> Maps:
-    """Where each pixel of the straight image (width, height) is in the raw one."""
-    content = read_bytes(path, LARGEST)
+    """Reads the position in the raw image of each pixel of the rectified one (width, height)."""
+    content = read_bytes(path, MAX_TABLE_BYTES)
     if len(content) != 16 * size[0] * size[1]:
         raise InputError(f"{path} is not for images of {size[0]} x {size[1]}: give that of the SDK")
     values = np.frombuffer(content, "<f8").reshape(2, size[1], size[0])

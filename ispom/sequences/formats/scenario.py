@@ -10,12 +10,12 @@ from ispom.types import Sequence
 
 
 def looks_like_scenario(path: Path) -> bool:
-    """Whether it is a YAML file that names a scene; InputError for one that is not valid."""
+    """Checks whether a path is a YAML file that names a scene. Raises InputError for an invalid file."""
     return not is_folder(path) and path.suffix.lower() in (".yaml", ".yml") and "scene" in read_mapping(path)
 
 
 def open_scenario(path: Path, seed: int) -> Sequence:
-    """With the seed that the file names, or else this one; InputError where the file is wrong."""
-    from ispom.sequences.formats.simulated import open_scenario_file  # brings the simulation, which takes seconds
+    """Opens a scenario with the seed of the file, or else with `seed`. Raises InputError for an invalid file."""
+    from ispom.sequences.formats.simulated import open_scenario_file  # imports the simulation, which takes seconds
 
     return open_scenario_file(path, seed)

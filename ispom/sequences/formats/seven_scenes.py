@@ -24,21 +24,21 @@ from ispom.types import Camera, Trajectory
 
 COLOUR, POSE = ".color", ".pose.txt"
 PUBLISHED = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
-"""Of every sequence of the data set (Shotton et al. 2013, "Scene coordinate regression forests")."""
-_NOTE = f"No {CAMERA}: the data set's published intrinsics are used (focal length 585 px, centre 320, 240)."
+"""The camera of all sequences of the data set (Shotton et al. 2013, "Scene coordinate regression forests")."""
+_PUBLISHED_NOTE = f"No {CAMERA}: the data set's published intrinsics are used (focal length 585 px, centre 320, 240)."
 
 
 def looks_like_seven_scenes(folder: Path) -> bool:
-    """Whether there are images called frame-NUMBER.color.EXTENSION."""
+    """Checks whether a folder has images called frame-NUMBER.color.EXTENSION."""
     return is_folder(folder) and any(_number(name) is not None for name in names(folder))
 
 
 def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recording:
-    """The recording of one such folder; InputError names the file that is missing or wrong."""
+    """Returns the recording of one such folder. Raises InputError that names the missing or invalid file."""
     images = {number: name for name in names(folder) if (number := _number(name)) is not None}
     places = (folder / CAMERA, folder.resolve().parent / CAMERA)
     path = calibration or next((place for place in places if exists(place)), None)
-    camera, clock, notes = PUBLISHED, Clock(), (_NOTE,)
+    camera, clock, notes = PUBLISHED, Clock(), (_PUBLISHED_NOTE,)
     if path is not None:
         camera, clock, notes = read_settings(path)
     numbers = sorted(images)
@@ -65,12 +65,12 @@ def _pose_path(image: Path) -> Path:
 
 
 def _truth(images: list[Path], times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, int]:
-    """world_from_camera, and how many images have no pose."""
+    """Returns world_from_camera, and the number of images without a pose."""
     known, matrices, there = [], [], set(names(images[0].parent))
     for i, image in enumerate(images):
         path = _pose_path(image)
         values = matrix(path, (4, 4)) if path.name in there else np.full((4, 4), np.nan)
-        if not np.isfinite(values).all():  # the tracker had lost the camera
+        if not np.isfinite(values).all():  # the tracker was lost
             continue
         known.append(i)
         matrices.append(values)

@@ -1,4 +1,4 @@
-"""`sim:NAME`: the simulated experiment (paper, section 6.4), rendered when requested and stored on disk."""
+"""`sim:NAME`: the simulated experiment (paper, section 6.4), rendered on demand and stored on disk."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from ispom.types import Frame, Image, Measurement, Rig, Sequence, Trajectory
 
 @dataclass(frozen=True)
 class Preset:
-    """What a name stands for."""
+    """The scene of a name."""
 
     scale: float
-    """Of the images: 1 is 640x480 video and 1280x960 stereo."""
+    """Scale of the images: 1 is 640x480 video and 1280x960 stereo."""
     duration_s: float
     longest_s: float = 20.0
     place: str = "city"
@@ -39,9 +39,9 @@ class Preset:
     """Number of cameras in a ring, instead of the video camera and the pair."""
 
     def rendered(self, world: World) -> tuple[str, str, int, int, int, int, int, bool, bool, int]:
-        """What the renderer gets of a world, from `Source.place` on: of this scene where it says nothing else.
+        """Returns the renderer's arguments from `Source.place` on: those of the world, with this scene's as defaults.
 
-        InputError for files that are not there, and for what the place does not have.
+        Raises InputError for missing files, and for options that the place does not have.
         """
         place = self.place if world.place == "own" else world.place
         motion = self.motion if world.motion == "own" else world.motion
@@ -65,7 +65,7 @@ class Preset:
         )
 
     def length_s(self, world: World) -> tuple[float, float]:
-        """How long it lasts, and how long at most."""
+        """Returns the duration [s], and the longest possible one."""
         if not world.route:
             return self.duration_s, self.longest_s
         whole_s = Route(route_name(world.route)).duration_s
@@ -74,36 +74,38 @@ class Preset:
 
 _PLAIN = World()
 LONGEST_ROUTE_S = 600.0
+"""Longest duration of a user's route."""
 MIN_WIDTH_PX = 64
-RINGS = (5, 6, 8)
-"""Numbers of cameras of the rings that have a name."""
+"""Least width of video images."""
+RING_SIZES = (5, 6, 8)
+"""Numbers of cameras of the named rings."""
 PRESETS = {
     "city": Preset(1.0, 20.0),
     "tiny": Preset(0.5, 3.0),
     "town": Preset(1.0, 85.0, 180.0, "town", "loop"),
     "indoor": Preset(1.0, 30.0, 30.0, "indoor", "walk"),
     "moon": Preset(1.0, 30.0, 60.0, "moon"),
-    **{f"ring{count}": Preset(1.0, 10.0, cameras=count) for count in RINGS},
+    **{f"ring{count}": Preset(1.0, 10.0, cameras=count) for count in RING_SIZES},
 }
 
 
 def open_words(text: str, seed: int, cache_dir: Path | None = None) -> Sequence:
-    """What `sim:TEXT` means: a scene, perhaps `?` with motion, faults and the like, perhaps `#` with its own seed.
+    """Opens `sim:TEXT`: a scene, optionally `?` with motion, faults and other options, and `#` with a seed.
 
-    `cache_dir` replaces the user's cache folder. InputError where any of it is wrong.
+    `cache_dir` replaces the user's cache folder. Raises InputError for an invalid text.
     """
     return open_scenario(*_of_words(text, seed), cache_dir)
 
 
 def open_scenario_file(path: Path, seed: int) -> Sequence:
-    """The scenario of a YAML file, with its own seed where it names one; InputError where the file is wrong."""
+    """Opens the scenario of a YAML file, with its seed if it has one. Raises InputError for an invalid file."""
     return open_scenario(*_of_file(path, seed))
 
 
 def rendered_source(address: str, seed: int) -> Source | None:
-    """Place and motion of a simulation, by the `sim:TEXT` or the scenario's file that opens it; None for what is none.
+    """Returns place and motion of a simulation, from its `sim:TEXT` or scenario file; None for another source.
 
-    InputError where any of it is wrong.
+    Raises InputError for an invalid text or file.
     """
     if address.startswith("sim:"):
         scenario, seed = _of_words(address.removeprefix("sim:"), seed)
@@ -127,12 +129,12 @@ def _of_file(path: Path, seed: int) -> tuple[Scenario, int]:
 
 
 def _seeded(scenario: Scenario, seed: int, chosen: bool = False) -> tuple[Scenario, int]:
-    """Returns it with the scenario's own seed, if it names one and another is not `chosen`."""
+    """Returns the scenario and its seed: its own one, unless it has none or another is `chosen`."""
     return scenario, seed if chosen or scenario.seed is None else scenario.seed
 
 
 def open_scenario(scenario: Scenario, seed: int, cache_dir: Path | None = None) -> Sequence:
-    """The scene as it moves and is seen in the scenario, with its faults; InputError for a scene that is none."""
+    """Opens the scenario's scene with its motion, cameras and faults. Raises InputError for an unknown scene."""
     world, preset = scenario.world, PRESETS.get(scenario.scene)
     length_s = world.duration_s or (preset and preset.length_s(world)[0])
     sequence = open_simulated(scenario.scene, seed, cache_dir, world.motion_blur, length_s, world)
@@ -156,11 +158,11 @@ def open_simulated(
     duration_s: float | None = None,
     world: World = _PLAIN,
 ) -> Sequence:
-    """The simulated sequence `name`: "city", "tiny" (the same place, small images, 3 s: for tests), "town" ...
+    """Returns the simulated sequence `name`: "city", "tiny" (the same place, small images, 3 s: for tests), "town" ...
 
-    `world` says where and how one moves, instead. World: x right, y down, z along the street, ground at y = 0.
-    `cache_dir` replaces the user's cache folder, `duration_s` [s] the preset's. InputError for an unknown name, and for
-    a duration that the scene is too small for.
+    World axes: x right, y down, z along the street; the ground is at y = 0. `world` replaces place and motion,
+    `cache_dir` the user's cache folder, and `duration_s` [s] the preset's. Raises InputError for an unknown name, and
+    for a duration that is too long for the scene.
     """
     if name not in PRESETS:
         raise InputError(
@@ -208,7 +210,7 @@ def open_simulated(
 
 
 def _rectified(rig: Rig) -> tuple[Rig, Callable[[Image, Image], tuple[Image, Image]]]:
-    """The rig as its pair is rectified, and what does that to the images."""
+    """Returns the rig with its pair rectified, and the function that rectifies two images."""
     if not rig.has_stereo or rig.camera("left").lens != "fisheye":
         return rig, lambda *images: images
     left, right = rig.camera("left"), rig.camera("right")

@@ -1,4 +1,4 @@
-"""The streams of an own rig: their times by the names of their images, and of the other cameras' images."""
+"""The streams of a user's own rig, and the times of their images, also from the names of images."""
 
 from __future__ import annotations
 
@@ -18,37 +18,38 @@ from ispom.types import Image
 
 Half = Literal["left", "right", "top", "bottom"]
 HALVES: tuple[Half, ...] = get_args(Half)
-"""Of images that hold those of two cameras, side by side or one above the other."""
+"""Halves of images that contain those of two cameras, side by side or one above the other."""
 
 
 @dataclass(frozen=True, eq=False)
 class StreamInput:
-    """One camera's images, before they have times."""
+    """The images of one camera, without times."""
 
     source: Path
     size: tuple[int, int]
     """(width, height) of the camera's images."""
     clock: Clock
     images: Named | None = None
-    """Of a folder; None of a film."""
+    """The images of a folder; None for a video file."""
     half: Half | None = None
-    """Which part of the images is the camera's; None: all."""
+    """The half of the images that is the camera's; None for whole images."""
 
     @property
     def whole_size(self) -> tuple[int, int]:
-        """(width, height) of the images as they are kept."""
+        """(width, height) of the stored images."""
         wide, high = self.half in ("left", "right"), self.half in ("top", "bottom")
         return self.size[0] * (1 + wide), self.size[1] * (1 + high)
 
     @property
     def stamps_ns(self) -> NDArray[np.int64] | None:
-        """(N,) where the names of the images are their times, and nothing else gives them."""
+        """(N,) times from the names of the images; None where these are no times, or the clock has times or a rate."""
         has_times = self.clock.times is not None or self.clock.rate_hz is not None
         return None if has_times or self.images is None else self.images.stamps_ns
 
 
 def streams(path: Path, inputs: dict[str, StreamInput]) -> dict[str, Stream]:
-    """By camera, as `path` has them. InputError where images cannot be put in time, or the pair's not in pairs."""
+    """By camera, as `path` has them. Raises InputError where images cannot be put in time, or the pair's not in
+    pairs."""
     stamps = [one.stamps_ns for one in inputs.values()]
     first = [int(stamps_ns[0]) for stamps_ns in stamps if stamps_ns is not None]
     # Where another camera's times are counted from its first image, so are those of the names.
@@ -79,7 +80,7 @@ def _half_of(stream: Stream, half: Half) -> Stream:
 
 
 def _ticks(path: Path, left: StreamInput, right: StreamInput) -> dict[str, NDArray[np.int64]]:
-    """Of the images of a pair, where only their names or their order show which were taken at once."""
+    """Returns the numbers of a pair's images at their rate, if only names or order show which were taken together."""
     if left.images is None or right.images is None:
         return {}
     ticks = ticks_of_pair(left.images, right.images)
@@ -95,7 +96,7 @@ def _ticks(path: Path, left: StreamInput, right: StreamInput) -> dict[str, NDArr
     by_order = [one.clock.times is None and one.stamps_ns is None for one in (left, right)]
     if all(by_order) and counts[0] != counts[1]:
         raise InputError(
-            f"{path}: there are {counts[0]} left and {counts[1]} right images, and their names do not tell which were "
+            f"{path}: there are {counts[0]} left and {counts[1]} right images, and their names do not show which were "
             "taken together: give the times of both, or names with common numbers"
         )
     return {"left": np.arange(counts[0]), "right": np.arange(counts[1])} if all(by_order) else {}

@@ -28,18 +28,19 @@ VERSIONS = (
 )
 """Folders, the file of poses, and the published camera."""
 BASELINE_M = 0.25
+"""Baseline that the data set's page publishes."""
 BODY_FROM_CAMERA = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
-LENGTH = 0.01
-"""By how much the length of a quaternion may differ from 1."""
+MAX_LENGTH_ERROR = 0.01
+"""Largest deviation of a quaternion's length from 1."""
 
 
 def looks_like_tartanair(folder: Path) -> bool:
-    """Whether the left images and their poses are there."""
+    """Checks whether a folder has the left images and their poses."""
     return any(exists(folder / poses) and holds_images(folder / left) for left, _, poses, _ in VERSIONS)
 
 
 def open_tartanair(folder: Path) -> Recording:
-    """The recording of a trajectory such as P001; InputError names the file that is missing or wrong."""
+    """Returns the recording of a trajectory such as P001. Raises InputError that names the missing or invalid file."""
     left, right, poses, camera = next(each for each in VERSIONS if exists(folder / each[2]))
     sides: dict[Side, str] = {"left": left, "right": right}
     sides = {side: name for side, name in sides.items() if holds_images(folder / name)}
@@ -63,7 +64,7 @@ def open_tartanair(folder: Path) -> Recording:
         raise InputError(f"{folder / poses} has {len(rows)} poses for {len(times_ns)} images: give the complete file")
     values = np.array([numbers(folder / poses, line, words) for line, words in rows])
     lengths = np.linalg.norm(values[:, 3:], axis=1)
-    if len(wrong := np.flatnonzero(abs(lengths - 1) > LENGTH)):
+    if len(wrong := np.flatnonzero(abs(lengths - 1) > MAX_LENGTH_ERROR)):
         raise InputError(f"{folder / poses} line {rows[wrong[0]][0]}: its quaternion is not of length 1: correct it")
     rotations = Rotation.from_quat(values[:, 3:]).as_matrix() @ BODY_FROM_CAMERA
     truth = Trajectory(times_ns, rotations, values[:, :3], "left")
@@ -74,7 +75,7 @@ def open_tartanair(folder: Path) -> Recording:
 
 
 def _not_used(folder: Path) -> tuple[Found, ...]:
-    """Depth, flow and IMU of the simulation."""
+    """Returns depth, optical flow and IMU of the simulation, which are not used."""
     why = "is not used: of TartanAir the images and the poses are read"
     others = [name for name in names(folder) if name.startswith(("depth", "flow", "seg", "imu", "lidar"))]
     return tuple(Found("imu" if name.startswith("imu") else "other", str(folder / name), False, why) for name in others)

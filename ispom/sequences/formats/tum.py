@@ -24,12 +24,12 @@ from ispom.types import Found, Image
 
 
 def looks_like_tum(folder: Path) -> bool:
-    """Whether the list of images is there."""
+    """Checks whether a folder has the list of images."""
     return exists(folder / "rgb.txt")
 
 
 def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
-    """The recording of a folder; InputError names the file that is missing or wrong."""
+    """Returns the recording of a folder. Raises InputError that names the missing or invalid file."""
     listing = folder / "rgb.txt"
     rows = _rows(listing)
     times_ns, unit = times_in(listing, rows, (0,), None)
@@ -69,14 +69,14 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
 
 
 def _acceleration(folder: Path) -> tuple[Found, ...]:
-    """The accelerometer of TUM's Kinect, which is not used."""
+    """Returns the accelerometer of TUM's Kinect, which is not used."""
     path, why = folder / "accelerometer.txt", "is not used: accelerations alone, without a gyroscope, are no IMU"
     return (Found("imu", str(path), False, why),) if exists(path) else ()
 
 
 def _rows(listing: Path) -> list[Row]:
-    """The time and the file of each line, with spaces or commas between them, backslashes made slashes. Raises
-    InputError that names a line of another kind, and without a line."""
+    """Returns the time and the file of each line, which are separated by spaces or commas; converts backslashes to
+    slashes. Raises InputError for an invalid line, and for a file without lines."""
     rows: list[Row] = []
     for line, text in enumerate(read_text(listing).splitlines(), 1):
         words = split_line(text.strip())

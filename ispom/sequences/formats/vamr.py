@@ -1,7 +1,7 @@
 """The recordings that UZH's course "Vision Algorithms for Mobile Robotics" has besides KITTI 05: Parking and Malaga.
 
 Parking, a synthetic drive of one camera: `images/img_00000.png`, `K.txt` (a camera matrix) and `poses.txt`
-(world_from_camera, as KITTI has it). Nothing says when its images were taken: 30 per second are assumed.
+(world_from_camera, as in KITTI). It has no times: 30 images per second are assumed.
 
 Malaga, extract 07 and others of the Malaga Stereo and Laser Urban Data Set (Blanco et al., IJRR 33(2), 2014):
 `NAME_rectified_800x600_Images/img_CAMERA1_TIME_left.jpg` and `..._right.jpg`, with the cameras in
@@ -84,9 +84,9 @@ def _poses(path: Path, index: NDArray[np.int64], times_ns: NDArray[np.int64]) ->
 RECTIFIED = re.compile(r".*_rectified_([0-9]{2,5}x[0-9]{2,5})_Images")
 IMAGE = re.compile(r"img_CAMERA[0-9]_([0-9]{1,10})\.([0-9]{1,9})_(left|right)\.(jpg|jpeg|png)", re.IGNORECASE)
 SIZE = "800x600"
-"""Of the images that the course uses; these come first where there are several folders."""
+"""Size of the images that the course uses; their folder has priority over others."""
 PUBLISHED = Camera(800, 600, 621.18428, 621.18428, 404.0076, 309.05989)
-"""The left rectified camera of extract 07, as the course's exercise has it."""
+"""The left rectified camera of extract 07, from the course's exercise."""
 
 
 def looks_like_malaga(folder: Path) -> bool:

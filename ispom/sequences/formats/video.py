@@ -1,8 +1,8 @@
 """A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` next to it, or in another program's
 file (sidecars.py), or a guess (guess.py).
 
-Each image has the time that the file gives it, be its rate constant or not, unless the camera's file gives `rate_hz` or
-`times`. A file's first image is at 0.
+Each image has its time in the file, at constant or variable rates, unless the camera's file has `rate_hz` or `times`.
+The first image is at 0.
 """
 
 from __future__ import annotations
@@ -29,31 +29,32 @@ from ispom.types import Camera, Found, Image
 VIDEO_SUFFIXES = frozenset(
     {".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mts", ".m2ts", ".ts", ".wmv", ".3gp", ".flv", ".mpg", ".mpeg"}
 )
-HEAD = 400
-"""First bytes that show what kind of container a file is."""
-MAX_COUNT = 100_000_000
-"""Of images that a header may claim."""
+HEAD_BYTES = 400
+"""Number of first bytes by which the container format is recognised."""
+MAX_FRAMES = 100_000_000
+"""Largest number of images in a header: 38 days at 30 Hz."""
 MAX_SKIP = 40
-"""Up to this many images ahead, reading on is quicker than a jump to the keyframe before and decoding from there."""
-ROUNDED_NS = 2_500_000
-"""Times that are rounded to milliseconds make intervals of a constant rate differ by up to two."""
+"""Largest number of images that are decoded in order instead of a jump, which decodes from the keyframe before."""
+ROUNDING_NS = 2_500_000
+"""Largest difference of intervals at a constant rate: those of times that are rounded to milliseconds differ by up to
+2 ms."""
 RATE_ERROR = 0.01
-"""Beyond it, a file's own rate is not that of its images."""
+"""Largest relative difference between the rate in a file and that of its images."""
 ASPECT_ERROR = 0.02
-"""Of fx and fy that are calibrated."""
-FEW = 10
-"""With fewer images, rounded times do not determine the rate."""
-HEADER_ERROR = 4
-"""Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
+"""Largest relative difference between a file's pixel aspect and that of a calibration, fy / fx."""
+MIN_FRAMES_FOR_RATE = 10
+"""Least number of images whose rounded times determine the rate."""
+MAX_HEADER_ERROR = 4
+"""Number of images that the header of an intact file may have too many; with more, images are counted by decoding."""
 
 
 def looks_like_video(path: Path) -> bool:
-    """Whether its name is that of a video file."""
+    """Checks whether its name is that of a video file."""
     return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 def open_video(path: Path, calibration: Path | None = None) -> Recording:
-    """The recording of a video file; InputError names the file that is missing or wrong."""
+    """Returns the recording of a video file. Raises InputError that names the missing or invalid file."""
     settings = calibration or settings_in(path.parent, f"{path.stem}.yaml") or settings_in(path.parent)
     guess, notes = None, ()
     places = (path.parent,) if _is_alone(path) else ()
@@ -79,13 +80,13 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
 
 
 def _is_alone(path: Path) -> bool:
-    """Whether no other film or image lies beside it, whose sidecar files those there may be."""
+    """Checks that a video is the only one in its folder, so that sidecar files there belong to it."""
     others = (Path(name) for name in names(path.parent) if name != path.name and not name.startswith("."))
     return not any(other.suffix.lower() in VIDEO_SUFFIXES | IMAGE_SUFFIXES for other in others)
 
 
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
-    """The images of a video file of this size (width, height)."""
+    """Returns the images of a video file of this size (width, height)."""
     return _stream(_Film(path, size), path, clock)
 
 
@@ -101,7 +102,7 @@ def _stream(film: _Film, path: Path, clock: Clock) -> Stream:
 
 
 def _aspect_note(path: Path, film: _Film, camera: Camera) -> tuple[str, ...]:
-    """A note where the calibration has other pixels than the file."""
+    """Returns a note where the pixel aspects of calibration and file differ."""
     if abs(camera.fy / camera.fx / film.aspect - 1) <= ASPECT_ERROR:
         return ()
     wide = f"{path.name}: the file says that its pixels are {film.aspect:.4g} times as wide as high, the calibration"
@@ -109,14 +110,14 @@ def _aspect_note(path: Path, film: _Film, camera: Camera) -> tuple[str, ...]:
 
 
 def _is_container(head: bytes) -> bool:
-    """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
+    """Checks the first bytes: FFmpeg would also accept a list of addresses, and open them."""
     mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
     known = (b"\x1aE\xdf\xa3", b"FLV\x01", b"\x30\x26\xb2\x75\x8e\x66\xcf\x11", b"\x00\x00\x01\xba")
     return mp4 or head.startswith(known) or (head.startswith(b"RIFF") and head[8:12] == b"AVI ") or _is_stream(head)
 
 
 def _is_stream(head: bytes) -> bool:
-    """Whether they are packets of an MPEG transport stream, of 188 bytes, or of 192 with a time before each."""
+    """Checks for packets of an MPEG transport stream, of 188 bytes, or of 192 with a time before each."""
     return any(
         len(head) > first + 2 * size and all(head[first + i * size] == 0x47 for i in range(3))
         for first, size in ((0, 188), (4, 192))
@@ -124,7 +125,7 @@ def _is_stream(head: bytes) -> bool:
 
 
 def _stamps_ns(path: Path) -> NDArray[np.int64]:
-    """(N,) presentation times [ns] of the packets in a video file, ascending from 0. Decodes nothing."""
+    """Returns (N,) presentation times [ns] of the packets in a video file, ascending from 0. Decodes nothing."""
     with silenced():
         packets = cv2.VideoCapture(film_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
         stamps_ms = []
@@ -136,16 +137,16 @@ def _stamps_ns(path: Path) -> NDArray[np.int64]:
 
 
 def _is_uneven(times_ns: NDArray[np.int64]) -> bool:
-    """Whether intervals differ by more than the milliseconds that some formats round times to."""
-    return len(times_ns) > 1 and int(np.ptp(np.diff(times_ns))) > ROUNDED_NS
+    """Checks whether intervals differ by more than the rounding of times to milliseconds explains."""
+    return len(times_ns) > 1 and int(np.ptp(np.diff(times_ns))) > ROUNDING_NS
 
 
 class _Film:
-    """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a keyframe."""
+    """A decoder with a current position: reading in order is fast; a jump decodes from a keyframe on."""
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
-        """InputError where it is no video, or none of this size (width, height), before any image is decoded."""
-        if not _is_container(read_head(path, HEAD)):
+        """Raises InputError where it is no video, or none of this size (width, height), before any image is decoded."""
+        if not _is_container(read_head(path, HEAD_BYTES)):
             raise InputError(
                 f"{path} is not a video in MP4, MOV, AVI, MKV, WebM, MPEG, WMV or FLV (damaged?): restore it"
             )
@@ -165,14 +166,14 @@ class _Film:
         """Width of a pixel over its height."""
         rate_hz = get(cv2.CAP_PROP_FPS)
         self.rate_hz = rate_hz if np.isfinite(rate_hz) and MIN_HZ <= rate_hz <= MAX_HZ else None
-        claimed = int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT))
+        claimed = int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_FRAMES))
         packets_ns = _stamps_ns(path)
         self._in_order = not self._has_own_rate(packets_ns)
         self.count = 0 if self._in_order else self._counted(claimed)
         self.stamps_ns: NDArray[np.int64] | None = None
         """(N,) [ns] where the rate does not determine the times."""
         if self.count == 0 or self.count != len(packets_ns) > 0:
-            # Packets before and after the part that an edit list shows are no images, and neither are damaged ones.
+            # Packets outside of the part that an edit list shows are no images, nor are damaged ones.
             self._in_order, shown_ns = True, self._shown_ns()
             self.count = len(shown_ns)
             if (np.diff(shown_ns) > 0).all() and not self._has_own_rate(shown_ns):
@@ -182,25 +183,25 @@ class _Film:
         self.note = fewer if self.count < claimed else ""
 
     def require(self, size: tuple[int, int]) -> None:
-        """InputError where the images have another size (width, height)."""
+        """Raises InputError where the images have another size (width, height)."""
         if self.size != size:
             (width, height), cure = self.size, "give the calibration of this video"
             raise InputError(f"{self._path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
 
     @property
     def uneven(self) -> bool:
-        """Whether the images have times of their own."""
+        """Whether the times of images are not determined by the rate."""
         return self.stamps_ns is not None
 
     def _has_own_rate(self, times_ns: NDArray[np.int64]) -> bool:
-        """Whether images of such times (N,) follow at the file's rate."""
+        """Checks whether times (N,) are those of images at the file's rate."""
         if len(times_ns) < 2 or self.rate_hz is None:
             return True
         share = (times_ns[-1] - times_ns[0]) * 1e-9 / (len(times_ns) - 1) * self.rate_hz
-        return not _is_uneven(times_ns) and bool(abs(share - 1) <= RATE_ERROR or len(times_ns) < FEW)
+        return not _is_uneven(times_ns) and bool(abs(share - 1) <= RATE_ERROR or len(times_ns) < MIN_FRAMES_FOR_RATE)
 
     def read(self, i: int) -> Image:
-        """Image i (H, W, 3) RGB, read-only."""
+        """Returns image i (H, W, 3) RGB, read-only. Raises UnreadableImage where it cannot be decoded."""
         with self._lock:
             if self._last is None or self._last[0] != i:
                 decoded = self._decoded(i)
@@ -219,15 +220,16 @@ class _Film:
         return decoder
 
     def _counted(self, claimed: int) -> int:
-        """How many images there are, by jumps to the last ones; 0 where headers claim none, or far more than there
-        are."""
-        for count in range(claimed, max(0, claimed - HEADER_ERROR), -1):
+        """Returns the number of images, found by jumps to the last ones; 0 where the header's number is 0 or far too
+        large."""
+        for count in range(claimed, max(0, claimed - MAX_HEADER_ERROR), -1):
             if self._decoded(count - 1) is not None:
                 return count
         return 0
 
     def _shown_ns(self) -> NDArray[np.int64]:
-        """(N,) when each image is shown [ns], from 0, by decoding all; InputError where there is none."""
+        """Returns the presentation times (N,) [ns] from 0 on, by decoding all images. Raises InputError where there is
+        none."""
         self._restart()
         shown_ms = []
         while self._decoder.grab():
@@ -244,8 +246,8 @@ class _Film:
         return shown_ns - shown_ns[0]
 
     def _decoded(self, i: int) -> np.ndarray | None:
-        """Image i in OpenCV's order of colours, None where there is none."""
-        if self._in_order:  # the decoder's jumps take its rate for constant, and every packet for an image
+        """Returns image i in OpenCV's order of colours; None where there is none."""
+        if self._in_order:  # the decoder's jumps assume a constant rate, and that each packet is an image
             if i < self._next:
                 self._restart()
         elif not self._next <= i <= self._next + MAX_SKIP:
@@ -264,7 +266,7 @@ class _Film:
         return image
 
     def _lost(self) -> None:
-        """After a failure the decoder's place is unknown."""
+        """Marks the decoder's position as unknown, after a failure."""
         self._restart()
 
     def _restart(self) -> None:

@@ -1,4 +1,4 @@
-"""A folder that holds one video file and no other recording: what is opened is that file (video.py)."""
+"""A folder with one video file and no other recording: the file is opened (video.py)."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from ispom.sequences.recording import Recording
 _CHAPTER = re.compile(r"G[HXL](\d\d)(\d{4})\.[A-Z0-9]+|G(OPR|P\d\d)(\d{4})\.[A-Z0-9]+")
 """GoPro's names: kind, chapter, film; and those of older cameras, whose first chapter is GOPR."""
 OTHERS = IMAGE_SUFFIXES | BAG_SUFFIXES
-"""Of files that are recordings, or parts of one, as well."""
+"""Suffixes of other files that are recordings or parts of one."""
 RUNS, MARKS = "recordings", ("run.yaml", "INCOMPLETE")
 """The default folder of `ispom run`, and a file in the folder of each run."""
 
 
 def video_in(folder: Path) -> Path | None:
-    """Its only video file, next to which a calibration, texts and runs over it may lie; None where images, bags or
-    other folders do."""
+    """Returns the only video file of a folder, which may also contain a calibration, texts and runs of the video; None
+    for a folder with images, bags or other folders."""
     inside = [folder / name for name in names(folder) if not name.startswith(".")] if is_folder(folder) else []
     videos = [path for path in inside if looks_like_video(path)]
     return videos[0] if len(videos) == 1 and not any(map(_is_another, inside)) else None
 
 
 def chapters_in(folder: Path) -> list[str]:
-    """Returns the names of the chapters of the one film of an action camera, in their order; empty where its videos are
-    none."""
+    """Returns the names of the chapters of one film of an action camera, in their order; empty for other videos."""
     films = [name for name in names(folder) if looks_like_video(Path(name))] if is_folder(folder) else []
     matches = [_CHAPTER.fullmatch(name.upper()) for name in films]
     numbers = {match[2] or match[4] for match in matches if match is not None}
@@ -46,12 +45,12 @@ def join_line(chapters: list[str]) -> str:
 
 
 def looks_like_video_folder(folder: Path) -> bool:
-    """Whether a video is all that can be opened in it."""
+    """Checks whether the only recording in a folder is one video."""
     return video_in(folder) is not None
 
 
 def open_video_folder(folder: Path, calibration: Path | None = None) -> Recording:
-    """The recording of its video; InputError as `open_video`."""
+    """Returns the recording of its video. Raises InputError as `open_video`."""
     return open_video(video_in(folder) or folder, calibration)
 
 

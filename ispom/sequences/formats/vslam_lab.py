@@ -53,7 +53,7 @@ class _Sensor:
     guess: Guess | None = None
 
     def stream(self) -> Stream:
-        """Returns its images, read when they are needed."""
+        """Returns its images, which are read on demand."""
         size = size_of(self.placed.camera)
         return Stream(self.times_ns, lambda i: read_image(self.paths[i], size), self.notes)
 
@@ -89,7 +89,7 @@ def open_vslam_lab(folder: Path) -> Recording:
 
 
 def _found(folder: Path, has_truth: bool) -> tuple[Found, ...]:
-    """What lies in the folder; an IMU of it is named."""
+    """Returns the files that were found in the folder; an IMU is named, but not used."""
     calibration = folder / CALIBRATION
     truth = folder / TRUTH if has_truth else None
     why = "is not used: of VSLAM-LAB the cameras and the ground truth are read"
@@ -135,7 +135,7 @@ def _listed(path: Path) -> dict[str, tuple[NDArray[np.int64], list[str]]]:
 
 
 def _entries(path: Path) -> dict[str, dict[Any, Any]]:
-    """Returns what calibration.yaml has of each camera, by its name."""
+    """Returns the entries of calibration.yaml by camera."""
     cameras = read_mapping(path).get("cameras")
     if not isinstance(cameras, list) or not all(isinstance(entry, dict) and "cam_name" in entry for entry in cameras):
         raise InputError(f"{path}: cameras is no list of cameras with a cam_name each: correct it")

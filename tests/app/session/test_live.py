@@ -26,7 +26,7 @@ N = 12
 
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(live, "SOURCE_TIMEOUT_S", 1.0)
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_an_interrupt_ends_the_recording_and_what_came_is_run(
                 signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(play, "StepLog", Interrupted)
-    monkeypatch.setattr(live, "PATIENCE_S", 600.0)  # what is compiled first may take minutes
+    monkeypatch.setattr(live, "SOURCE_TIMEOUT_S", 600.0)  # what is compiled first may take minutes
     before = signal.getsignal(signal.SIGINT)
     with streaming(images(N, 0), holds=True) as stream:
         assert run(stream.url, calibration, tmp_path / "out") == 0

@@ -66,7 +66,7 @@ def test_it_ends_after_the_requested_images(calibration: Path) -> None:
 
 
 def test_a_person_ends_it(calibration: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(live, "SOURCE_TIMEOUT_S", 1.0)
     with streaming(images(N, 0), holds=True) as stream:
         sequence = open_sequence(stream.url, camera=calibration)
         while len(sequence) < N:
@@ -82,7 +82,7 @@ def test_a_person_ends_it(calibration: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_a_stream_that_stalls_is_reported_once_after_all_it_gave(
     calibration: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(live, "SOURCE_TIMEOUT_S", 0.3)
     with streaming(images(N, 0), holds=True) as stream:
         sequence = open_sequence(stream.url, camera=calibration)
         with pytest.raises(InputError, match=r"stream.mjpg gave no image for 0.3 s after 12: check"):
