@@ -30,7 +30,7 @@ class Camera:
     """`opencv` (perspective with radial and tangential distortion; the number of coefficients names the model),
     `fisheye` (equidistant; Kannala and Brandt 2006), or the name of a model of an installed package."""
     line_delay_s: float = 0.0
-    """Of a rolling shutter: by how much later each row is exposed than the one above it. Times are the middle row's."""
+    """Delay of each row of a rolling shutter after the row above it; frames have the time of their middle row."""
 
     @property
     def model(self) -> CameraModel:
@@ -44,17 +44,17 @@ class Camera:
 
     @property
     def longer_side_px(self) -> int:
-        """The larger of width and height: it does not depend on how the camera is held."""
+        """The larger of width and height, which is independent of the camera's orientation."""
         return max(self.width, self.height)
 
     def project(self, xyz_in_camera: Array) -> Array:
-        """Returns the pixels (N, 2) of points (N, 3); NaN for a point that the lens cannot see (on or behind the image
-        plane of a perspective camera)."""
+        """Returns the pixels (N, 2) of points (N, 3); NaN for a point outside of the field of view (on or behind the
+        image plane of a perspective camera)."""
         return self.model.project(self, np.asarray(xyz_in_camera, float).reshape(-1, 3))
 
     def unproject(self, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Returns unit rays (N, 3) of pixels (N, 2), and which of them are valid: a pixel beyond the model's range has
-        none."""
+        """Returns unit rays (N, 3) of pixels (N, 2), and a mask (N,) of the valid ones; pixels beyond the model's range
+        have none."""
         return self.model.unproject(self, np.asarray(uv, float).reshape(-1, 2))
 
     def project_jacobian(self, xyz_in_camera: Array) -> Array:
@@ -65,7 +65,7 @@ class Camera:
     def normalise(self, uv: Array) -> Array:
         """Returns undistorted coordinates (N, 2) on the plane z = 1 of pixels (N, 2).
 
-        Rays at 90 degrees from the axis or more have none: they come out far away.
+        Rays at 90 degrees from the axis or more have no such coordinates, and get large ones.
         """
         return self.model.normalise(self, np.asarray(uv, float).reshape(-1, 2))
 

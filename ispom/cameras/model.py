@@ -1,4 +1,4 @@
-"""What a camera model is: the contract of all of them, built in or of a package."""
+"""The contract of camera models, built in or of a package."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ispom.geometry import Array
 if TYPE_CHECKING:
     from ispom.cameras.camera import Camera
 
-FARTHEST = 1e3
-"""Distance on the plane z = 1 that rays get which never meet it, or only farther away (0.06 degrees before it)."""
-BACK_PX = 1e-3
-"""A ray is valid if it is projected back as close to its pixel."""
+MAX_NORMALISED = 1e3
+"""Largest distance from the axis on the plane z = 1, which rays at more than 89.94 degrees from the axis get."""
+MAX_ROUND_TRIP_PX = 1e-3
+"""Largest distance [px] between a pixel and the projection of its ray, if the ray is valid."""
 
 
 @runtime_checkable
@@ -27,7 +27,7 @@ class CameraModel(Protocol):
     """
 
     name: str
-    """As in files and `Camera.lens`."""
+    """Name in files and in `Camera.lens`."""
     counts: tuple[int, ...]
     """Numbers of coefficients that `Camera.distortion` may have."""
 
@@ -45,7 +45,8 @@ class CameraModel(Protocol):
         ...
 
     def normalise(self, camera: Camera, uv: Array) -> Array:
-        """Returns (N, 2), the rays on the plane z = 1; `FARTHEST` for rays that never meet it."""
+        """Returns the rays' positions (N, 2) on the plane z = 1; at a distance of `MAX_NORMALISED` for rays that do not
+        meet it."""
         rays, _ = self.unproject(camera, uv)
         radii = np.linalg.norm(rays[:, :2], axis=1, keepdims=True)
-        return rays[:, :2] / np.maximum(rays[:, 2:], np.maximum(radii / FARTHEST, 1e-12))
+        return rays[:, :2] / np.maximum(rays[:, 2:], np.maximum(radii / MAX_NORMALISED, 1e-12))

@@ -12,28 +12,28 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.cameras.model import BACK_PX, CameraModel
+from ispom.cameras.model import MAX_ROUND_TRIP_PX, CameraModel
 from ispom.geometry import Array
 
 if TYPE_CHECKING:
     from ispom.cameras.camera import Camera
 
 LEAST_DEPTH = 1e-9
-"""Points nearer to the image plane, and those behind it, have no pixel."""
+"""Least depth of a point with a pixel; nearer points are on the image plane or behind it."""
 STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12)
-"""Of the iterations that undo the distortion."""
+"""Termination criteria of the iterations that invert the distortion."""
 STILL = np.zeros(3)
 
 
 class _InFront(CameraModel):
-    """A model that sees only points in front of the image plane."""
+    """A model that projects only points in front of the image plane."""
 
     def _project(self, camera: Camera, xyz: Array) -> Array:
-        """Pixels (N, 2) of points in front."""
+        """Returns the pixels (N, 2) of points in front of the image plane."""
         raise NotImplementedError
 
     def _jacobian(self, camera: Camera, xyz: Array) -> Array:
-        """(N, 2, 3) at points in front."""
+        """Returns the Jacobian (N, 2, 3) at points in front of the image plane."""
         return project_with_derivatives(camera, xyz)[1]
 
     def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
@@ -56,12 +56,12 @@ class _InFront(CameraModel):
             # A polynomial has other solutions beyond the radius at which it turns back.
             outward = np.einsum("ni,nij,nj->n", x / (camera.fx, camera.fy), self.jacobian(camera, rays)[..., :2], x)
             rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-            return rays, (np.linalg.norm(back - uv, axis=1) <= BACK_PX) & (outward >= 0)
+            return rays, (np.linalg.norm(back - uv, axis=1) <= MAX_ROUND_TRIP_PX) & (outward >= 0)
 
 
 @dataclass(frozen=True)
 class Pinhole(_InFront):
-    """Without distortion."""
+    """A perspective camera without distortion."""
 
     name: str = "pinhole"
     counts: tuple[int, ...] = (0,)
@@ -84,7 +84,7 @@ class Pinhole(_InFront):
 
 @dataclass(frozen=True)
 class Perspective(_InFront):
-    """With OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]."""
+    """A perspective camera with OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]."""
 
     name: str
     counts: tuple[int, ...]

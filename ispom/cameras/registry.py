@@ -21,7 +21,7 @@ CAMERA_MODELS: Registry[CameraModel] = Registry(
     "or install the package that adds it",
 )
 OPENCV = "opencv"
-"""The perspective models together: the number of coefficients names one of them."""
+"""Common name of the perspective models; the number of coefficients selects one of them."""
 
 
 def model_of(lens: str, count: int) -> CameraModel:
@@ -32,7 +32,7 @@ def model_of(lens: str, count: int) -> CameraModel:
 
 
 def require_opencv(camera: Camera, what: str) -> None:
-    """Raises InputError where the camera's model is not one of OpenCV's, which is all that `what` knows."""
+    """Raises InputError where the camera's model is not one of OpenCV's, the only ones that `what` supports."""
     if camera.lens not in (OPENCV, FISHEYE.name):
         raise InputError(
             f"{what} has no camera model {camera.lens}: use a camera of the models opencv or fisheye there"

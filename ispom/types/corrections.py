@@ -1,4 +1,4 @@
-"""Corrections of a calibration, as methods find them from the images: named parameters with their covariance."""
+"""Corrections of a calibration that methods estimate from the images: named parameters with their covariance."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class _Correction:
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """The parameters in their order."""
+        """Returns the parameters in their order."""
         return tuple(field.name for field in fields(cls) if field.name != "covariance")
 
     @classmethod
     def of(cls, values: Array, covariance: Array | None = None) -> Self:
-        """Returns the correction of parameters (P,). Raises ValueError where their number or the covariance's shape is
-        another one."""
+        """Returns the correction with parameters (P,). Raises ValueError for a wrong number of parameters, and for a
+        covariance of another shape."""
         count = len(cls.names())
         if np.shape(values) != (count,) or (covariance is not None and np.shape(covariance) != (count, count)):
             raise ValueError(f"a {cls.__name__} has {count} parameters, not {np.shape(values)}")
@@ -36,32 +36,33 @@ class _Correction:
 
 @dataclass(frozen=True, eq=False)
 class LensCorrection(_Correction):
-    """Of a camera by itself: an image coordinate is x (1 + focal + radial |x|^2), where x is the right one at z = 1."""
+    """Correction of a single camera: it observes x (1 + focal + radial |x|^2), where x is the correct position at z =
+    1."""
 
     focal: float = 0.0
     """Correction of the focal length, relative to its value."""
     radial: float = 0.0
     """Correction of the radial distortion k1."""
     covariance: Array | None = None
-    """(2, 2); None where it is not known, 0 for a parameter that is held."""
+    """(2, 2); None where it is unknown, 0 for a fixed parameter."""
 
 
 @dataclass(frozen=True, eq=False)
 class PairCorrection(_Correction):
-    """Of a rectified pair: the lens of both cameras, then what the right camera has in addition. Each parameter moves
-    its image by its share of a fixed pattern (`ispom.solvers.right_camera`)."""
+    """Correction of a rectified pair: the distortion of both cameras, and the errors of the right one relative to the
+    left one. The image shift is linear in the parameters (`ispom.solvers.right_camera`)."""
 
     both_k1: float = 0.0
     both_k2: float = 0.0
     """Radial distortion of both cameras."""
     offset_x_rad: float = 0.0
-    """To the right in the middle of the image."""
+    """Shift to the right in the middle of the image."""
     pitch_rad: float = 0.0
     yaw_rad: float = 0.0
     roll_rad: float = 0.0
     """Rotation of the right camera about its own x, y and z axes."""
     focal: float = 0.0
-    """Longer focal length of the right camera, relative to its value."""
+    """Relative change of the right camera's focal length."""
     k1: float = 0.0
     k2: float = 0.0
     """Radial distortion of the right camera, minus that of both."""
@@ -70,22 +71,22 @@ class PairCorrection(_Correction):
     """Decentring distortion of the right camera."""
     q1: float = 0.0
     q2: float = 0.0
-    """By which decentring grows with the square of the radius."""
+    """Growth of the decentring with the square of the radius."""
     ahead: float = 0.0
-    """How much farther ahead the right camera sits, over the baseline."""
+    """Displacement of the right camera along the optical axis, relative to the baseline."""
     lag_s: float = 0.0
-    """Delay of its shutter."""
+    """Delay of the right camera's shutter."""
     offset_y_rad: float = 0.0
-    """Down in the middle of the image."""
+    """Shift down in the middle of the image."""
     down: float = 0.0
-    """How much lower the right camera sits, over the baseline."""
+    """Displacement of the right camera down, relative to the baseline."""
     covariance: Array | None = None
-    """(17, 17); None where it is not known, 0 for a parameter that is held."""
+    """(17, 17); None where it is unknown, 0 for a fixed parameter."""
 
 
 @dataclass(frozen=True, eq=False)
 class MountCorrection(_Correction):
-    """Of the video camera on the rig, and of its clock."""
+    """Correction of the video camera's pose on the rig, and of its clock."""
 
     turn_x_rad: float = 0.0
     turn_y_rad: float = 0.0
@@ -94,11 +95,11 @@ class MountCorrection(_Correction):
     shift_x_m: float = 0.0
     shift_y_m: float = 0.0
     shift_z_m: float = 0.0
-    """Along the axes of the rig."""
+    """Displacement along the axes of the rig."""
     late_s: float = 0.0
     """Delay of its clock."""
     covariance: Array | None = None
-    """(7, 7); None where it is not known, 0 for a parameter that is held."""
+    """(7, 7); None where it is unknown, 0 for a fixed parameter."""
 
 
 @dataclass(frozen=True)
@@ -106,23 +107,22 @@ class ImageNoise:
     """Noise of a track's coordinates on the plane z = 1 (standard deviations)."""
 
     measured: float
-    """As the residuals say."""
+    """From the residuals."""
     effective: float
-    """What covariances take it for: neighbouring tracks share a part of it."""
+    """The value used in covariances: neighbouring tracks share a part of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """What a method found to be wrong with the calibration so far; None for what it does not correct."""
+    """A method's current corrections of the calibration; None for those that it does not estimate."""
 
     lens: LensCorrection | None = None
-    """Of the video camera."""
+    """Correction of the video camera."""
     pair: PairCorrection | None = None
     mount: MountCorrection | None = None
     noise: ImageNoise | None = None
     pair_motion: Array | None = None
-    """(6,) the motion during the delay of the right shutter: change of left_from_world on the left, rho [m/s] and phi
-    [rad/s]."""
+    """(6,) velocity during the delay of the right shutter: left twist of left_from_world, rho [m/s] and phi [rad/s]."""
 
     @property
     def has_covariance(self) -> bool:
@@ -130,6 +130,6 @@ class Corrections:
         return any(c is not None and c.covariance is not None for c in (self.lens, self.pair, self.mount))
 
     def updated(self, later: Corrections) -> Corrections:
-        """Returns these corrections with those that `later` has in their place."""
+        """Returns these corrections, replaced by those that `later` has."""
         values = {field.name: getattr(later, field.name) for field in fields(later)}
         return replace(self, **{name: value for name, value in values.items() if value is not None})

@@ -17,8 +17,8 @@ Image = NDArray[np.uint8]
 """(H, W) grey or (H, W, 3) RGB, uint8; pixel (0, 0) is the centre of the top-left pixel."""
 
 Kind = str
-"""Which kind of measurement: `video`, `stereo` or `cameras` (a Frame), `imu`, `gnss`, `wheel`, `laser`, or that of a
-package of its own."""
+"""Kind of a measurement: `video`, `stereo` or `cameras` (a Frame), `imu`, `gnss`, `wheel`, `laser`, or one that a
+package defines."""
 VIDEO: Kind = "video"
 STEREO: Kind = "stereo"
 CAMERAS: Kind = "cameras"
@@ -27,10 +27,10 @@ FRAME_KINDS = frozenset({VIDEO, STEREO, CAMERAS})
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """The base of all measurements. A package adds a kind of its own by a subclass with another `kind`."""
+    """The base of all measurements. A package adds its own kind by a subclass with another `kind`."""
 
     time_ns: int
-    """When it was complete [ns]: a stream is ordered by this."""
+    """Time at which it was complete [ns]; streams are ordered by it."""
 
     @property
     def kind(self) -> Kind:
@@ -39,7 +39,7 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Frame(Measurement):
-    """What one or several cameras recorded at one time."""
+    """The images that one or several cameras recorded at one time."""
 
     images: Mapping[str, Image]
     """By camera name. `video` alone is a video frame, `left` and `right` are a (rectified) stereo frame."""
@@ -64,7 +64,7 @@ class Frame(Measurement):
 
     @property
     def image(self) -> Image:
-        """The image of the video camera. Raises InputError where there is none, as `left` and `right`."""
+        """The image of the video camera. Raises InputError where there is none; so do `left` and `right`."""
         return self._of("video")
 
     @property
@@ -110,13 +110,13 @@ def is_stereo(measurement: Measurement) -> TypeGuard[Frame]:
 
 
 def images_of(measurement: Measurement) -> Mapping[str, Image]:
-    """Returns the images by camera name: none where no camera took part."""
+    """Returns the images by camera name; empty for other measurements."""
     return measurement.images if isinstance(measurement, Frame) else {}
 
 
 def main_image(measurement: Measurement) -> tuple[str, Image] | None:
-    """Returns the camera in which tracks are followed and its image: the left one of a stereo frame; None for what is
-    neither a stereo nor a video frame."""
+    """Returns the name and image of the camera that is tracked, which is the left one of a stereo frame; None for other
+    measurements than stereo and video frames."""
     name = {STEREO: "left", VIDEO: "video"}.get(measurement.kind)
     return None if name is None else (name, images_of(measurement)[name])
 

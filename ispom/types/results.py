@@ -24,24 +24,24 @@ class Decision:
     """A named check that steered the estimator: "parallax 14.2 px >= 20 px: no"."""
 
     name: str
-    """What is compared, in words."""
+    """Description of the compared quantity."""
     value: float
     threshold: float
     passed: bool
     unit: str = ""
     relation: Literal[">=", "<=", ">", "<", "="] = ">="
     consequence: str = ""
-    """What followed, where that is not plain from the name."""
+    """The consequence, if the name does not make it obvious."""
     key: str = ""
     """Stable name for plots, columns and break points, as in `parallax`; unique within a Step together with `about`."""
     question: str = ""
-    """What the check helps to answer ("New keyframe?"); empty where it stands for itself."""
+    """The question that the check helps to answer ("New keyframe?"); empty for an independent check."""
     kind: DecisionKind = "requirement"
-    """requirement: not passed is a failure; trigger: any one that passes answers the question with yes; finding: a
-    measurement with its threshold, where neither outcome is a failure; warning: a measurement that is doubtful
-    where it does not pass, though the method goes on."""
+    """requirement: a check that must pass; trigger: a check of which one is enough to answer the question with yes;
+    finding: a measurement with a threshold, of which neither outcome is a failure; warning: a measurement that is
+    doubtful if it does not pass, although the method continues."""
     about: str = ""
-    """The track, pair or keyframe that it is about, where a Step has the same check several times."""
+    """The track, pair or keyframe of the check, where a Step has the same check several times."""
 
     @property
     def failed(self) -> bool:
@@ -49,7 +49,7 @@ class Decision:
 
     @property
     def margin(self) -> float:
-        """By how much the value lies on the passing side of the threshold; negative on the other side."""
+        """Difference of value and threshold; positive where the check passes."""
         gap = self.value - self.threshold
         return -abs(gap) if self.relation == "=" else -gap if self.relation in ("<", "<=") else gap
 
@@ -67,7 +67,7 @@ COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operato
 
 @dataclass(frozen=True)
 class Check:
-    """One kind of check; see Decision for what the fields mean. All of a method stand in its `checks.py`."""
+    """One kind of check, see Decision for the fields. All checks of a method are in its `checks.py`."""
 
     key: str
     name: str
@@ -76,17 +76,17 @@ class Check:
     relation: Relation = ">="
     unit: str = ""
     passes: str = ""
-    """The sentence for people where it passes: "Keyframe: moved {value} degrees, {threshold} are enough."; with
-    {value}, {threshold} and {margin}, as numbers, and any format that a float has, as in {value:.0%}."""
+    """The sentence if it passes: "Keyframe: moved {value} degrees, {threshold} are enough."; with {value}, {threshold}
+    and {margin} as numbers, in any format of a float, as in {value:.0%}."""
     fails: str = ""
-    """The same where it does not pass; empty: the same sentence. What comes before a colon, as in "Lost: {value}
+    """The sentence if it does not pass; empty for the same sentence. The part before a colon, as in "Lost: {value}
     inliers ({threshold} needed).", is the headline of a verdict that the check decides."""
     topic: Topic = ""
-    """What the outcome is about, for verdicts and events: `pose` finds the pose of the frame, `map` makes the first
-    map, `scale` watches the scale, `motion` looks for a second motion, `loop` closes a loop."""
+    """The subject of verdicts and events: `pose` (localisation of the frame), `map` (first map), `scale`, `motion`
+    (second motion), or `loop` (loop closure)."""
 
     def __post_init__(self) -> None:
-        """ValueError where a sentence asks for anything else."""
+        """Raises ValueError for a sentence with any other placeholder."""
         for text in (self.passes, self.fails):
             try:
                 text.format(value=0.5, threshold=0.5, margin=0.5)
@@ -94,7 +94,7 @@ class Check:
                 raise ValueError(f"check {self.key!r} has a sentence that cannot be filled in: {text!r}") from fault
 
     def of(self, value: float, threshold: float, consequence: str = "", passed: bool | None = None) -> Decision:
-        """As made now; `passed` where more than the comparison decides."""
+        """Returns the decision for a value; `passed` replaces the outcome of the comparison."""
         value, threshold = float(value), float(threshold)
         if passed is None:
             passed = bool(COMPARED[self.relation](value, threshold))
@@ -113,7 +113,7 @@ class Check:
 
 
 def by_key(*checks: Check) -> dict[str, Check]:
-    """ValueError where two have the same key."""
+    """Returns checks by their keys. Raises ValueError for two checks with the same key."""
     checks_by_key = {check.key: check for check in checks}
     if len(checks_by_key) < len(checks):
         raise ValueError(f"two checks have one key: {', '.join(sorted(check.key for check in checks))}")
@@ -121,7 +121,7 @@ def by_key(*checks: Check) -> dict[str, Check]:
 
 
 class Status(StrEnum):
-    """Whether a method knows where it is."""
+    """State of a method."""
 
     INITIALISING = "initialising"
     TRACKING = "tracking"
@@ -135,57 +135,57 @@ class Step:
     time_ns: int
     status: Status
     frame: FrameName = "rig"
-    """Whose pose: the rig, or the video camera where the unit is unknown (the lever arm cannot be applied)."""
+    """Frame of the pose: the rig, or the video camera if the scale is unknown, so that the lever arm cannot be
+    applied."""
     world_from_frame: Pose | None = None
     covariance: Array | None = None
-    """(6, 6) of the twist (rho, phi) on the right of the pose; None where the method has none."""
+    """(6, 6) covariance of the right twist (rho, phi) of the pose; None for a method without covariances."""
     key_frame: bool = False
     tracks: Mapping[str, Tracks] = field(default_factory=dict)
-    """By camera name: video, left."""
+    """Tracks by camera name: video, left."""
     landmarks: Landmarks = field(default_factory=Landmarks.empty)
-    """The points found or revised in this step (a viewer replaces by id)."""
+    """New or revised points of this step (a viewer replaces them by id)."""
     residuals_px: Array = field(default_factory=lambda: np.zeros(0))
     """(K,) reprojection errors of the inliers of the pose estimate."""
     revised: Trajectory = field(default_factory=Trajectory.empty)
-    """Poses of earlier frames that this step improved, or gave for the first time."""
+    """Poses of earlier frames that this step improved, or estimated for the first time."""
     scale: float | None = None
-    """The factor that carried the unit into this step (1 = kept); None where no scale was transferred."""
+    """Scale factor of the transfer to this step (1: unchanged); None where no scale was transferred."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Wall time per stage; the only values here that differ between runs."""
     decisions: tuple[Decision, ...] = ()
     parts: tuple[Step, ...] = ()
-    """Steps of the estimators that this one is made of, at the same frame."""
+    """Steps at the same frame of the estimators that this one combines."""
     scale_sigma: float | None = None
-    """Standard deviation of the logarithm of the unit here, relative to that at the start; None where unknown."""
+    """Standard deviation of the logarithm of the current scale relative to the first one; None where it is unknown."""
     method: str = ""
-    """The method's name; put in by the ensemble."""
+    """The method's name, which the ensemble sets."""
     final_until_ns: int | None = None
-    """Poses before this time will hardly be revised any more; None where that is not known yet."""
+    """Time before which poses will hardly be revised any more; None where it is not known yet."""
     restarted: bool = False
-    """A new segment begins at this frame: no observation gives its pose, or its scale, relative to earlier ones."""
+    """Whether a new segment starts at this frame: no observation relates its pose or its scale to earlier ones."""
     joins: int | None = None
-    """The number of an earlier segment whose world and unit the present one has, as its keyframes were found again; the
-    first is 0, and each restart begins the next. None where nothing was found out."""
+    """Number of an earlier segment whose world and scale the current one has, since its keyframes were recognised.
+    Segments are counted from 0; each restart starts the next one. None where no earlier segment was recognised."""
     provisional: bool = False
-    """The pose comes from before the first fit of an integration: it only says where the rig was last known to be, and
-    the fit replaces it."""
+    """Whether the pose is the last one before the first fit of an integration, which will replace it."""
     calibration: Corrections = field(default_factory=Corrections)
-    """What the method found to be wrong with the calibration so far."""
+    """The method's current corrections of the calibration."""
     segments: tuple[SegmentFit, ...] = ()
-    """The segments that an integration fitted in this step, and how."""
+    """The segments that an integration fitted in this step."""
     spline: SplineFit | None = None
-    """The spline that an integration adjusted in this step."""
+    """The spline that an integration optimised in this step."""
     other_motion: Mapping[str, Tracks] = field(default_factory=dict)
-    """By camera name, tracks that ended as no images of still points, and that one other rigid motion explains, where
-    they are in this frame; none of a camera without a second motion (check `second_motion`)."""
+    """By camera name, the current positions of tracks that do not fit the static scene, but one other rigid motion;
+    empty for a camera without a second motion (check `second_motion`)."""
     lines: Mapping[str, ImageLines] = field(default_factory=dict)
-    """By camera name, what is drawn on its image besides the tracks."""
+    """By camera name, lines to draw on its image besides the tracks."""
     world_lines: WorldLines = field(default_factory=WorldLines.empty)
-    """All lines of the scene that are known now; they replace those of earlier steps."""
+    """All current lines of the scene; they replace those of earlier steps."""
 
     @property
     def inliers(self) -> int:
-        """Observations that the pose is from."""
+        """Number of observations from which the pose was estimated."""
         return len(self.residuals_px)
 
     def __repr__(self) -> str:

@@ -22,9 +22,9 @@ class LensSigma:
     """Standard deviations of a camera's calibration; 0 where it is exact."""
 
     focal: float
-    """Of its focal length, relative to its value."""
+    """Standard deviation of the focal length, relative to its value."""
     radial: float
-    """Of its radial distortion k1."""
+    """Standard deviation of the radial distortion k1."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class PairSigma:
     """Standard deviations of the calibration of a rectified pair; 0 where it is exact."""
 
     offset_px: float
-    """Of disparities and rows in the middle of the image."""
+    """Standard deviation of disparities and of row differences in the middle of the image."""
     turn_deg: float
-    """Of the right camera's rotation about each of its axes."""
+    """Standard deviation of the right camera's rotation about each of its axes."""
     focal: float
-    """Of its focal length relative to that of the left one."""
+    """Standard deviation of the right focal length, relative to the left one."""
     radial: float
-    """Of the radial distortion k1 and k2 of both, and of the difference of the right one's."""
+    """Standard deviation of the radial distortion k1 and k2 of both, and of the right one's difference from it."""
     decentring: float
-    """Of the right one's decentring distortion p1 and p2."""
+    """Standard deviation of the right camera's decentring distortion p1 and p2."""
     lag_s: float
-    """Of the delay of its shutter."""
+    """Standard deviation of the delay of the right shutter."""
 
 
 EXACT_LENS = LensSigma(0.0, 0.0)
@@ -117,7 +117,7 @@ class Rig:
 
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
     pair_sigma: PairSigma | None = None
-    """Of the calibration of the pair; None where that does not say."""
+    """Standard deviations of the pair's calibration; None where they are unknown."""
 
     def __repr__(self) -> str:
         cameras = (f"{name} {camera.width}x{camera.height}" for name, camera in self.cameras.items())
@@ -206,7 +206,7 @@ class Rig:
 
     @property
     def video_sigma(self) -> LensSigma | None:
-        """Of the calibration of the video camera; None where that does not say."""
+        """Standard deviations of the video camera's calibration; None where they are unknown."""
         sensor = self.sensors.get("video")
         return sensor.sigma if isinstance(sensor, CameraSensor) else None
 

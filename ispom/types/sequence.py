@@ -1,4 +1,4 @@
-"""A recording, as the estimators get it."""
+"""The sequence of measurements on which estimators run."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from ispom.types.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Guess:
-    """A focal length that nobody measured; distortion is taken to be none, the principal point to be the middle."""
+    """The focal length of an uncalibrated camera, for no distortion and a principal point in the middle."""
 
     focal_px: float
+    """Focal length in heights of a pixel."""
     sigma: float
-    """Standard deviation, as a share of it."""
+    """Standard deviation, relative to the focal length."""
     origin: str
-    """Where it comes from, in words."""
+    """Description of its source."""
     aspect: float = 1.0
-    """Width of a pixel, as a share of its height; `focal_px` counts heights."""
+    """Width of a pixel, relative to its height."""
 
     def camera(self, size: tuple[int, int]) -> Camera:
-        """Of images (width, height)."""
+        """Returns the camera of images of `size` (width, height)."""
         width, height = size
         return Camera(width, height, self.focal_px / self.aspect, self.focal_px, (width - 1) / 2, (height - 1) / 2)
 
     @property
     def note(self) -> str:
-        """For people: what was assumed, and how sure it is."""
+        """A sentence about the assumption and its uncertainty."""
         pixels = "" if self.aspect == 1 else f", pixels {self.aspect:.4g} times as wide as high"
         return (
             f"The camera has no calibration: focal length {self.focal_px:.0f} px +- {100 * self.sigma:.0f} % "
@@ -45,16 +46,15 @@ class Guess:
 
 @dataclass(frozen=True)
 class Found:
-    """Something that lies in or beside a source, and what it is used for."""
+    """A file in or beside a source, and its use."""
 
     what: str
-    """What it holds: lens, times, truth, or the kind of a sensor."""
+    """Its content: lens, times, truth, or the kind of a sensor."""
     where: str
     """The file, the folder, or the topic of a bag."""
     used: bool = True
     why: str = ""
-    """Of what is not used the reason, and what would make it usable, as the rest of a sentence about it; of the others
-    what was decided."""
+    """The rest of a sentence about it: why it is not used, and how to use it; or an assumption about it."""
 
     @property
     def note(self) -> str:
@@ -64,14 +64,14 @@ class Found:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sequence:
-    """A time-ordered stream of measurements with their rig; images are read when they are requested."""
+    """A time-ordered stream of measurements with their rig; images are read on demand."""
 
     name: str
-    """What a person recognises: "sim:city seed 0", "KITTI 06"."""
+    """Name for people: "sim:city seed 0", "KITTI 06"."""
     rig: Rig
     times_ns: NDArray[np.int64]
-    """(N,) not decreasing. At the same time, a stereo frame comes before a video frame, and what other sensors measured
-    before both."""
+    """(N,) not decreasing. At the same time, measurements of other sensors come first, then a stereo frame, then a
+    video frame."""
     kinds: tuple[Kind, ...]
     """(N,) the kind of measurement i."""
     load: Callable[[int], Measurement]
@@ -79,24 +79,23 @@ class Sequence:
     truth: Trajectory | None = None
     """world_from_rig, in the source's own world; may cover only part of the measurements."""
     notes: tuple[str, ...] = ()
-    """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
+    """Sentences that are needed to interpret results of this sequence (an emulation, a nominal frame rate)."""
     prepare: Callable[[int], None] | None = None
-    """Renders or fetches ahead from measurement i on, in the background; None where loading is always quick."""
+    """Renders or reads measurements from i on in the background; None where loading is always fast."""
     grow: Callable[[int, float | None], Sequence] | None = None
-    """Of a live source: waits for more than N measurements, at most so many seconds (None: until it ends), and returns
-    the sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
+    """For a live source: waits for more than N measurements, at most so many seconds (None: until it ends), and returns
+    the sequence of all measurements so far. Raises InputError where the source fails. None for a complete sequence."""
     stop: Callable[[], None] | None = None
-    """Of a live source: ends the recording and frees the camera; what came so far stays."""
+    """For a live source: ends the recording and releases the camera; all measurements so far are kept."""
     guess: Guess | None = None
-    """Of a video camera without a calibration; its note is one of the notes."""
+    """The focal length of an uncalibrated video camera; its note is one of the notes."""
     found: tuple[Found, ...] = ()
-    """What lies in or beside the source, used or not; of what is not used, the note is one of the notes."""
-
+    """Files in or beside the source, used or not; the notes of those that are not used are among the notes."""
     beside: frozenset[Kind] = frozenset()
-    """Kinds of measurements that were taken in unasked, as they lie beside: a run leaves out those that none of its
-    methods uses."""
+    """Kinds of measurements that were added only because their files are beside the source: a run skips those that none
+    of its methods uses."""
     whole: Sequence | None = None
-    """Where some were left out, the sequence with them."""
+    """The sequence with all measurements, if this one skips some."""
 
     def __post_init__(self) -> None:
         """Raises ValueError where kinds are missing, or times decrease."""
@@ -113,7 +112,7 @@ class Sequence:
     def __getitem__(self, i: slice) -> Sequence: ...
 
     def __getitem__(self, i: int | slice) -> Measurement | Sequence:
-        """Measurement i, or the sequence of some of them; a step of a slice must be positive (ValueError)."""
+        """Returns measurement i, or the sequence of a slice. Raises ValueError for a step that is not positive."""
         if isinstance(i, slice):
             chosen = range(len(self))[i]
             if chosen.step < 0:
@@ -124,7 +123,7 @@ class Sequence:
         return self.load(range(len(self))[i])
 
     def used_by(self, kinds: Collection[Kind]) -> Sequence:
-        """Returns the sequence without those measurements that lie beside and are of none of these kinds."""
+        """Returns the sequence without measurements from files beside the source that are of none of these kinds."""
         whole = self.whole or self
         unused = whole.beside.difference(kinds)
         chosen = [i for i, kind in enumerate(whole.kinds) if kind not in unused]
@@ -155,7 +154,7 @@ class Sequence:
         return replace(self, notes=tuple(dict.fromkeys((*self.notes, *notes))))
 
     def with_found(self, found: Iterable[Found]) -> Sequence:
-        """Returns the sequence with more of what lies in or beside its source."""
+        """Returns the sequence with further files in or beside its source."""
         more = tuple(found)
         return replace(self, found=(*self.found, *more)).with_notes(each.note for each in more if not each.used)
 
@@ -189,8 +188,8 @@ class Sequence:
         """Returns the sequence with the stamps of the video increased by `by_s` seconds, and by `drift` of the time
         since the first one.
 
-        The truth is stamped like what it is the truth of. A stereo frame comes before the video frame of the same time.
-        Nothing is fetched ahead.
+        The truth gets the time stamps of the frames that it belongs to. A stereo frame comes before the video frame of
+        the same time. The result does not prefetch.
         """
         video = np.array([kind == VIDEO for kind in self.kinds])
         shift_ns = round(by_s * 1e9) + np.rint(drift * (self.times_ns - self.times_ns[0])).astype(np.int64)

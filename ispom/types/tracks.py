@@ -1,4 +1,4 @@
-"""Image points followed over time, and the points of the scene that they show."""
+"""Tracks of image points, and the landmarks of the scene."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ispom.geometry import Array
 
 
 class TrackStatus(IntEnum):
-    """What became of a track in this image; from LOST on it ended, and the name says why."""
+    """State of a track in this image. From LOST on the track ended, for the reason in the name."""
 
     ALIVE = 0
     NEW = 1
@@ -31,7 +31,7 @@ class TrackStatus(IntEnum):
 
     @property
     def reason(self) -> str:
-        """One line for people."""
+        """The reason for which the track ended, as a clause."""
         return {
             0: "alive",
             1: "new",
@@ -53,13 +53,13 @@ class Tracks:
     ids: NDArray[np.int64]
     """(N,) unique for the run of one estimator."""
     uv: NDArray[np.float32]
-    """(N, 2) [px]; of an ended track the last known place."""
+    """(N, 2) [px]; the last known position of an ended track."""
     uv_prev: NDArray[np.float32]
     """(N, 2) [px] in the same camera's previous frame; NaN where new."""
     status: NDArray[np.uint8]
     """(N,) TrackStatus."""
     residual_px: NDArray[np.float32]
-    """(N,) reprojection error of the last pose estimate; NaN where the point took no part."""
+    """(N,) reprojection error of the last pose estimate; NaN for points that were not used."""
     disparity_px: NDArray[np.float32]
     """(N,) left minus right column; NaN where unknown (and in the video camera)."""
 
@@ -69,7 +69,7 @@ class Tracks:
 
     @staticmethod
     def of(ids: NDArray, uv: NDArray, **others: NDArray) -> Tracks:
-        """With NaN or ALIVE for what is not given."""
+        """Returns tracks with NaN or ALIVE for missing arrays."""
         n = len(ids)
         nan1, nan2 = np.full(n, np.nan, np.float32), np.full((n, 2), np.nan, np.float32)
         return Tracks(
@@ -109,7 +109,7 @@ class Landmarks:
 
 @dataclass(frozen=True, eq=False)
 class ImageLines:
-    """Straight lines to draw on an image: found segments, flow, the outline of a tag."""
+    """Straight lines to draw on an image: detected segments, optical flow, the outline of a tag."""
 
     uv: NDArray[np.float32]
     """(N, 2, 2) [px]: both ends."""

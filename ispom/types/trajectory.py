@@ -1,4 +1,4 @@
-"""Trajectories, and how an integration came to its poses."""
+"""Trajectories, and the fits by which an integration estimates its poses."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Trajectory:
 
     @staticmethod
     def of(items: list[tuple[int, Pose]], frame: FrameName = "rig") -> Trajectory:
-        """From (time_ns, pose) in any order; of two at the same time the later in the list counts."""
+        """Returns the trajectory of (time_ns, pose) in any order; the last one of the list at each time is used."""
         if not items:
             return Trajectory.empty(frame)
         latest = dict(items)
@@ -55,7 +55,7 @@ class Trajectory:
         return f"Trajectory({len(self)} poses of the {self.frame}{seconds}, length {self.length:.4g})"
 
     def __getitem__(self, index: int | slice) -> Pose | Trajectory:
-        """A pose by its number, or a part. Raises IndexError beyond the last one."""
+        """Returns a pose by its number, or the part of a slice. Raises IndexError beyond the last pose."""
         return self.select(index) if isinstance(index, slice) else self.pose(index)
 
     def pose(self, i: int) -> Pose:
@@ -65,12 +65,12 @@ class Trajectory:
         return [(int(t), self.pose(i)) for i, t in enumerate(self.times_ns)]
 
     def at(self, time_ns: int) -> Pose | None:
-        """The pose at exactly this time, or None."""
+        """Returns the pose at exactly this time, or None."""
         i = int(np.searchsorted(self.times_ns, time_ns))
         return self.pose(i) if i < len(self) and self.times_ns[i] == time_ns else None
 
     def select(self, index: NDArray | slice) -> Trajectory:
-        """The poses of a slice, boolean mask or index array."""
+        """Returns the poses of a slice, boolean mask or index array."""
         return Trajectory(self.times_ns[index], self.rotations[index], self.translations[index], self.frame)
 
     @property
@@ -86,7 +86,7 @@ class Trajectory:
         return float(np.linalg.norm(np.diff(self.translations, axis=0), axis=1).sum())
 
     def moved(self, left: Pose | None = None, right: Pose | None = None, frame: FrameName | None = None) -> Trajectory:
-        """Every pose P as left @ P @ right: `left` changes the world, `right` (OLD_from_FRAME) the moving frame."""
+        """Returns the poses left @ P @ right: `left` changes the world, `right` (OLD_from_FRAME) the moving frame."""
         left, right = left or Pose(), right or Pose()
         return Trajectory(
             self.times_ns,
@@ -113,23 +113,23 @@ class SegmentFit:
     turn_rad: float | None = None
     """Angle between the two segment vectors, once the first orientations agree; None as `scale`."""
     residual_rad: float = 0.0
-    """The rotation by which the last orientation missed its goal; it is spread over the segment."""
+    """Angle of the last orientation's error, which is distributed over the segment."""
 
 
 @dataclass(frozen=True, eq=False)
 class SplineFit:
-    """A spline through the frames of a window, before and after its adjustment."""
+    """A spline through the frames of a window, before and after its optimisation."""
 
     times_ns: NDArray[np.int64]
-    """(E,) of the frames, as stamped."""
+    """(E,) time stamps of the frames."""
     video: NDArray[np.bool_]
-    """(E,) which of them are the video camera's; the others are stereo pairs."""
+    """(E,) whether each is a frame of the video camera, not a stereo frame."""
     before: Array
-    """(E, 3) world_from_rig positions [m] of the spline at the frames, before the adjustment."""
+    """(E, 3) world_from_rig positions [m] of the spline at the frames, before the optimisation."""
     after: Array
-    """(E, 3) likewise, adjusted."""
+    """(E, 3) the same after the optimisation."""
     knots_ns: NDArray[np.int64]
-    """(K,) when each knot counts most."""
+    """(K,) times at which the weight of each knot is largest."""
     knots_before: Array
     """(K, 3) [m]."""
     knots_after: Array
@@ -137,12 +137,12 @@ class SplineFit:
     errors_before: Array
     """(E,) median residual of the observations at each frame [standard deviations]; NaN where there are none."""
     errors_after: Array
-    """(E,) likewise, adjusted."""
+    """(E,) the same after the optimisation."""
     cost_before: float
     cost_after: float
     iterations: int
 
     def moved(self, onto: Pose) -> SplineFit:
-        """In another world."""
+        """Returns the fit in another world; `onto` is new_world_from_world."""
         names = ("before", "after", "knots_before", "knots_after")
         return replace(self, **{name: onto.apply(getattr(self, name)) for name in names})
