@@ -19,17 +19,17 @@ MAX_RATIO = 0.8
 """Largest ratio of the distances of the best and the second best descriptor (Lowe 2004, section 7.1)."""
 SEARCH_SIDE_PX = 800
 """Longer side [px] to which larger images are reduced for detection: as accurate on real drives, and much faster."""
-LEAST_SIDE_PX = 16
+MIN_SIDE_PX = 16
 """Shorter side [px] below which an image has no features."""
 ROWS_AT_ONCE = 512
 """Number of descriptors compared at a time with all of the other image; a full table would take some 70 MB."""
 PADDING_PX = 48
 """Width [px] of the border added by repeating the last pixels: at least half of the widest patch."""
-CANDIDATES = 4
+CANDIDATES_PER_POINT = 4
 """Number of keypoints detected per point needed, from which well-distributed points are chosen."""
-NEAR_SHARE = 0.05
+GUIDED_RADIUS = 0.05
 """Radius of a guided search, relative to the longer side of the image: 32 px at 640."""
-REFINED_PX = 3.0
+MAX_REFINEMENT_PX = 3.0
 """Largest correction [px] of a match by alignment: detectors repeat a point to about a pixel."""
 
 
@@ -127,7 +127,7 @@ def each_once(pairs: NDArray[np.int64], similarity: Array) -> NDArray[np.int64]:
 
 
 class KeypointFeatures(Protocol):
-    """What is used of a cv2.Feature2D."""
+    """The used methods of cv2.Feature2D."""
 
     def detect(self, image: Image, mask: None, /) -> Sequence[cv2.KeyPoint]: ...
 
@@ -154,10 +154,10 @@ class OpenCvFeatures:
     ) -> NDArray[np.float32]:
         """See Detector."""
         wanted = count - len(occupied)
-        if wanted <= 0 or min(grey.shape) < LEAST_SIDE_PX:
+        if wanted <= 0 or min(grey.shape) < MIN_SIDE_PX:
             return np.zeros((0, 2), np.float32)
         searched, stretch = _reduced(grey)
-        keypoints = self.create(CANDIDATES * count).detect(searched, None)
+        keypoints = self.create(CANDIDATES_PER_POINT * count).detect(searched, None)
         strength = np.array([k.response for k in keypoints])
         uv = _at_size(np.array([k.pt for k in keypoints]).reshape(-1, 2), stretch)
         strongest = uv[np.argsort(-strength, kind="stable")]
@@ -165,7 +165,7 @@ class OpenCvFeatures:
 
     def detect_and_describe(self, grey: Image, count: int) -> Features:
         """See Descriptor."""
-        if min(grey.shape) < LEAST_SIDE_PX:
+        if min(grey.shape) < MIN_SIDE_PX:
             return self._features(np.zeros((0, 2), np.float32), None)
         searched, stretch = _reduced(grey)
         keypoints, descriptors = self.create(count).detectAndCompute(searched, None)
@@ -258,14 +258,14 @@ class DescriptorTracker:
         there = self.detector.detect(end, self.count, np.zeros((0, 2), np.float32), 2.0)
         before, now = self.descriptor.describe(start, uv), self.descriptor.describe(end, there)
         if self.guided and predicted is not None:
-            pairs = match_near(self.matcher, before, now, predicted, NEAR_SHARE * max(end.shape))
+            pairs = match_near(self.matcher, before, now, predicted, GUIDED_RADIUS * max(end.shape))
         else:
             pairs = self.matcher.match(before, now)
         if not len(pairs):
             return found, status
         mine, matched = pairs[:, 0], there[pairs[:, 1]]
         refined, aligned = self.refine.track(start, end, uv[mine], matched)
-        close = (aligned == TrackStatus.ALIVE) & (np.linalg.norm(refined - matched, axis=1) < REFINED_PX)
+        close = (aligned == TrackStatus.ALIVE) & (np.linalg.norm(refined - matched, axis=1) < MAX_REFINEMENT_PX)
         found[mine] = np.where(close[:, None], refined, matched)
         status[mine] = TrackStatus.ALIVE
         return found, status

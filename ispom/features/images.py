@@ -17,7 +17,7 @@ SEARCH_SIDE_PX = 700
 """Longer side above which an image is searched at half size."""
 MIN_CONTRAST = 0.2
 """Least standard deviation of the coarse image's grey values, relative to the last good image."""
-COARSE = 8
+COARSE_FACTOR = 8
 """Number of pixels, along each side, per pixel of the coarse image: averages of 64 have an eighth of the noise."""
 MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0
 """Least relative change of contrast and least change of brightness [grey levels] that are compensated for tracking, and
@@ -100,7 +100,7 @@ def has_contrast(grey: Image, other: Image | None) -> bool:
     if other is None:
         return True
     now, before = (
-        float(cv2.resize(g, None, fx=1 / COARSE, fy=1 / COARSE, interpolation=cv2.INTER_AREA).std())
+        float(cv2.resize(g, None, fx=1 / COARSE_FACTOR, fy=1 / COARSE_FACTOR, interpolation=cv2.INTER_AREA).std())
         for g in (grey, other)
     )
     return now > MIN_CONTRAST * before

@@ -16,7 +16,8 @@ BITS, MAX_BITS = 256, 50
 """Number of bits of a descriptor, and the largest Hamming distance of a match (TH_LOW of ORB-SLAM, Mur-Artal et al.
 2015)."""
 FAST_THRESHOLD = 10
-"""Threshold of the FAST detector [grey levels]: between the 20 and the 7 that ORB-SLAM tries in turn."""
+"""Threshold of the FAST detector [grey levels]: between the 20 and the 7 that ORB-SLAM2 tries in turn (Mur-Artal and
+Tardos 2017)."""
 
 
 def _create(count: int) -> cv2.Feature2D:

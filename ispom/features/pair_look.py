@@ -1,7 +1,7 @@
 """Checks that the first images of a recording fit its cameras, to report mistakes of the user at once.
 
-Matched features decide. In a rectified pair they are on the same rows, and farther left in the right image, in those
-of one moment and no others (pair_rows.py). In one camera's image the two halves have no matches.
+The checks use matched features. In a rectified pair they are on the same rows, and farther left in the right image, but
+only in images of the same time (pair_rows.py). In the image of a single camera the two halves have no matches.
 """
 
 from __future__ import annotations
@@ -10,32 +10,34 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.features.images import TrackedSize
-from ispom.features.pair_rows import LEAST, Look, Matches, RowModel, features_of, matched, moments
+from ispom.features.pair_rows import MIN_MATCHES, Look, Matches, RowModel, features_of, matched, moments
 from ispom.features.row_search import PointSearch
 from ispom.plausibility.doubt import Doubt
 from ispom.plausibility.film import Film
 from ispom.plausibility.images import image_doubts
 from ispom.types import FRAME_KINDS, Frame, Image, Sequence, as_grey, images_of, is_stereo, is_video
 
-SAMPLES = 5
-"""Images of each camera that are looked at, whatever the recording's length."""
+SAMPLED_IMAGES = 5
+"""Number of images of each camera that are checked, for any length of the recording."""
 FILM_PIXELS, FILM_IMAGES = 12_000_000, 150
-"""As many first images of a film are compared with their neighbours: 39 of 640 x 480, whatever its length."""
-PAIRS = 2
-"""Number of neighbouring frames that are checked, of pairs at the begin, in the middle and at the end."""
-LEAST_PX = 64
+"""Largest number of pixels, and of first images of a film, that are compared with their neighbours: 39 images of
+640 x 480."""
+CHECKED_NEIGHBOURS = 2
+"""Number of neighbouring frames that are checked at the start, in the middle and at the end of a recording of pairs."""
+MIN_SIDE_PX = 64
 """Least number of columns or rows [px] for a check."""
-FAR_OFF = 2.0
-"""Row offset, relative to the search range of stereo, from which most points are missed; stereo corrects smaller
-ones."""
+MAX_ROW_OFFSET = 2.0
+"""Row offset, relative to the search range of stereo, above which most points are not found; smaller ones are
+corrected.
+"""
 LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
 """Largest residual of a match's row offset [px], and the least share of matches within it; with fewer the images do not
 show the same scene."""
-UPSIDE_DOWN = 0.2
-"""How near `larger` is to -2, and to 0, in images that are upside down, and in others."""
+FLIP_TOLERANCE = 0.2
+"""Largest difference of `larger` from -2 in images that are upside down, and from 0 in others."""
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
-"""Least shift to the right [px], and the share of matches beyond it from which left and right count as exchanged:
-calibrations are inaccurate."""
+"""Least shift to the right [px], and least share of matches beyond it, if left and right are exchanged; smaller shifts
+may be errors of the calibration."""
 
 HALF_SHARE, HALF_LEVEL, HALF_LOWER, HALF_APART = 0.2, 0.015, 0.1, 0.35
 """Limits for two cameras in one image: least share of features matched in the other half; largest scatter of the row
@@ -56,17 +58,17 @@ ONE_ABOVE_OTHER = (
 )
 SAME = "The left and the right images are the same: there is no depth in them; give those of the right camera."
 EXCHANGED = (
-    "Left and right seem to be exchanged: what both cameras see lies farther right in the right images; name them the "
+    "Left and right seem to be exchanged: common points are farther right in the right images; name them the "
     "other way round."
 )
 
-UPSIDE = "The right images are upside down against the left ones: turn them by 180 degrees."
+UPSIDE = "The right images are upside down relative to the left ones: rotate them by 180 degrees."
 MIRRORED = (
-    "The right images are mirrored left-right against the left ones: mirror them back (ffmpeg -i FILM -vf hflip "
+    "The right images are mirrored left-right relative to the left ones: mirror them back (ffmpeg -i FILM -vf hflip "
     "right.mp4), or give those as the camera took them."
 )
 MIRRORED_UPSIDE = (
-    "The right images are mirrored top-bottom against the left ones: mirror them back (ffmpeg -i FILM -vf vflip "
+    "The right images are mirrored top-bottom relative to the left ones: mirror them back (ffmpeg -i FILM -vf vflip "
     "right.mp4), or give those as the camera took them."
 )
 
@@ -88,20 +90,20 @@ def with_look(sequence: Sequence) -> Sequence:
     kind = "stereo" if sequence.rig.has_stereo else "video"
     found = [i for i, each in enumerate(sequence.kinds) if each == kind]
     try:
-        seen = [sequence.load(i) for i in found[:PAIRS]]
+        seen = [sequence.load(i) for i in found[:CHECKED_NEIGHBOURS]]
         if kind == "video":
             return sequence.with_notes(_given(halves_note([each.image for each in seen if is_video(each)])))
         pairs = [each for each in seen if is_stereo(each)]
         px, looks = float(TrackedSize.of(sequence.rig.camera("left")).factors[1]), list(map(Look.of, pairs))
         note = pair_note(pairs, px, looks)
-        if not note and len(looks) == PAIRS and len(found) >= 2 * PAIRS:
+        if not note and len(looks) == CHECKED_NEIGHBOURS and len(found) >= 2 * CHECKED_NEIGHBOURS:
 
             def place(start: int) -> Place:
-                both = (sequence.load(i) for i in found[start : start + PAIRS])
+                both = (sequence.load(i) for i in found[start : start + CHECKED_NEIGHBOURS])
                 first, second = (Look.of(each) for each in both if is_stereo(each))
                 return start, first, second
 
-            middle, last = (len(found) - PAIRS) // 2, len(found) - PAIRS
+            middle, last = (len(found) - CHECKED_NEIGHBOURS) // 2, len(found) - CHECKED_NEIGHBOURS
             places: list[Place] = [(0, looks[0], looks[1]), place(last)]
             note = moments_note(places, px)
             if note and middle:
@@ -116,15 +118,15 @@ def _given(note: str) -> tuple[str, ...]:
 
 
 def _of_images(sequence: Sequence) -> tuple[str, ...]:
-    """Doubts about SAMPLES images of each camera, from the first to the last."""
+    """Returns doubts about SAMPLED_IMAGES images of each camera, from the first to the last."""
     out: dict[str, str] = {}
     kinds, rig = FRAME_KINDS & set(sequence.kinds), sequence.rig
     if "stereo" in kinds and np.array_equal(rig.rig_from_video.matrix, rig.rig_from_left.matrix):
-        kinds -= {"video"}  # the left images, once more
+        kinds -= {"video"}  # the same as the left images
     for kind in sorted(kinds):
         found = [i for i, each in enumerate(sequence.kinds) if each == kind]
         by_camera: dict[str, list[Image]] = {}
-        for k in np.unique(np.linspace(0, len(found) - 1, SAMPLES).astype(int)).tolist():
+        for k in np.unique(np.linspace(0, len(found) - 1, SAMPLED_IMAGES).astype(int)).tolist():
             try:
                 images = images_of(sequence.load(found[k]))
             except InputError:  # the run skips it
@@ -138,7 +140,7 @@ def _of_images(sequence: Sequence) -> tuple[str, ...]:
 
 
 def _of_film(sequence: Sequence) -> Sequence:
-    """With doubts about the first images of a film in their order, and without a title at its begin."""
+    """Returns the sequence with notes about the first images of a film, and without a title at its start."""
     kind = "video" if "video" in sequence.kinds else "stereo"
     found, film, pixels = [i for i, each in enumerate(sequence.kinds) if each == kind], Film(), 0
     try:
@@ -167,8 +169,8 @@ def halves_note(images: list[Image]) -> str:
 def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look] | None = None) -> str:
     """Returns a note about a mistake in the stereo frames; "" if there is none, or unknown.
 
-    `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones, `looks` are the pairs' where
-    they are known.
+    `px_per_tracked` is the number of pixels of these images per pixel of the tracked ones; `looks` are those of the
+    pairs, if they were made before.
     """
     if pairs and all(np.array_equal(pair.left, pair.right) and np.ptp(pair.left) for pair in pairs):
         return SAME
@@ -182,19 +184,19 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
     level = np.abs(model.residuals(both)) <= within
     if level.mean() < LEVEL_SHARE:
         return ""
-    if abs(model.larger + 2) < UPSIDE_DOWN:
+    if abs(model.larger + 2) < FLIP_TOLERANCE:
         return UPSIDE
-    if abs(model.larger) > UPSIDE_DOWN:
+    if abs(model.larger) > FLIP_TOLERANCE:
         return ""
     if (both.offsets[level, 0] * px > SIDE_PX).mean() > SIDE_SHARE:
         return EXCHANGED
     limit = PointSearch().max_row_error_px * px_per_tracked
     lower, half_px = model.lower_px * px, (both.size[0] * px / 2, both.size[1] * px / 2)
     stereo = f"and stereo finds points within {limit:g} px"
-    if abs(lower) > FAR_OFF * limit:
+    if abs(lower) > MAX_ROW_OFFSET * limit:
         return (
             f"The right images lie {abs(lower):.1f} px {'lower' if lower > 0 else 'higher'} than the left ones, "
-            f"{stereo}: calibrate the pair, or rectify it anew."
+            f"{stereo}: calibrate the pair, or rectify it again."
         )
     if abs(model.turn_rad) * half_px[0] > limit:
         side = "clockwise" if model.turn_rad > 0 else "anticlockwise"
@@ -203,7 +205,7 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
             f"ones ({abs(model.turn_rad) * half_px[0]:.1f} px at the border, {stereo}): calibrate the pair, or rectify "
             "it again."
         )
-    if abs(model.larger) * half_px[1] > FAR_OFF * limit:
+    if abs(model.larger) * half_px[1] > MAX_ROW_OFFSET * limit:
         return (
             f"The right images show the scene {abs(model.larger):.1%} {'larger' if model.larger > 0 else 'smaller'} "
             f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, {stereo}): calibrate the "
@@ -213,8 +215,8 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
 
 
 def moments_note(places: list[Place], px_per_tracked: float = 1.0) -> str:
-    """Returns a note about pairs of two moments at some places; "" where all are of one, or unknown, as where nothing
-    moves."""
+    """Returns a note about pairs whose images are of different times; "" if all are of the same time, or if it is
+    unknown, as without motion."""
     lags = moments([(first, second) for _, first, second in places], LEVEL_PX * px_per_tracked)
     found = [(start, each) for (start, *_), each in zip(places, lags, strict=True) if each]
     off = [(start, each) for start, each in found if each.later]
@@ -240,31 +242,31 @@ def moments_note(places: list[Place], px_per_tracked: float = 1.0) -> str:
 
 
 def _joined(found: list[Matches]) -> Matches | None:
-    """All matches of some pairs; None where they are too few."""
-    if sum(map(len, found)) < LEAST:
+    """Returns all matches of some pairs; None where they are too few."""
+    if sum(map(len, found)) < MIN_MATCHES:
         return None
     left, right = np.concatenate([each.left for each in found]), np.concatenate([each.right for each in found])
     return Matches(left, right, found[0].size)
 
 
 def _of_mirrored(looks: list[Look]) -> str:
-    """A note about right images that are mirrored; descriptors of features find them only when they are mirrored
-    back."""
+    """Returns a note about right images that are mirrored; descriptors of features find them only when they are
+    mirrored back."""
     both = _joined([look.mirrored.matches() for look in looks])
     if both is None:
         return ""
     model = RowModel.of(both, LEVEL_PX)
     if (np.abs(model.residuals(both)) <= LEVEL_PX).mean() < LEVEL_SHARE:
         return ""
-    if abs(model.larger + 2) < UPSIDE_DOWN:
+    if abs(model.larger + 2) < FLIP_TOLERANCE:
         return MIRRORED_UPSIDE
-    return MIRRORED if abs(model.larger) < UPSIDE_DOWN else ""
+    return MIRRORED if abs(model.larger) < FLIP_TOLERANCE else ""
 
 
 def _is_two(image: Image, above: bool = False) -> bool:
     image = np.ascontiguousarray(as_grey(image))
     side = image.shape[0 if above else 1] // 2
-    if side < LEAST_PX:
+    if side < MIN_SIDE_PX:
         return False
     halves = (image[:side], image[side : 2 * side]) if above else (image[:, :side], image[:, side : 2 * side])
     height, width = halves[0].shape
@@ -275,4 +277,4 @@ def _is_two(image: Image, above: bool = False) -> bool:
     lower = float(np.median(offsets[:, 1]))
     level = np.abs(offsets[:, 1] - lower) <= HALF_LEVEL * height
     near = level & (np.abs(offsets[:, 0]) <= HALF_APART * width) & (abs(lower) <= HALF_LOWER * height)
-    return int(near.sum()) >= max(LEAST, HALF_SHARE * len(first.uv)) and near.mean() >= LEVEL_SHARE
+    return int(near.sum()) >= max(MIN_MATCHES, HALF_SHARE * len(first.uv)) and near.mean() >= LEVEL_SHARE

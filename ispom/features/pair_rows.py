@@ -1,8 +1,8 @@
-"""On which rows matched features of a pair lie, and whether its two images are of one moment.
+"""Row differences of matched features in a pair, and whether its two images are of the same time.
 
-In a rectified pair v_right = v_left. An offset, a turn about the optical axis and another focal length each add a
-part that is linear in the image; `RowModel` has these parts. What a model of the rig leaves over is noise of a third of
-a pixel in images of one moment, and the camera's motion in images of two.
+In a rectified pair v_right = v_left. An offset, a rotation about the optical axis and another focal length each add a
+term that is linear in the image coordinates, see `RowModel`. The residuals of a model of the rig are noise of a third
+of a pixel in images of the same time, and the camera's motion in images of different times.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array
 from ispom.types import Frame, Image, as_grey
 
-FEATURES = 500
+MAX_FEATURES = 500
 """Number of features in each image."""
-SAMPLES = 300
-"""Random samples of three matches; with half of the matches wrong, one in eight is right."""
-LEAST = 60
+RANSAC_SAMPLES = 300
+"""Number of random samples of three matches; with half of the matches wrong, one in eight is right."""
+MIN_MATCHES = 60
 """Least number of matches for a judgement."""
-MOVED_PX, CLEAR = 0.8, 0.5
-"""Images are of two moments where the rows of matches scatter by so much (median), and by less than this share of it
-with the image before or after it."""
+MIN_SCATTER_PX, MAX_SCATTER_RATIO = 0.8, 0.5
+"""Least median scatter of the rows of matches in images of different times, and its largest ratio with the image before
+or after, which has the same time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Features of a left image that are found in a right one, both (M, 2) [px] from the middle of the image."""
+    """Matched features of a left and a right image, both (M, 2) [px] from the middle of the image."""
 
     left: Array
     right: Array
@@ -45,13 +45,13 @@ class Matches:
 
     @property
     def offsets(self) -> Array:
-        """(M, 2) [px] to the right and downwards, in the right image."""
+        """Offsets (M, 2) [px] to the right and down, in the right image."""
         return self.right - self.left
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The images of a pair, not longer than SEARCH_SIDE_PX, with their features as far as they are needed."""
+    """The images of a pair, reduced to SEARCH_SIDE_PX, with features that are computed on demand."""
 
     left_image: Image
     right_image: Image
@@ -76,11 +76,11 @@ class Look:
 
     @property
     def mirrored(self) -> Look:
-        """The same, whose right image is mirrored left-right."""
+        """The same with the right image mirrored left-right."""
         return Look(self.left_image, np.ascontiguousarray(self.right_image[:, ::-1]), self.px)
 
     def matches(self, other: Look | None = None) -> Matches:
-        """Of the left image, in the right one, or that of another pair."""
+        """Returns the matches of the left image with the right one, or with that of another pair."""
         return matched(self.left, (other or self).right, self.left_image.shape[:2])
 
 
@@ -93,11 +93,11 @@ def _halved(image: Image, halvings: int) -> Image:
 
 def features_of(image: Image) -> Features:
     """Returns the features of a grey image."""
-    return SIFT.detect_and_describe(image, FEATURES)
+    return SIFT.detect_and_describe(image, MAX_FEATURES)
 
 
 def matched(left: Features, right: Features, shape: tuple[int, ...]) -> Matches:
-    """Returns the features of an image that are found in another one of this shape (height, width)."""
+    """Returns the matches of the features of two images of this shape (height, width)."""
     rows = SIFT_MATCHER.match(left, right)
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     uv_left, uv_right = left.uv[rows[:, 0]] - middle, right.uv[rows[:, 1]] - middle
@@ -112,15 +112,15 @@ class RowModel:
     turn_rad: float = 0.0
     """Clockwise."""
     larger: float = 0.0
-    """-2 of an image that is upside down."""
+    """Relative difference of the focal lengths; -2 for a right image that is upside down."""
 
     @staticmethod
     def of(matches: Matches, within_px: float) -> RowModel:
-        """Returns the model that explains most matches within `within_px`, at least three; deterministic."""
+        """Returns the model with most matches within `within_px`, at least three. Deterministic."""
         terms, rows = _terms(matches), matches.offsets[:, 1]
-        if len(rows) < LEAST:
+        if len(rows) < MIN_MATCHES:
             return RowModel()
-        picks = np.random.default_rng(0).integers(0, len(rows), (SAMPLES, 3))
+        picks = np.random.default_rng(0).integers(0, len(rows), (RANSAC_SAMPLES, 3))
         parts = terms[picks]
         sound = np.abs(np.linalg.det(parts)) > 1e-6
         found = np.linalg.solve(parts[sound], rows[picks[sound]][..., None])[..., 0]
@@ -133,37 +133,38 @@ class RowModel:
         return RowModel(float(best[0]), float(best[1]) / longer, float(best[2]) / longer)
 
     def residuals(self, matches: Matches) -> Array:
-        """Returns what the model leaves over of the rows' offsets (M,) [px]."""
+        """Returns the residuals (M,) of the row offsets [px]."""
         longer = max(matches.size)
         return matches.offsets[:, 1] - _terms(matches) @ (self.lower_px, self.turn_rad * longer, self.larger * longer)
 
 
 def _terms(matches: Matches) -> Array:
-    """(M, 3)."""
+    """Returns (M, 3)."""
     longer = max(matches.size)
     return np.column_stack([np.ones(len(matches)), matches.right[:, 0] / longer, matches.left[:, 1] / longer])
 
 
 @dataclass(frozen=True)
 class Moment:
-    """By how many frames the right image shows a later moment than the left one of its pair, at a place."""
+    """The time difference between the images of a pair."""
 
     later: int
+    """Number of frames by which the right image is later than the left one."""
     scatter_px: float
-    """Median of the rows' residuals in the pairs as they are, in pixels of the images given,"""
+    """Median row residual of the given pairs, in pixels of the given images."""
     best_px: float
-    """and in those of one moment."""
+    """Median row residual of pairs of the same time."""
 
 
 def moments(places: Sequence[tuple[Look, Look]], within_px: float) -> list[Moment | None]:
-    """Returns of which moments the images are at each place, with two neighbouring pairs each; None: cannot tell.
+    """Returns the time difference at each place, which has two neighbouring pairs; None where it is not determined.
 
-    One model of the rig holds at all places: a pair of two moments has the rows of no rig.
+    One model of the rig is valid at all places; the rows of pairs of different times fit no rig.
     """
     tried: list[dict[int, Matches]] = []
     for first, second in places:
         by_lag = {0: first.matches(), 1: second.matches(first), -1: first.matches(second)}
-        tried.append({lag: found for lag, found in by_lag.items() if len(found) >= LEAST})
+        tried.append({lag: found for lag, found in by_lag.items() if len(found) >= MIN_MATCHES})
     models = [RowModel.of(found, within_px) for by_lag in tried for found in by_lag.values()]
     scatters = [
         [{lag: float(np.median(np.abs(model.residuals(each)))) for lag, each in by_lag.items()} for by_lag in tried]
@@ -179,9 +180,9 @@ def _moment(scatter: dict[int, float], px: float) -> Moment | None:
     if 0 not in scatter or len(scatter) == 1:
         return None
     lag = min(scatter, key=scatter.__getitem__)
-    if lag != 0 and (scatter[0] < MOVED_PX or scatter[lag] > CLEAR * scatter[0]):
+    if lag != 0 and (scatter[0] < MIN_SCATTER_PX or scatter[lag] > MAX_SCATTER_RATIO * scatter[0]):
         return None
     others = [value for other, value in scatter.items() if other]
-    if lag == 0 and min(others) < scatter[0] / CLEAR:
+    if lag == 0 and min(others) < scatter[0] / MAX_SCATTER_RATIO:
         return None
     return Moment(lag, px * scatter[0], px * scatter[lag])

@@ -1,7 +1,7 @@
-"""Patches found again with sub-pixel accuracy, from the image that saw them first: no drift from frame to frame.
+"""Aligns patches with sub-pixel accuracy to the image that observed them first, so that tracks do not drift.
 
-Inverse compositional alignment (Baker & Matthews 2004) of a place and an offset of the brightness; the patch is
-warped beforehand as the scene's geometry says, as in Forster et al. 2014, section IV-B.
+Inverse compositional alignment (Baker & Matthews 2004) of a position and a brightness offset. The patch is first warped
+by the geometry of the scene, as in Forster et al. 2014, section IV-B.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from ispom.types import Camera, Image, TrackStatus
 RADIUS_PX = 5
 """Half the side of a patch: 11 x 11 pixels."""
 SIDE, ROW, WIDE = 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 2, 2 * RADIUS_PX + 3
-"""Pixels of a patch along each side; of its rows in memory, the last of which counts nothing, so that a patch goes many
-pixels at a time from end to end; and with a border for its gradient."""
+"""Number of pixels along a patch's side; of its rows in memory, whose last pixel has no weight, so that a patch is
+processed by vector instructions from end to end; and of its side with a border for the gradient."""
 AREA, HALF, NONE, ONE = np.float32(SIDE * SIDE), np.float32(0.5), np.float32(0), np.float32(1)
-"""Of a patch; and numbers that keep single precision, in which grey values and what is summed of them go: twice as many
-at a time."""
+"""Area of a patch [px], and constants in single precision, in which grey values and their sums are computed: vector
+instructions process twice as many."""
 
-NEAREST = 0.2
-"""A patch that comes nearer than that share of its middle's distance in perspective is seen edge on."""
+MIN_PERSPECTIVE = 0.2
+"""Least depth of a patch's pixels, relative to that of its middle; a patch with less is seen edge on."""
 
 
 @dataclass(frozen=True)
 class PatchTracker:
-    """A Tracker that aligns patches on an image pyramid: free of changes of brightness, blind to rotations."""
+    """A Tracker that aligns patches on an image pyramid. It tolerates changes of brightness, but not rotations."""
 
     levels: int = 3
-    """Halvings of the image. Alignment bridges two pixels of the smallest one."""
+    """Number of halvings of the image. Alignment converges over two pixels of the smallest one."""
     min_correlation: float = 0.8
-    """Normalised correlation of a patch with where it is found; less is another thing."""
+    """Least normalised correlation of a patch with the image at the found position."""
 
     def track(
         self, start: Image, end: Image, uv: NDArray[np.float32], predicted: NDArray[np.float32] | None = None
@@ -72,12 +72,13 @@ def align(
     bends: Array | None = None,
     taper_px: float = np.inf,
 ) -> tuple[Array, Array]:
-    """Places (N, 2) [px] in `image` of the patches of `reference` at (N, 2), looked for from `uv` (N, 2) on.
+    """Returns the positions (N, 2) [px] in `image` of the patches of `reference` at (N, 2), and their correlations
+    (N,).
 
-    `warps` (N, 2, 2): reference pixels per image pixel around each point, with `bends` (N, 2) those of a plane in
-    perspective: d pixels of the image beside it are warps d / (1 + bends d) pixels of the reference. Pixels count as a
-    normal distribution of deviation `taper_px` around the middle: all the same with inf. Also gives the correlation
-    (N,) of patch and image there, -1..1; -1 where a patch reaches out of an image or has no texture.
+    The search starts at `uv` (N, 2). `warps` (N, 2, 2): reference pixels per image pixel around each point. With
+    `bends` (N, 2) the warp is that of a plane in perspective: an offset of d image pixels is warps d / (1 + bends d)
+    reference pixels. The weights of pixels are a normal distribution around the middle with standard deviation
+    `taper_px`, equal for inf. Correlations are -1..1, and -1 where a patch reaches out of an image, or has no texture.
     """
     return _align(
         read_only(reference),
@@ -93,7 +94,7 @@ def align(
 
 @cache
 def _counts(taper_px: float) -> tuple[Array, np.float32]:
-    """(SIDE ROW,) how much each pixel of a patch counts, row by row, in the last column nothing; and their sum."""
+    """Returns the weights (SIDE ROW,) of a patch's pixels, row by row, 0 in the last column; and their sum."""
     along = np.arange(-RADIUS_PX, RADIUS_PX + 1)
     counts = np.zeros((SIDE, ROW), np.float32)
     counts[:, :SIDE] = np.exp(-0.5 * (along[:, None] ** 2 + along**2) / taper_px**2)
@@ -103,11 +104,12 @@ def _counts(taper_px: float) -> tuple[Array, np.float32]:
 def warps_of(
     camera: Camera, rotations: Array, translations: Array, xyz_in_camera: Array, slopes: Array | None = None
 ) -> tuple[Array, Array]:
-    """(N, 2, 2) reference pixels per image pixel at points (N, 3), and (N, 2) how they bend: see `align`.
+    """Returns the warps (N, 2, 2), reference pixels per image pixel, at points (N, 3), and their bends (N, 2), see
+    `align`.
 
-    On surfaces whose inverse depth changes by `slopes` (N, 2) over the normalised image, or that face the camera (no
-    distortion). `rotations` (N, 3, 3) and `translations` (N, 3): reference_from_camera, of each point or (1, ...) of
-    all.
+    `slopes` (N, 2) are the derivatives of the surfaces' inverse depth by the normalised image coordinates; by default
+    surfaces face the camera. Distortion is ignored. `rotations` (N, 3, 3) and `translations` (N, 3) are
+    reference_from_camera of each point, or (1, ...) of all points.
     """
     r, ratio, inverse = rotations, camera.fx / camera.fy, 1 / np.maximum(xyz_in_camera[:, 2], 1e-6)
     xy = xyz_in_camera[:, :2] * inverse[:, None]
@@ -125,12 +127,12 @@ def warps_of(
 
 @part
 def _reaches_out(k, uv, warps, bends, shape):
-    """Whether the patch k of the reference, with a border for its gradient, does."""
+    """Checks whether patch k, with the border for its gradient, reaches out of the reference image."""
     reach = RADIUS_PX + 1
     for cy in (-reach, reach):
         for cx in (-reach, reach):
             far = 1.0 + bends[k, 0] * cx + bends[k, 1] * cy
-            if far < NEAREST:
+            if far < MIN_PERSPECTIVE:
                 return True
             u = uv[k, 0] + (warps[k, 0, 0] * cx + warps[k, 0, 1] * cy) / far
             v = uv[k, 1] + (warps[k, 1, 0] * cx + warps[k, 1, 1] * cy) / far
@@ -143,7 +145,7 @@ def _reaches_out(k, uv, warps, bends, shape):
 def _warp(k, pixels, columns, uv, warps, bends, places, room, out):
     """Fills the patch k of the reference with its border (WIDE^2); row after row, as the `pixels` of the image are."""
     across, down, a, b = room[0], room[1], room[2], room[3]
-    middle = np.int32(uv[k, 0]), np.int32(uv[k, 1])  # single precision is enough for what is counted from it
+    middle = np.int32(uv[k, 0]), np.int32(uv[k, 1])  # single precision is enough for offsets from it
     px, py = np.float32(uv[k, 0] - middle[0]), np.float32(uv[k, 1] - middle[1])
     xx, xy, yx, yy = (
         np.float32(warps[k, 0, 0]),
@@ -158,7 +160,7 @@ def _warp(k, pixels, columns, uv, warps, bends, places, room, out):
         u, v = px + near * (xx * across[i] + xy * down[i]), py + near * (yx * across[i] + yy * down[i])
         x, y = np.floor(u), np.floor(v)
         a[i], b[i], places[i] = u - x, v - y, origin + np.int32(y) * columns + np.int32(x)
-    for i in range(len(out)):  # by itself: only this cannot go many at a time
+    for i in range(len(out)):  # a loop of its own, as only this one cannot be vectorised
         at = np.uintp(places[i])
         below = at + np.uintp(columns)
         room[4, i], room[5, i] = pixels[at], pixels[at + np.uintp(1)]
@@ -171,7 +173,7 @@ def _warp(k, pixels, columns, uv, warps, bends, places, room, out):
 
 @part
 def _derive(wide, patch, gx, gy):
-    """Fills a patch and its gradient from the one with a border."""
+    """Fills a patch and its gradient from the patch with a border."""
     for i in range(SIDE):
         for j in range(SIDE):
             at, to = (i + 1) * WIDE + j + 1, i * ROW + j
@@ -182,7 +184,7 @@ def _derive(wide, patch, gx, gy):
 
 @part
 def _copy(pixels, columns, x, y, out):
-    """The ROW x ROW pixels from column x and row y on."""
+    """Copies the ROW x ROW pixels from column x and row y on."""
     for i in range(ROW):
         at = np.uintp((y + i) * columns + x)
         for j in range(ROW):
@@ -216,7 +218,7 @@ def _align(reference, reference_uv, image, uv, warps, bends, iterations, counts,
         mean, mx, my = mean / area, mx / area, my / area
         hxx, hxy, hyy, power, px, py = NONE, NONE, NONE, NONE, NONE, NONE
         for i in range(len(patch)):
-            # Without its mean everything is free of the brightness offset.
+            # Subtracting the means removes the brightness offset.
             value, x, y = patch[i] - mean, gx[i] - mx, gy[i] - my
             patch[i], gx[i], gy[i] = counts[i] * value, counts[i] * x, counts[i] * y
             hxx += gx[i] * x

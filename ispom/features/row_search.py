@@ -1,4 +1,4 @@
-"""Left to right correspondence of single points of a rectified pair: along the row, then to a part of a pixel."""
+"""Matches single points of a rectified pair from left to right: along the row, then to the sub-pixel."""
 
 from __future__ import annotations
 
@@ -18,48 +18,48 @@ from ispom.types import Image, TrackStatus
 
 HALF_ROWS, HALF_COLUMNS = 3, 5
 """Half sizes of the compared patch, at the reduced size."""
-NONE = 1 << 30
-"""No cost is so high."""
+NO_COST = 1 << 30
+"""A value above all costs."""
 MIN_CORRELATION = 0.7
-"""Normalised correlation of a right patch with its left one; less is another thing."""
+"""Least normalised correlation of a right patch with its left one."""
 
 
 class RowMatches(NamedTuple):
-    """Left points in the right image; NaN where not found."""
+    """Matches of left points in the right image; NaN where a point was not found."""
 
     disparity_px: NDArray[np.float32]
     """(N,)."""
     lower_px: NDArray[np.float32]
-    """(N,) how much lower they are on the right."""
+    """(N,) right row minus left row."""
     slants: Array
-    """(N, 2) see slanted.Slanted; 0 where not found."""
+    """(N, 2) see slanted.Slanted; 0 where a point was not found."""
     deviations_px: Array
-    """(N,) how far off disparities are, by how the patches differ; inf where not found."""
+    """(N,) standard deviations of disparities, from the difference of the patches; inf where a point was not found."""
     differences: Array
-    """(N,) [grey levels] by which the patches differ; inf where not found."""
+    """(N,) difference of the patches [grey levels]; inf where a point was not found."""
 
 
 @dataclass(frozen=True)
 class PointSearch:
-    """Disparities of points, with or without a guess: only the points asked for are looked at."""
+    """Measures the disparities of given points, with or without a guess."""
 
     max_disparity_share: float = 0.25
-    """Largest disparity looked for, as a share of the image width."""
+    """Largest disparity of the search, relative to the image width."""
     max_row_error_px: float = 2.0
-    """Real rectifications are off by a pixel or so."""
+    """Largest row difference of a match: real rectifications have errors of about a pixel."""
     max_ratio: float = 0.85
-    """Best cost against the best cost elsewhere on the row."""
+    """Largest ratio of the best cost to the best one elsewhere on the row."""
     max_shift_px: float = 3.0
-    """Alignment corrects what was searched for, or a good guess, by no more."""
+    """Largest correction of a search result, or of a good guess, by the alignment."""
     guided: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=np.inf))
-    """The place near a poor guess; rows, and whoever knows the point in space, check it."""
+    """The tracker from a poor guess; its result is checked by rows, and by callers that know the point in space."""
 
     def search(
         self, left: Image, right: Image, uv: NDArray[np.float32], halves: tuple[Image, Image] | None = None
     ) -> RowMatches:
-        """Left points (N, 2) [px]; not found where none is clear.
+        """Searches left points (N, 2) [px]; an ambiguous one is not found.
 
-        `halves`: the halved images, where they are there already.
+        `halves`: the halved images, if they were computed before.
         """
         factor = factor_of(left)
         coarse = np.zeros(0, np.float32)
@@ -74,7 +74,7 @@ class PointSearch:
     def follow(
         self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32], near: bool = False
     ) -> RowMatches:
-        """Left points (N, 2) [px] about guesses (N,) of their disparity, which are good ones where they are `near`."""
+        """Searches left points (N, 2) [px] around guesses (N,) of their disparity; `near`: the guesses are good."""
         start = uv - _along(guess_px)
         if near or not len(uv):
             return self._aligned(left, right, uv, start)
@@ -89,7 +89,7 @@ class PointSearch:
 
 
 def _along(disparity_px: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 2)."""
+    """Returns (N, 2)."""
     return np.column_stack([disparity_px, np.zeros_like(disparity_px)])
 
 
@@ -100,14 +100,14 @@ def _without(found: RowMatches, lost: NDArray[np.bool_]) -> RowMatches:
 
 
 def _contrast(image: Image) -> NDArray[np.int16]:
-    """Differences to the neighbourhood's mean: the two cameras may differ in brightness."""
+    """Returns the differences from the neighbourhood's mean, as the brightness of the two cameras may differ."""
     mean = cv2.blur(image, (2 * HALF_COLUMNS + 1, 2 * HALF_ROWS + 1))
     return np.asarray(cv2.subtract(image, mean, dtype=cv2.CV_16S), np.int16)
 
 
 @kernel()
 def _search_rows(left, right, place, count, max_ratio):
-    """Disparity (N,) of the lowest cost, to half a pixel or better by a parabola; -1 where it is not clear."""
+    """Returns the disparity (N,) of least cost, to half a pixel or better by a parabola; -1 where it is ambiguous."""
     height, width = left.shape
     out, cost = np.full(len(place), np.float32(-1)), np.empty(count + 1, np.int32)
     for n in range(len(place)):
@@ -116,13 +116,13 @@ def _search_rows(left, right, place, count, max_ratio):
             continue
         last = min(count, x - HALF_COLUMNS)
         _compare(left, right, x, y, last, cost)
-        best, others = last, np.int64(NONE)
+        best, others = last, np.int64(NO_COST)
         for p in range(last, -1, -1):
             if cost[p] < cost[best]:
                 best = p
         for p in range(last + 1):
-            others = min(others, cost[p] if abs(p - best) > 2 else NONE)
-        if others < NONE and cost[best] > max_ratio * others:
+            others = min(others, cost[p] if abs(p - best) > 2 else NO_COST)
+        if others < NO_COST and cost[best] > max_ratio * others:
             continue
         offset = 0.0
         if 0 < best < last:
@@ -135,10 +135,11 @@ def _search_rows(left, right, place, count, max_ratio):
 
 @part
 def _compare(left, right, x, y, last, cost):
-    """Sums of absolute differences of the patch at x, y and those at disparities `last` to 0, into `cost`."""
+    """Fills `cost` with the sums of absolute differences between the patch at x, y and those at disparities `last` to
+    0."""
     first = x - last
     cost[: last + 1] = 0
-    # All disparities for one pixel of the patch after another: so many go at a time.
+    # The inner loop is over disparities, so that it is vectorised.
     for j in range(-HALF_ROWS, HALF_ROWS + 1):
         for i in range(-HALF_COLUMNS, HALF_COLUMNS + 1):
             own, row = np.int32(left[y + j, x + i]), right[y + j, first + i : x + i + 1]
@@ -153,18 +154,20 @@ class RowSearch:
     coarse_width_px: int = 320
     """The images are reduced to about this width for the dense search."""
     max_disparity_share: float = 0.2
-    """Largest disparity looked for, as a share of the image width."""
+    """Largest disparity of the search, relative to the image width."""
     max_row_error_px: float = 2.0
-    """Real rectifications are off by a pixel or so."""
+    """Largest row difference of a match: real rectifications have errors of about a pixel."""
     refine: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=0.5))
     """The sub-pixel search."""
 
     def disparity(
         self, left: Image, right: Image, uv: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """Disparities (N,) [px], NaN where unknown, and TrackStatus (N,) ALIVE or NO_DISPARITY, of left points (N, 2).
+        """Returns disparities (N,) [px], NaN where unknown, and TrackStatus (N,) ALIVE or NO_DISPARITY, of left points
+        (N, 2).
 
-        Semi-global matching (Hirschmueller 2008) on reduced images finds the way, Lucas-Kanade the sub-pixel place.
+        Semi-global matching (Hirschmueller 2008) on reduced images gives the start, Lucas-Kanade the sub-pixel
+        position.
         """
         if not len(uv):
             return np.zeros(0, np.float32), np.zeros(0, np.uint8)
@@ -184,7 +187,7 @@ class RowSearch:
         size = (round(left.shape[1] * factor), round(left.shape[0] * factor))
         count = 16 * max(1, round(self.max_disparity_share * size[0] / 16))
         small_left, small_right = (cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (left, right))
-        # Without padding on the left, the first `count` columns would have no disparity at all.
+        # Without padding on the left, the first `count` columns would have no disparity.
         padded = [cv2.copyMakeBorder(i, 0, 0, count, 0, cv2.BORDER_REPLICATE) for i in (small_left, small_right)]
         matcher = cv2.StereoSGBM.create(
             0, count, 5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=-1, uniquenessRatio=0, mode=cv2.STEREO_SGBM_MODE_SGBM

@@ -1,9 +1,9 @@
-"""Straight segments of an image: in the right image of a pair, and which one of the next image is the same.
+"""Straight segments of an image: detection, disparities, and matches with the segments of the next image.
 
 Detectors: LSD (Grompone von Gioi et al., LSD: A fast line segment detector with a false detection control, PAMI 2010),
 and edges by Canny (PAMI 1986) with the probabilistic Hough transform (Matas et al., CVIU 2000), refined to the
-sub-pixel here. The aperture problem: a point on a straight edge may slide along it, from image to image or along the
-row. So points only elect the segment that is the same, and the segment, as an infinite line, is what was measured.
+sub-pixel here. Due to the aperture problem, a tracked point on a straight edge may slide along it. So points are only
+used to identify the segment, and the measurement is the segment as an infinite line.
 """
 
 from __future__ import annotations
@@ -21,30 +21,32 @@ from ispom.types import Image, TrackStatus
 
 Detector = Literal["lsd", "hough"]
 SAMPLES = np.linspace(0.06, 0.94, 9)
-"""Points along a segment that are followed, and found in the right image; not its ends, which are often hidden."""
+"""Relative positions of the points along a segment that are tracked; without its ends, which are often occluded."""
 CANNY = 1.2
 """Upper threshold of Canny, in standard deviations of the gradient; the lower one is half of it."""
 MIN_CANNY = 40.0
-"""And at least [grey levels, sum of Sobel's mask]: noise has less."""
-REACH_PX, PROFILE = 2.0, 17
+"""Least value of that threshold [grey levels, sum of Sobel's mask], above the gradients of noise."""
+PROFILE_HALF_PX, PROFILE_SAMPLES = 2.0, 17
 """Half length and number of the samples across a segment of Hough's."""
 FOLLOW = Klt(window_px=15, levels=4, max_forward_backward_px=2.0)
-"""Points of edges slide by a pixel or so: the check forward and backward is wide."""
-NEAR_PX, MARGIN_PX = 2.0, 6.0
-"""A followed point is on a segment that is so near, and ends not farther away."""
+"""The tracker of points on edges. They slide by about a pixel, so its forward-backward check is wide."""
+MAX_DISTANCE_PX, MAX_BEYOND_PX = 2.0, 6.0
+"""Largest distance of a tracked point from its segment, across it, and beyond its ends."""
 MIN_COSINE = np.cos(np.radians(8.0))
-"""Between a segment and its followed points; the sign counts: both sides of a bar differ by it."""
+"""Least cosine of the angle between a segment and its tracked points. Directions have a sign, which differs between
+both sides of a bar."""
 MIN_VOTES = 4
-"""Points on the same segment, which must also be more than half of those that were followed."""
+"""Least number of points on a matched segment, which must also be more than half of the tracked ones."""
 MIN_DISPARITIES = 4
+"""Least number of points of a segment with a disparity."""
 MAX_BEND_PX = 1.0
-"""Of a straight line the disparity changes linearly along the segment, to within this."""
+"""Largest deviation from a linear change of the disparity along a segment, which a straight line has."""
 
 
 def detect_segments(
     grey: Image, detector: Detector = "lsd", min_length_px: float = 20.0, most: int = 400
 ) -> NDArray[np.float32]:
-    """Returns the longest segments (N, 2, 2) [px]; from its start to its end the darker side is always the same one."""
+    """Returns the longest segments (N, 2, 2) [px], directed so that the darker side is always on the same side."""
     if detector == "lsd":
         found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
         uv = np.zeros((0, 2, 2)) if found is None else np.asarray(found, float).reshape(-1, 2, 2)
@@ -68,14 +70,16 @@ def _hough(grey: Image, min_length_px: float) -> Array:
 
 
 def _refined(smooth: Image, uv: Array) -> Array:
-    """Returns segments (N, 2, 2) fitted to where the light changes most across them, oriented by its sign."""
+    """Returns segments (N, 2, 2) fitted to the largest gradient across them, and directed by its sign."""
     along = uv[:, 1] - uv[:, 0]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
-    reach = REACH_PX * np.linspace(-1, 1, PROFILE)
+    reach = PROFILE_HALF_PX * np.linspace(-1, 1, PROFILE_SAMPLES)
     at = uv[:, None, 0] + SAMPLES[:, None] * along[:, None]
-    places = (at[:, :, None] + reach[:, None] * across[:, None, None]).astype(np.float32).reshape(-1, PROFILE, 2)
+    places = (
+        (at[:, :, None] + reach[:, None] * across[:, None, None]).astype(np.float32).reshape(-1, PROFILE_SAMPLES, 2)
+    )
     light = cv2.remap(smooth.astype(np.float32), places[..., 0], places[..., 1], cv2.INTER_LINEAR)
-    slope = np.diff(light.reshape(*at.shape[:2], PROFILE).astype(float), axis=2)
+    slope = np.diff(light.reshape(*at.shape[:2], PROFILE_SAMPLES).astype(float), axis=2)
     sign = np.where(slope.sum(axis=(1, 2)) >= 0, 1.0, -1.0)
     slope = np.maximum(sign[:, None, None] * slope, 0)
     middle = 0.5 * (reach[1:] + reach[:-1])
@@ -93,10 +97,10 @@ def samples_of(uv: Array) -> Array:
 def match_segments(
     before: Image, now: Image, old: Array, new: NDArray[np.float32], predicted: Array | None = None
 ) -> tuple[NDArray[np.int64], Array]:
-    """Returns for each old segment (N, 2, 2) the index (N,) of its segment among the new ones (M, 2, 2), or -1, and
-    where its points were followed to (N, 2, 2), NaN for less than half of them: enough to look there once more.
+    """Matches old segments (N, 2, 2) with new ones (M, 2, 2).
 
-    `predicted` (N, 2, 2): where both ends are expected; NaN where that is not known.
+    Returns the index (N,) of the new segment, or -1, and the ends (N, 2, 2) of the tracked points' line, NaN where less
+    than half of them were tracked. `predicted` (N, 2, 2): predicted ends; NaN where unknown.
     """
     match = np.full(len(old), -1)
     if not len(old):
@@ -115,7 +119,12 @@ def match_segments(
     apart = points[:, None] - new[None, :, None, 0]
     beside = apart[..., 0] * ahead[:, None, 1] - apart[..., 1] * ahead[:, None, 0]
     within = apart[..., 0] * ahead[:, None, 0] + apart[..., 1] * ahead[:, None, 1]
-    on = (np.abs(beside) < NEAR_PX) & (within > -MARGIN_PX) & (within < length[:, None] + MARGIN_PX) & alive[:, None]
+    on = (
+        (np.abs(beside) < MAX_DISTANCE_PX)
+        & (within > -MAX_BEYOND_PX)
+        & (within < length[:, None] + MAX_BEYOND_PX)
+        & alive[:, None]
+    )
     middle = np.where(alive[..., None], points, np.nan)
     followed = _fitted(middle)
     if not len(new):
@@ -125,7 +134,9 @@ def match_segments(
     straight = np.einsum("ni,mi->nm", chord, ahead) > MIN_COSINE
     votes = on.sum(axis=2) * straight
     off = np.where(on, np.abs(beside), 0).sum(axis=2) / np.maximum(votes, 1)
-    score = np.where((votes >= MIN_VOTES) & (2 * votes > alive.sum(axis=1)[:, None]), votes - off / NEAR_PX, -1.0)
+    score = np.where(
+        (votes >= MIN_VOTES) & (2 * votes > alive.sum(axis=1)[:, None]), votes - off / MAX_DISTANCE_PX, -1.0
+    )
     best = score.argmax(axis=1)
     rows = np.arange(len(old))
     mutual = (score.argmax(axis=0)[best] == rows) & (score[rows, best] > 0)
@@ -133,8 +144,8 @@ def match_segments(
 
 
 def _fitted(points: Array) -> Array:
-    """Returns the ends (N, 2, 2) of rows of points (N, S, 2) of which some are NaN, by least squares; NaN where half of
-    them are."""
+    """Returns the ends (N, 2, 2) of lines fitted to points (N, S, 2), of which some are NaN; NaN where half of them
+    are."""
     known = np.isfinite(points[..., 0])
     base = np.stack([1 - SAMPLES, SAMPLES], axis=1)
     normal = np.einsum("ns,si,sj->nij", known.astype(float), base, base) + 1e-9 * np.eye(2)
@@ -166,6 +177,6 @@ def disparity_along(left: Image, right: Image, uv: NDArray[np.float32]) -> tuple
     on = np.abs(residual) < MAX_BEND_PX
     good = (on.sum(axis=1) >= MIN_DISPARITIES) & (2 * on.sum(axis=1) > known.sum(axis=1)) & np.all(fit > 0, axis=1)
     variance = np.diagonal(np.linalg.inv(normal), axis1=1, axis2=2)
-    # Half of the points of one segment share their errors: neighbours see the same pixels.
+    # Half of the points of a segment have the same errors, as neighbours share pixels.
     ends[good], sigma[good] = fit[good], np.sqrt(2 * variance[good])
     return ends, sigma

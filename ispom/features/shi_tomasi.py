@@ -14,21 +14,22 @@ from ispom.geometry import Array
 from ispom.kernels import kernel, part, read_only
 from ispom.types import Image
 
-QUALITY = 0.002
-"""Corners weaker than this share of a strong one in the image are not used."""
-NOISE = 5.0
-"""Nor are those whose patch has less texture, as a multiple of what noise alone would show, where the image has far
-better: noise would put it off by 0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where
-it is expected."""
-FAINT = 0.01
-"""So much less, as a share of a strong patch: in the dark all are faint, and have to do."""
-STRONGEST = 16
-"""Places that tell what is strong in an image."""
-BLOCK_PX = 16
-"""Side of the blocks in which noise is looked for."""
-FLAT = 0.25
-"""Share of the blocks that are taken to show little else."""
-SECOND = np.array([1.0, -2.0, 1.0], np.float32)
+MIN_QUALITY = 0.002
+"""Least score of a corner, relative to that of a strong one in the image."""
+MIN_TEXTURE_TO_NOISE = 5.0
+"""Least texture of a corner's patch, as a multiple of that of noise alone, unless the whole image is faint. With this
+ratio, noise moves a corner by 0.08 px, the size of the errors of tracks; on clouds and bare walls, tracks slide towards
+their prediction."""
+MIN_FAINT_QUALITY = 0.01
+"""Texture in excess of noise, relative to that of a strong patch, that is always enough: in the dark all patches are
+faint."""
+STRONG_CORNERS = 16
+"""Number of corners by which the score of a strong one is determined."""
+NOISE_BLOCK_PX = 16
+"""Side of the blocks in which noise is measured."""
+FLAT_SHARE = 0.25
+"""Share of the blocks that are assumed to show noise only."""
+SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0], np.float32)
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class ShiTomasi:
     """A Detector, see `detect_spread` and `detect_corners`."""
 
     spread: bool = True
-    """Over the image; else the strongest corners are taken wherever they are."""
+    """Whether corners are spread over the image; else the strongest ones are detected, anywhere in the image."""
 
     def detect(
         self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
@@ -61,13 +62,13 @@ def detect_spread(
     """New corners (M, 2) [px], so that with those `taken` (N, 2) no bucket holds more than `crowd` times its share of
     `count`: all about as many at 1, the strongest wherever they are where it is large.
 
-    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken. `half`: the
-    halved image, where it is there already.
+    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to a taken one. `half`: the
+    halved image, if it was computed before.
     """
     factor, searched = factor_of(grey), halved(grey) if half is None else half
     score = np.asarray(cv2.cornerMinEigenVal(searched, 3, ksize=3), np.float32)
     return factor * spread_peaks(
-        searched, score, QUALITY, count, np.asarray(taken, np.float64) / factor, min_distance_px / factor,
+        searched, score, MIN_QUALITY, count, np.asarray(taken, np.float64) / factor, min_distance_px / factor,
         border_px // factor, RADIUS_PX // factor, crowd,
     )  # fmt: skip
 
@@ -78,13 +79,13 @@ def spread_peaks(
 ) -> NDArray[np.float32]:  # fmt: skip
     """Returns the peaks (M, 2) [px] of a score of an image's pixels, of the same size, spread as by `detect_spread`.
 
-    A peak below `quality` times a strong score is none; nor is one without texture within `radius_px`.
+    Peaks below `quality` times a strong score, and those without texture within `radius_px`, are discarded.
     """
     height, width = image.shape
     peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
     peak[:border_px], peak[-border_px:], peak[:, :border_px], peak[:, -border_px:] = False, False, False, False
     some = score[::4, ::4].ravel()
-    strong = float(np.partition(some, -STRONGEST)[-STRONGEST] if score.size > 1000 else score.max())
+    strong = float(np.partition(some, -STRONG_CORNERS)[-STRONG_CORNERS] if score.size > 1000 else score.max())
     row, column = np.nonzero(peak & (score > max(quality * strong, 1e-7)))
     if not len(row):
         return np.zeros((0, 2), np.float32)
@@ -100,7 +101,7 @@ def spread_peaks(
 
 @kernel()
 def _select(image, radius, noise, column, row, taken, width, height, across, down, per_bucket, count, min_distance):
-    """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
+    """Selects greedily, strongest first; a coarse grid of taken positions limits the distance test to neighbours."""
     cell = max(min_distance, 1.0)
     n_columns, n_rows = int(width / cell) + 1, int(height / cell) + 1
     grid = np.full((n_rows, n_columns, 2), -1e9)
@@ -111,9 +112,9 @@ def _select(image, radius, noise, column, row, taken, width, height, across, dow
         filled[int(v * down / height), int(u * across / width)] += 1
     out = np.empty((max(count, 0), 2), np.float32)
     n, strong = 0, 0.0
-    for i in range(min(len(row), STRONGEST)):
+    for i in range(min(len(row), STRONG_CORNERS)):
         strong = max(strong, texture(image, column[i], row[i], radius))
-    least = min(NOISE * noise, noise + FAINT * strong)
+    least = min(MIN_TEXTURE_TO_NOISE * noise, noise + MIN_FAINT_QUALITY * strong)
     for i in range(len(row)):
         if n >= count:
             break
@@ -137,27 +138,26 @@ def _select(image, radius, noise, column, row, taken, width, height, across, dow
 
 
 def grey_noise(image: Image) -> float:
-    """Standard deviation of an image's noise from pixel to pixel [grey levels], where it shows least else; 0 of what is
-    too small to tell.
+    """Returns the standard deviation of an image's pixel noise [grey levels], from its flattest parts; 0 for a small
+    image.
 
-    By differences of second order across and down, which even shading and straight edges leave nothing of (Immerkaer
-    1996).
+    Uses second differences along x and y, which vanish for even shading and straight edges (Immerkaer 1996).
     """
-    across, down = image.shape[1] // BLOCK_PX, image.shape[0] // BLOCK_PX
+    across, down = image.shape[1] // NOISE_BLOCK_PX, image.shape[0] // NOISE_BLOCK_PX
     if not across or not down:
         return 0.0
-    left = np.abs(cv2.sepFilter2D(image, cv2.CV_32F, SECOND, SECOND))
+    left = np.abs(cv2.sepFilter2D(image, cv2.CV_32F, SECOND_DIFFERENCE, SECOND_DIFFERENCE))
     means = cv2.resize(left, (across, down), interpolation=cv2.INTER_AREA)
-    return float(np.sqrt(np.pi / 2) * np.quantile(means, FLAT) / (SECOND @ SECOND))
+    return float(np.sqrt(np.pi / 2) * np.quantile(means, FLAT_SHARE) / (SECOND_DIFFERENCE @ SECOND_DIFFERENCE))
 
 
 @part
 def texture(image, column, row, radius):
-    """Of a square around a pixel, how much grey values change in the direction in which they do least.
+    """Returns the change of grey values around a pixel, in the direction of least change.
 
-    The smaller eigenvalue of the sum of their gradients' squares [(grey levels per pixel)^2] (Shi & Tomasi 1994), whose
-    mean tells nothing of the place where the brightness may differ. Of noise alone half its variance a pixel. 0 where
-    the square reaches out of the image.
+    It is the smaller eigenvalue of the covariance of the gradients in a square [(grey levels per pixel)^2] (Shi &
+    Tomasi 1994); the mean gradient is subtracted, as it does not determine the position if the brightness may differ.
+    Noise alone has half its variance per pixel. 0 where the square reaches out of the image.
     """
     reach = radius + 1
     if not (reach <= column < image.shape[1] - reach and reach <= row < image.shape[0] - reach):
@@ -183,7 +183,7 @@ def detect_corners(
     min_distance_px: float = 8.0,
     border_px: int = 8,
 ) -> NDArray[np.float32]:
-    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
+    """Returns up to `count` new corners (M, 2) [px], strongest first, away from `taken` ones (N, 2) and the border."""
     if count <= 0:
         return np.zeros((0, 2), np.float32)
     factor, searched = factor_of(grey), halved(grey)
@@ -199,7 +199,7 @@ def detect_corners(
 
 
 def _exclude(mask: Image, places: NDArray[np.int64], radius: int) -> None:
-    """Zeros in the mask on disks around places (N, 2); its border is 0 anyway."""
+    """Writes zeros into the mask, whose border is 0, on disks around positions (N, 2)."""
     down, right = np.nonzero(cv2.circle(np.zeros((2 * radius + 1,) * 2, np.uint8), (radius, radius), radius, 1, -1))
     row = np.clip(places[:, 1:] + (down - radius), 0, mask.shape[0] - 1)
     column = np.clip(places[:, :1] + (right - radius), 0, mask.shape[1] - 1)
@@ -207,8 +207,8 @@ def _exclude(mask: Image, places: NDArray[np.int64], radius: int) -> None:
 
 
 def at_subpixel(grey: Image, uv: NDArray[np.float32], radius_px: int, iterations: int) -> NDArray[np.float32]:
-    """(M, 2) where the edges about each place (M, 2) meet (Foerstner & Guelch 1987): a point that is not on its corner
-    does not stay on the scene as the camera turns about its axis."""
+    """Returns the intersections (M, 2) of the edges around positions (M, 2) (Foerstner & Guelch 1987). A point beside
+    its corner would move on the scene when the camera rotates about its axis."""
     start = np.array(uv, np.float32).reshape(-1, 1, 2)
     if not len(start):
         return start.reshape(-1, 2)

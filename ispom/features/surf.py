@@ -25,22 +25,25 @@ from ispom.features.descriptors import MAX_RATIO, OpenCvFeatures, SimilarityMatc
 from ispom.geometry import Array
 from ispom.types import Image
 
-SIDES = (9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99)
-"""Sides [px] of the box filters by octave; each octave is sampled half as densely as the one before."""
+FILTER_SIDES_PX = (9, 15, 21, 27), (15, 27, 39, 51), (27, 51, 75, 99)
+"""Sides [px] of the box filters by octave; each octave is sampled half as densely as the one before (section 3.3 of
+the paper)."""
 SCALE = 1.2 / 9
 """Scale s (sigma of the approximated Gaussian) of a filter, relative to its side."""
 CROSS = 0.9
 """Weight of the mixed derivative that balances the approximation (equation 3)."""
-THRESHOLD = 10.0
+MIN_DETERMINANT = 10.0
 """Least determinant [(grey levels)^2]; noise of one grey level has 3 at the smallest filter."""
 SECTORS, WINDOW = 72, 12
-"""Directions that are tried for the orientation, and the width of the sliding window: 60 degrees."""
+"""Number of directions that are tried for the orientation, and the width of the sliding window: 60 degrees, as in the
+paper (4.1)."""
 MIN_SIMILARITY = 0.9
 """Least dot product of the unit descriptors of a match: 95 % of right ones of neighbouring frames have 0.95 and more,
 95 % of unrelated ones 0.89 and less."""
 GRID = np.arange(-9.5, 10)
 """Samples along a side of the square of 20 s, in s."""
-TINY = 1e-9
+MIN_NORM = 1e-9
+"""Least norm that is divided by, which avoids a division by zero."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class Surf:
 
     count: int
     """Number of keypoints, the strongest ones."""
-    threshold: float = THRESHOLD
+    threshold: float = MIN_DETERMINANT
 
     def detect(self, grey: Image, mask: None = None) -> list[cv2.KeyPoint]:
         """Returns keypoints without orientation, strongest first."""
@@ -121,7 +124,7 @@ class Surf:
 def fast_hessian(integral: Integral, threshold: float) -> Array:
     """Returns x, y, filter side [px] and determinant of blobs (N, 4)."""
     found: list[Array] = [np.zeros((0, 4))]
-    for octave, sides in enumerate(SIDES):
+    for octave, sides in enumerate(FILTER_SIDES_PX):
         step = 2**octave
         if min(integral.table.shape) <= sides[-1]:
             break
@@ -185,7 +188,7 @@ def _summits(cube: Array) -> Array:
         for j, b in enumerate(np.eye(3, dtype=int)[:i]):
             mixed = (value(*(a + b)) + value(*(-a - b)) - value(*(a - b)) - value(*(b - a))) / 4
             hessian[:, i, j] = hessian[:, j, i] = mixed
-    hessian -= TINY * np.eye(3)
+    hessian -= MIN_NORM * np.eye(3)
     return -np.linalg.solve(hessian, gradient[..., None])[..., 0]
 
 
@@ -230,7 +233,7 @@ def descriptors(integral: Integral, places: Array, angles: Array) -> NDArray[np.
     turned = weight * (cos * x + sin * y), weight * (cos * y - sin * x)
     parts = [part.reshape(-1, 4, 5, 4, 5).sum(axis=(2, 4)) for d in turned for part in (d, np.abs(d))]
     found = np.stack(parts, axis=-1)[..., [0, 2, 1, 3]].reshape(len(places), 64)
-    return (found / np.linalg.norm(found, axis=1, keepdims=True).clip(TINY)).astype(np.float32)
+    return (found / np.linalg.norm(found, axis=1, keepdims=True).clip(MIN_NORM)).astype(np.float32)
 
 
 def without_signs(described: NDArray) -> NDArray[np.float32]:

@@ -26,20 +26,21 @@ from ispom.geometry import Array
 from ispom.types import Image
 
 HALF_WIDTHS = {-3: 1, -2: 2, -1: 3, 0: 3, 1: 3, 2: 2, 3: 1}
-"""By row, how far the mask of 37 pixels reaches to both sides: a digital circle of the radius 3.4 px."""
+"""Half width of the mask of 37 pixels by row: a digital circle with a radius of 3.4 px."""
 OFFSETS = np.array([(dx, dy) for dy, half in HALF_WIDTHS.items() for dx in range(-half, half + 1)])
 """(37, 2) of the mask's pixels from its centre [px]."""
-MASK_PX = 3
-"""How far the mask reaches."""
+MASK_RADIUS_PX = 3
+"""Largest offset of the pixels of the paper's mask."""
 BRIGHTNESS = 20.0
 """Brightness difference t [grey levels] at which similarity has fallen to 1/e: the paper's value for common images."""
-GEOMETRIC = 0.5
-"""Share of the mask below which its USAN is that of a corner."""
+MAX_USAN = 0.5
+"""Largest USAN of a corner, as a share of the mask: the geometric threshold of the paper, section 4."""
 MIN_CENTROID_PX = np.sqrt(0.5)
 """Least distance of the USAN's centroid from the centre; that of a straight edge has 1.4 px, a line's 0."""
-CONTIGUOUS = 0.97
-"""Least mean similarity of the pixels between centre and centroid: all of them, but for some noise."""
+MIN_CONTIGUITY = 0.97
+"""Least mean similarity of the pixels between centre and centroid: all are similar, apart from noise."""
 BORDER_PX = 8
+"""Least distance of a corner from the image's border."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,11 @@ class Susan:
     ) -> NDArray[np.float32]:
         """See interfaces.Detector. Large images are searched at half size, as for Shi-Tomasi corners."""
         factor, searched = factor_of(grey), halved(grey)
-        if min(searched.shape) <= 2 * MASK_PX:
+        if min(searched.shape) <= 2 * MASK_RADIUS_PX:
             return np.zeros((0, 2), np.float32)
         return factor * spread_peaks(
             searched, response(searched, self.brightness), 0.0, count, np.asarray(occupied, np.float64) / factor,
-            min_distance_px / factor, max(BORDER_PX // factor, MASK_PX), RADIUS_PX // factor,
+            min_distance_px / factor, max(BORDER_PX // factor, MASK_RADIUS_PX), RADIUS_PX // factor,
         )  # fmt: skip
 
 
@@ -72,24 +73,24 @@ def response(grey: Image, brightness: float = BRIGHTNESS) -> NDArray[np.float32]
         area += similar
         x += np.float32(dx) * similar
         y += np.float32(dy) * similar
-    found = np.maximum(np.float32(GEOMETRIC * len(OFFSETS)) - area, np.float32(0))  # equation 3
+    found = np.maximum(np.float32(MAX_USAN * len(OFFSETS)) - area, np.float32(0))  # equation 3
     found[x**2 + y**2 < (MIN_CENTROID_PX * area) ** 2] = 0
     row, column = np.nonzero(found)
     direction = np.stack([x[row, column], y[row, column]], axis=1).astype(float)
     direction /= np.abs(direction).max(axis=1, keepdims=True).clip(1e-9)
     between = np.zeros(len(row))
-    for step in range(1, MASK_PX + 1):
-        between += table[_difference(grey, row, column, step * direction)] / MASK_PX
-    broken = between < CONTIGUOUS
+    for step in range(1, MASK_RADIUS_PX + 1):
+        between += table[_difference(grey, row, column, step * direction)] / MASK_RADIUS_PX
+    broken = between < MIN_CONTIGUITY
     found[row[broken], column[broken]] = 0
     return found
 
 
 def _moved(grey: Image, dx: int, dy: int) -> Image:
-    """Returns the image whose pixels are those at an offset of up to MASK_PX; at the border, the last ones."""
-    padded = np.pad(grey, MASK_PX, mode="edge")
+    """Returns the image whose pixels are those at an offset of up to MASK_RADIUS_PX; at the border, the last ones."""
+    padded = np.pad(grey, MASK_RADIUS_PX, mode="edge")
     height, width = grey.shape
-    return padded[MASK_PX + dy : MASK_PX + dy + height, MASK_PX + dx : MASK_PX + dx + width]
+    return padded[MASK_RADIUS_PX + dy : MASK_RADIUS_PX + dy + height, MASK_RADIUS_PX + dx : MASK_RADIUS_PX + dx + width]
 
 
 def _difference(grey: Image, row: NDArray[np.int64], column: NDArray[np.int64], offset: Array) -> NDArray[np.int64]:
