@@ -17,13 +17,13 @@ from ispom.types import Trajectory
 
 @dataclass(frozen=True)
 class Coverage:
-    """How much of a reference an estimate covers."""
+    """The part of a reference that an estimate covers."""
 
     compared: int
-    """Poses of the estimate that were compared."""
+    """Number of poses of the estimate that were compared."""
     expected: int
-    """Poses that the estimate, at its own median rate, would have over the reference's span; at most the number of
-    the reference's poses."""
+    """Number of poses that the estimate, at its own median rate, would have over the reference's span; at most the
+    number of the reference's poses."""
     longest_gap_ns: int
     """Longest time without a compared pose, from the reference's first pose to its last."""
 
@@ -42,14 +42,16 @@ def coverage(estimate: Trajectory, reference: Trajectory, compared_ns: NDArray[n
 
 
 AT_REST_M, AT_REST_DEG = 1e-3, 0.1
-"""Positions, or orientations, that differ by no more are one [m], [deg]."""
-STRAIGHT = 0.05
-"""The rotation about a path is undetermined where its extent across is a smaller share of that along it."""
+"""Largest difference of positions [m], and of orientations [deg], of a rig at rest."""
+MAX_STRAIGHT_RATIO = 0.05
+"""Largest ratio of a straight path's extent across to that along it; positions do not determine the rotation about
+it."""
 
 
 Motion = Literal["rests", "turns", "straight", "free"]
-"""At one place without a rotation; at one place with one; on a line, so that positions hardly determine the rotation
-about it; anything else."""
+"""At rest; only rotating; on a straight line, so that positions hardly determine the rotation about it; any other
+motion.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +61,13 @@ class Comparison:
     error: TrajectoryError
     coverage: Coverage
     scale: StepScale | None
-    """Of the estimate before alignment; None where the path is too short."""
+    """Scale of the estimate before alignment; None where the path is too short."""
     delta: int
-    """Poses over which relative errors are taken."""
+    """Number of poses between those of a relative error."""
 
     @property
     def estimate(self) -> Trajectory:
-        """Aligned."""
+        """The aligned estimate."""
         return self.error.aligned
 
     @property
@@ -89,13 +91,13 @@ class Comparison:
 
     @property
     def motion(self) -> Motion:
-        """What the compared poses of the reference do, as far as alignments depend on it."""
+        """The kind of motion of the reference's compared poses, on which alignments depend."""
         centred = self.reference.translations - self.reference.translations.mean(axis=0)
         if np.linalg.norm(centred, axis=1).max() <= AT_REST_M:
             turned = rotation_angle_rad(self.reference.rotations[0].T @ self.reference.rotations)
             return "turns" if np.degrees(turned.max()) > AT_REST_DEG else "rests"
         spread = np.linalg.svd(centred, compute_uv=False)
-        return "straight" if spread[1] <= STRAIGHT * spread[0] else "free"
+        return "straight" if spread[1] <= MAX_STRAIGHT_RATIO * spread[0] else "free"
 
     @property
     def relative_errors(self) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The rig after self-calibration: as the methods corrected it in a run, with the standard error of each correction."""
+"""The rig with the corrections that methods estimated in a run, each with its standard error."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from ispom.solvers.right_camera import (
 )  # fmt: skip
 from ispom.types import Camera, Corrections, Rig
 
-SIGNIFICANT = 2.0
-"""Corrections below this many standard errors are not applied."""
+MIN_SIGNIFICANCE = 2.0
+"""Least size of a correction that is applied, in standard errors."""
 BOTH_RADIAL = ("k1", BOTH_K1), ("k2", BOTH_K2)
-GRID = 12
-"""Grid points along each side at which a corrected lens is fitted, to some hundredths of a pixel."""
+GRID_POINTS = 12
+"""Number of grid points along each side to which a corrected lens is fitted, to some hundredths of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ class Finding:
     standard_error: float
     unit: str
     applied: bool
-    """Whether the rig has it: a correction that is not significant, or that a rig cannot hold, is only reported."""
+    """Whether it is applied to the rig: one that is not significant, or that a rig cannot represent, is only
+    reported."""
 
     def __str__(self) -> str:
         suffix = "" if self.applied else " (not applied)"
@@ -92,14 +93,14 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
     ]
     if not good:
         return camera, findings
-    u, v = np.meshgrid(np.linspace(0, camera.width - 1, GRID), np.linspace(0, camera.height - 1, GRID))
+    u, v = np.meshgrid(np.linspace(0, camera.width - 1, GRID_POINTS), np.linspace(0, camera.height - 1, GRID_POINTS))
     seen = np.stack([u.ravel(), v.ravel()], axis=1)
     x = distorted = camera.normalise(seen)
     for _ in range(10):
         x = distorted / (1 + lens[0] + lens[1] * (x**2).sum(1, keepdims=True))
     rays = np.column_stack([x, np.ones(len(x))])
     count = {"opencv": 2, "fisheye": 4}.get(camera.lens, 0)
-    # Radial coefficients that are fitted; of other models the focal lengths alone.
+    # The radial coefficients are fitted, too; for other models only the focal lengths.
     distortion = (*camera.distortion, *(0.0,) * (max(0, 4 - len(camera.distortion)) if count else 0))
 
     def of(vector: Array) -> Camera:
@@ -184,5 +185,5 @@ def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Findi
 
 
 def _significant(value: Array, covariance: Array) -> bool:
-    """Returns whether a vector is significant: its mean squared Mahalanobis length exceeds SIGNIFICANT squared."""
-    return bool(value @ np.linalg.solve(covariance, value) > SIGNIFICANT**2 * len(value))
+    """Returns whether a vector is significant: its mean squared Mahalanobis length exceeds MIN_SIGNIFICANCE squared."""
+    return bool(value @ np.linalg.solve(covariance, value) > MIN_SIGNIFICANCE**2 * len(value))

@@ -1,4 +1,4 @@
-"""The errors in `metrics.json`, and errors between stereo frames: what the integration is for (Table 4)."""
+"""The errors in `metrics.json`, and errors between stereo frames, which the integration is to reduce (Table 4)."""
 
 from __future__ import annotations
 

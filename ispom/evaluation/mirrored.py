@@ -1,8 +1,8 @@
-"""Whether images were mirrored, as a path against its ground truth shows it.
+"""Detects mirrored images by comparing a path with its ground truth.
 
-A mirrored film shows a mirrored world, and no image tells which one is real. In it a camera that turns to the left
-turns to the right, while it goes ahead as before: with M the mirror, d' = M d for steps and w' = det(M) M w for
-rotation vectors, both in the camera's frame. Neither another world nor another convention of the axes does both.
+A mirrored film shows a mirrored world, which cannot be recognised from the images. A left turn of the camera becomes a
+right turn, while forward motion stays forward: with the mirror M, d' = M d for displacements and w' = det(M) M w for
+rotation vectors, both in the camera's frame. No other world frame or convention of axes has both effects.
 """
 
 from __future__ import annotations
@@ -16,24 +16,25 @@ from ispom.geometry import Array, so3_log
 from ispom.types import Rig, Trajectory
 
 MIRRORS: Mapping[str, tuple[float, float, float]] = {"left-right": (-1, 1, 1), "top-bottom": (1, -1, 1)}
-"""What M does to the camera's axes, by the words for it."""
+"""Factors of the camera's axes, the diagonal of M, by name."""
 LAGS = (0.1, 0.2, 0.4)
-"""Parts of the path between two poses that are compared."""
-LEAST_POSES = 15
-LEAST_TURN_RAD = np.radians(1.5)
-"""Root mean square of the rotations that the mirror changes, from which on they say anything."""
-BETTER = 4.0
-"""How many times better rotations and steps must fit mirrored than as they are."""
-FITS = 0.35
-"""Misfit of mirrored rotations and of mirrored steps, relative to their size, at most."""
+"""Distances between two compared poses, relative to the number of poses of the path."""
+MIN_POSES = 15
+"""Least number of associated poses for a judgement."""
+MIN_ROTATION_RAD = np.radians(1.5)
+"""Least root mean square of the rotations that the mirror would change."""
+MIN_GAIN = 4.0
+"""Least ratio of the misfits of rotations and displacements without and with the mirror."""
+MAX_MISFIT = 0.35
+"""Largest misfit of mirrored rotations and of mirrored displacements, relative to their size."""
 
 
 def mirrored(estimate: Trajectory, world_from_rig: Trajectory, rig: Rig) -> str:
-    """Returns "left-right" or "top-bottom" where the path is that of mirrored images; "" where it is not, or where the
-    path cannot tell. The unit of the estimate does not matter."""
+    """Returns "left-right" or "top-bottom" for the path of mirrored images; "" for other paths, and if the motion does
+    not determine it. The estimate may have any scale."""
     truth = world_from_rig.moved(right=rig.rig_from(estimate.frame), frame=estimate.frame)
     own, true = associate(estimate, truth)
-    if len(own) < LEAST_POSES:
+    if len(own) < MIN_POSES:
         return ""
     for words, signs in MIRRORS.items():
         mirror = np.array(signs)
@@ -46,14 +47,14 @@ def mirrored(estimate: Trajectory, world_from_rig: Trajectory, rig: Rig) -> str:
 def _is_mirrored(own: Trajectory, true: Trajectory, lag: int, mirror: Array) -> bool:
     (turn, step), (true_turn, true_step) = (_motions(each, lag) for each in (own, true))
     turned = np.prod(mirror) * mirror * true_turn
-    if _rms(turned - true_turn) / 2 < LEAST_TURN_RAD:
+    if _rms(turned - true_turn) / 2 < MIN_ROTATION_RAD:
         return False
     misfit = _rms(turn - turned) / _rms(turned)
     step_misfit, as_they_are = (_misfit(step, true_step * signs) for signs in (mirror, np.ones(3)))
     return bool(
-        misfit < FITS
-        and step_misfit < FITS
-        and _rms(turn - true_turn) > BETTER * _rms(turn - turned)
+        misfit < MAX_MISFIT
+        and step_misfit < MAX_MISFIT
+        and _rms(turn - true_turn) > MIN_GAIN * _rms(turn - turned)
         and as_they_are > step_misfit
     )
 
@@ -66,7 +67,7 @@ def _motions(path: Trajectory, lag: int) -> tuple[Array, Array]:
 
 
 def _misfit(step: Array, expected: Array) -> float:
-    """Returns the misfit of steps in any unit, relative to their size: 1 where they have nothing in common."""
+    """Returns the misfit of displacements in any unit, relative to their size: 1 for unrelated ones."""
     size = float((step**2).sum())
     if size == 0 or not expected.any():
         return 1.0

@@ -41,7 +41,9 @@ def rpe(estimate: Trajectory, reference: Trajectory, delta: int = 1) -> tuple[fl
 
 
 OFFICIAL_LENGTHS_M = (100, 200, 300, 400, 500, 600, 700, 800)
+"""Lengths of KITTI's benchmark (Geiger 2012)."""
 SHORT_LENGTHS_M = (5, 10, 20, 40)
+"""Lengths for paths below 200 m, into which hardly any of the benchmark's fit."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The scale of a trajectory without metric scale: its drift along the path, and how it is drawn among others."""
+"""The scale of a trajectory without metric scale: its drift along the path, and a placement for drawing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Trajectory
 
 CHORDS = 40
+"""Number of chords of equal true path length."""
 WINDOWS = 10
+"""Number of windows, each with the median of CHORDS / WINDOWS chords, which is robust to noise and shake."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class StepScale:
     """Estimated over true length along the path, relative to its start (Fig. 8, line B: it shrinks)."""
 
     windows: tuple[float, ...]
-    """In ten windows of equal true length along the path, the first being 1."""
+    """Scale in ten windows of equal true length along the path, relative to the first one."""
 
     first: float
     """The ratio in the first window: units of the estimate per unit of the ground truth."""

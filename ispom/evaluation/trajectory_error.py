@@ -1,6 +1,6 @@
 """The absolute trajectory error (ATE): association in time, alignment, and the error curve.
 
-Every table, curve and file of the program takes the error of a trajectory from here.
+All tables, curves and files of the program use this definition of the error of a trajectory.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Rig, Trajectory
 
 MAX_DIFFERENCE_NS = 10_000_000
+"""Largest time difference of associated poses, as by default in evo and in TUM's tools (0.01 and 0.02 s)."""
 
 
 def associate(
@@ -41,7 +42,8 @@ def associate(
 
 
 def _seconds(trajectory: Trajectory) -> Array:
-    """Returns times (N,) [s] as other programs read them, so that of two equally near poses both take the same one."""
+    """Returns times (N,) [s] as floats, as in other programs, so that these associate the same of two equally near
+    poses."""
     return (trajectory.times_ns.astype(np.longdouble) / 1e9).astype(float)
 
 
@@ -88,7 +90,7 @@ def rms(values: np.ndarray) -> float:
 
 
 MIN_POSES = 3
-"""Fewer associated poses do not fix an alignment."""
+"""Least number of associated poses that determine an alignment."""
 
 
 def alignment_of(metric: bool) -> Alignment:
@@ -101,7 +103,7 @@ class TrajectoryError:
     """Associated poses (N, at least MIN_POSES) of an estimate and of its reference, and the alignment between them."""
 
     estimate: Trajectory
-    """In its own world and unit."""
+    """The estimate in its own world and unit."""
     reference: Trajectory
     alignment: Alignment
 

@@ -1,7 +1,7 @@
 """From calibration error to trajectory error: predicts the trajectory that a run would have had.
 
-A method with a window fixes each pose, and its camera corrections, by the observations until then; later ones do not
-change it any more. So each keyframe's motion comes from the problem as it was when the keyframe left the window.
+A method with a window estimates each pose, and its camera corrections, from the observations until then; later ones do
+not change it. So each keyframe's motion is computed from the problem at the time when the keyframe left the window.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from ispom.evaluation.trajectory_error import Alignment, aligned, ate_m
 from ispom.geometry import Array, Pose
 from ispom.types import Trajectory
 
-STEP = 1e-3
-"""Of the difference quotients, in units of the perturbations (percent, px)."""
-SPARSER = 0.1
-"""Growth of the number of keyframes after which the problem is solved again: it changes less and less."""
-NEGLIGIBLE = 1e-9
-"""Errors that change by less than this do not depend on a perturbation."""
+DIFFERENCE_STEP = 1e-3
+"""Step of the difference quotients, in units of the perturbations (percent, px)."""
+KEYFRAME_GROWTH = 0.1
+"""Relative growth of the number of keyframes after which the problem is solved again, as each one changes it less."""
+MIN_EFFECT = 1e-9
+"""Least change of an error that depends on a perturbation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """How the keyframes of one method's run move with each part of a Perturbation."""
+    """The derivatives of the keyframes of one method's run by each part of a Perturbation."""
 
     scene: Scene
     adjustment: Adjustment
     values: Values
     errors: Array
-    """(N, 2 or 3) of the run itself."""
+    """(N, 2 or 3) errors of the run itself."""
     names: tuple[str, ...]
     """(P,) the fields of a Perturbation that the method depends on."""
     by_error: Array
-    """(N, 2 or 3, P) partial derivatives of the errors by each."""
+    """(N, 2 or 3, P) partial derivatives of the errors by each field."""
     poses: Array
     """(K, 6, P) twists of the keyframes in the world, per unit, when they left the window."""
     whole: Steps
-    """Solution with all observations."""
+    """The solution with all observations."""
 
     @staticmethod
     def of(scene: Scene, adjustment: Adjustment) -> Sensitivity:
@@ -51,9 +51,11 @@ class Sensitivity:
         errors = scene.errors(q, values.extra, Perturbation())
         names, columns = [], []
         for field in fields(Perturbation):
-            ends = [scene.errors(q, values.extra, Perturbation(**{field.name: sign * STEP})) for sign in (1, -1)]
-            column = (ends[0] - ends[1]) / (2 * STEP)
-            if abs(column).max(initial=0.0) > NEGLIGIBLE:
+            ends = [
+                scene.errors(q, values.extra, Perturbation(**{field.name: sign * DIFFERENCE_STEP})) for sign in (1, -1)
+            ]
+            column = (ends[0] - ends[1]) / (2 * DIFFERENCE_STEP)
+            if abs(column).max(initial=0.0) > MIN_EFFECT:
                 names.append(field.name)
                 columns.append(column)
         by_error = np.stack(columns, axis=2)
@@ -90,7 +92,7 @@ class Sensitivity:
         scene = self.scene
         q = scene.in_camera(values.rotations, values.translations, values.xyz_in_world)
         errors = scene.errors(q, values.extra, perturbation)
-        # The run is at its optimum: only the errors that the perturbation adds move it.
+        # The run is at its optimum, so the step depends on the errors by the perturbation only.
         second = solve(scene, values, self.adjustment, errors, (errors - self.errors)[..., None]).poses[..., 0]
         positions = self.values.positions
         one, other = (np.linalg.norm(s[:, :3] + np.cross(s[:, 3:], positions), axis=1) for s in (first, second))
@@ -99,7 +101,8 @@ class Sensitivity:
 
 
 def _fixed_motions(scene: Scene, adjustment: Adjustment, errors: Array, by_error: Array, whole: Steps) -> Array:
-    """Returns (K, 6, P): motions between keyframes as they were when the later one left the window."""
+    """Returns the derivatives (K, 6, P) of motions between keyframes, at the time when the later one left the
+    window."""
     count = len(scene.times_ns)
     ends = _ends(adjustment.window, count)
     poses_by_count = {count: whole.poses}
@@ -114,11 +117,11 @@ def _fixed_motions(scene: Scene, adjustment: Adjustment, errors: Array, by_error
 
 
 def _ends(window: int, count: int) -> list[int]:
-    """Returns increasing numbers of keyframes: each one at first, then growing by SPARSER, up to all."""
+    """Returns increasing numbers of keyframes: each one at first, then growing by KEYFRAME_GROWTH, up to all."""
     out, end = [], min(max(window, 2), count)
     while end < count:
         out.append(end)
-        end += max(1, int(SPARSER * end))
+        end += max(1, int(KEYFRAME_GROWTH * end))
     return [*out, count]
 
 

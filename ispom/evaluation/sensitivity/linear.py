@@ -1,4 +1,4 @@
-"""How poses follow a small error of the calibration: one Gauss-Newton step of the bundle adjustment.
+"""The derivatives of poses by a small error of the calibration: one Gauss-Newton step of the bundle adjustment.
 
 Poses, points and the method's own corrections are at their optimum in the run. There, by the implicit function
 theorem, they move by -H^-1 J' W d(errors)/d(calibration), H = J' W J; points are eliminated (Triggs et al. 2000).
@@ -16,10 +16,11 @@ from scipy.sparse.linalg import splu
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
 from ispom.geometry import Array, Pose, skew
 
-JOINED = 1e-4
-"""Weak prior that keyframes without common points move together [1/scale^2 of the loss, over 1 m and 1 rad]."""
-FIXED = 1e8
-"""Prior that fixes the gauge: the origin of the world and, for one camera, the scale."""
+GAUGE_OF_PARTS = 1e-4
+"""Information of the weak prior that keyframes without common points move together [1/scale^2 of the loss, over 1 m and
+1 rad]."""
+GAUGE_INFORMATION = 1e8
+"""Information of the prior that fixes the gauge: the origin of the world and, for one camera, the scale."""
 RIDGE = 1e-9
 """Damping of a point observed without parallax, as a share of its largest information."""
 
@@ -39,7 +40,7 @@ class Values:
 
     @property
     def positions(self) -> Array:
-        """(K, 3) of the cameras in the world."""
+        """Returns the positions (K, 3) of the cameras in the world."""
         return -np.einsum("kji,kj->ki", self.rotations, self.translations)
 
     def moved(self, poses: Array, points: Array, extra: Array) -> Values:
@@ -109,16 +110,16 @@ def _prior(scene: Scene, values: Values, adjustment: Adjustment) -> sparse.csr_a
     """Returns the prior on the gauge and on the corrections."""
     count = len(scene.times_ns)
     chain = sparse.eye_array(count - 1, count) - sparse.eye_array(count - 1, count, k=1)
-    joined = JOINED * sparse.kron(chain.T @ chain, sparse.eye_array(6))
+    joined = GAUGE_OF_PARTS * sparse.kron(chain.T @ chain, sparse.eye_array(6))
     fixed = sparse.lil_array((6 * count, 6 * count))
-    fixed[:6, :6] = FIXED * np.eye(6)
+    fixed[:6, :6] = GAUGE_INFORMATION * np.eye(6)
     if not scene.is_pair:
         positions = values.positions
         far = min(adjustment.window, count) - 1
         away = positions[far] - positions[0]
         way = away / max(float((away**2).sum()), 1e-12)
         row = np.concatenate([way, np.cross(positions[far], way)])
-        fixed[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += FIXED * np.outer(row, row)
+        fixed[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += GAUGE_INFORMATION * np.outer(row, row)
     return sparse.csr_array(sparse.block_diag([joined + fixed, _information(scene, values, adjustment)]))
 
 
@@ -139,7 +140,7 @@ def _blocks(values: Array, column: NDArray[np.int64], count: int) -> sparse.csr_
 
 
 def _skews(xyz: Array) -> Array:
-    """(N, 3, 3) [x]x."""
+    """Returns (N, 3, 3) [x]x."""
     out = np.zeros((len(xyz), 3, 3))
     for i, axis in enumerate(np.eye(3)):
         out += xyz[:, i, None, None] * skew(axis)

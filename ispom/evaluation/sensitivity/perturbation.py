@@ -1,4 +1,4 @@
-"""An error of the calibration as a value: the rig, the sequence and the integrated trajectory that have it."""
+"""An error of the calibration as a value, and its application to rigs, sequences and integrated trajectories."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ispom.types import Camera, Rig, Sequence, Trajectory
 
 @dataclass(frozen=True)
 class Perturbation:
-    """Errors that are added to the calibration given to the estimators; the cameras stay as they are."""
+    """Errors that are added to the calibration given to the estimators; the images are unchanged."""
 
     video_focal_percent: Annotated[float, Range(-5, 5)] = 0.0
     """Focal length of the video camera."""
@@ -45,7 +45,7 @@ class Perturbation:
     shift_z_m: Annotated[float, Range(-0.2, 0.2)] = 0.0
     """z forward."""
     clock_ms: Annotated[float, Range(-100, 100)] = 0.0
-    """Time stamps of the video: later by this than those of the pairs."""
+    """Time offset of the video's stamps, relative to those of the pairs."""
 
     @property
     def nonzero(self) -> dict[str, float]:
@@ -62,8 +62,8 @@ class Perturbation:
         )
 
     def of_rig(self, rig: Rig) -> Rig:
-        """Perturbs the rig; the middle of the baseline stays. Perturbed cameras lose their calibration uncertainty, so
-        that the methods correct them as far as their settings allow."""
+        """Perturbs the rig about the middle of the baseline. Perturbed cameras lose the standard deviations of their
+        calibration, so that the methods correct them within their own settings."""
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
         pair_differs = any(name.startswith(("pair", "baseline")) for name in self.nonzero)
         video_differs = any(name.startswith("video") for name in self.nonzero)
@@ -95,9 +95,9 @@ class Perturbation:
 def predict_integrated(run: Trajectory, pairs: Trajectory, rig: Rig, perturbation: Perturbation) -> Trajectory:
     """Predicts world_from_rig at the video frames of an integrated run, at the run's own times.
 
-    `pairs` is world_from_rig at the stereo pairs with the perturbed calibration. The shape of the video's path does not
-    change. A wrong position on the rig and a wrong clock move that path relative to the rig's; it is anchored at the
-    pairs, so that only what varies between two pairs is left.
+    `pairs` is world_from_rig at the stereo frames with the perturbed calibration. The shape of the video's path does
+    not change. Errors of the mount and of the clock move that path relative to the rig's; as it is anchored at the
+    stereo frames, only the variation between two of them remains.
     """
     perturbed = perturbation.of_rig(rig)
     delay_ns = round(perturbation.clock_ms * 1e6)

@@ -15,13 +15,13 @@ from ispom.solvers.window.prior import LENS
 from ispom.types import FrameName, Rig
 
 MIN_DEPTH = 1e-6
-GROSS = 1e3
-"""Error [loss widths] of a point that a change moves behind its camera."""
+ERROR_BEHIND = 1e3
+"""Error [loss widths] of a point that a perturbation moves behind its camera."""
 
 
 @dataclass(frozen=True)
 class Adjustment:
-    """How a method adjusts its keyframes."""
+    """The settings of a method's bundle adjustment of its keyframes."""
 
     sigmas: tuple[float, ...]
     """Prior standard deviations of the corrections of its camera or pair; 0 for those that it does not estimate.
@@ -31,7 +31,7 @@ class Adjustment:
     loss_px: float = 1.0
     """Width of the loss."""
     window: int = 2
-    """Number of keyframes adjusted together; those that leave are final."""
+    """Number of keyframes that are optimised together; those that leave the window are final."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Scene:
     view: NDArray[np.int64]
     """(N,) index of each observation's keyframe."""
     point: NDArray[np.int64]
-    """(N,) index of its point."""
+    """(N,) index of each observation's point."""
     uv: Array
     """(N, 2) [px]."""
     right_px: Array
@@ -62,7 +62,8 @@ class Scene:
 
     @staticmethod
     def of(found: SceneMap, rig: Rig) -> Scene:
-        """Takes all points observed in at least two keyframes (of a pair, in one) and in front of their cameras."""
+        """Returns the scene of all points in front of their cameras that at least two keyframes observe, or one of a
+        pair."""
         keys, camera = found.key_frames, found.key_frames.frame
         order = np.argsort(found.landmarks.ids, kind="stable")
         ids, xyz = found.landmarks.ids[order], found.landmarks.xyz_in_world[order].astype(float)
@@ -98,9 +99,9 @@ class Scene:
         )
 
     def until(self, count: int) -> tuple[Scene, NDArray[np.bool_]]:
-        """Returns the first `count` keyframes with their observations, and which of all observations (N,) those are."""
+        """Returns the first `count` keyframes with their observations, and the mask (N,) of these observations."""
         keep = self.view < count
-        if not self.is_pair:  # one view of one camera gives no depth
+        if not self.is_pair:  # one view of one camera does not determine the depth
             keep &= np.bincount(self.point[keep], minlength=len(self.xyz_in_world))[self.point] >= 2
         used, point = np.unique(self.point[keep], return_inverse=True)
         part = Scene(
@@ -129,7 +130,7 @@ class Scene:
     def errors(self, in_camera: Array, extra: Array, perturbation: Perturbation) -> Array:
         """Returns predicted minus observed x, y (N, 2), of a pair x, y and right x (N, 3), normalised and perturbed.
 
-        `extra` (E,) as in Adjustment; GROSS for a point that is not before its camera.
+        `extra` (E,) as in Adjustment; ERROR_BEHIND for a point that is not before its camera.
         """
         rig = perturbation.of_rig(self.rig)
         seen = rig.camera(self.camera).normalise(self.uv)
@@ -137,13 +138,13 @@ class Scene:
         xy = in_camera[:, :2] / z[:, None]
         if not self.is_pair:
             stretch = 1 + extra @ np.stack([np.ones(len(z)), (xy**2).sum(1)])
-            return np.nan_to_num(xy * stretch[:, None] - seen, nan=GROSS)
+            return np.nan_to_num(xy * stretch[:, None] - seen, nan=ERROR_BEHIND)
         x, square = xy[:, 0] - rig.baseline_m / z, (xy**2).sum(1)
         xy = xy * (1 + extra[:BOTH] @ np.stack([square, square**2]))[:, None]
         camera = rig.camera("left")
         seen_right = (self.right_px - camera.cx) / camera.fx
         offset = by_column(*self._right(in_camera), self.right_rate) @ extra[:COLUMNS]
-        return np.nan_to_num(np.column_stack([xy - seen, x + offset - seen_right]), nan=GROSS)
+        return np.nan_to_num(np.column_stack([xy - seen, x + offset - seen_right]), nan=ERROR_BEHIND)
 
     def by_point(self, in_camera: Array) -> Array:
         """Returns the derivative (N, 2 or 3, 3) of the errors by the point in its camera, without corrections."""
