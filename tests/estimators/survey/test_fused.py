@@ -171,6 +171,18 @@ def test_fixes_that_are_not_enough_are_named_by_a_check() -> None:
     assert not few.passed and few.value < few.threshold
 
 
+def test_images_that_restart_before_the_start_only_delay_it() -> None:
+    run = Run(config("4"), chosen("4"))
+    state, step = run.estimator.start(), None
+    for m in run.measurements:
+        inputs = {}
+        if isinstance(m, Frame):
+            restarted = m.time_ns == 300_000_000
+            inputs = {"visual": Step(m.time_ns, Status.TRACKING, "video", run.images[m.time_ns], restarted=restarted)}
+        state, step = run.estimator.step(state, m, inputs)
+    assert step is not None and step.status is Status.TRACKING
+
+
 def test_images_alone_keep_their_unit() -> None:
     run = Run(config("9"), {})
     assert run.final.length == pytest.approx(UNIT * run.truth.length, rel=0.01)
