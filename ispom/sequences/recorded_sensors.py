@@ -43,7 +43,7 @@ class RecordedSensor:
     """With its noise; its pose is that in the left camera of the recording, where it is known."""
     read: Callable[[], Readings]
     """Reads all that it measured, on the clock of the frames. Raises InputError."""
-    said: str = ""
+    origin: str = ""
     """Where its pose and its noise are from, and what was decided."""
     missing: str = ""
     """Why it is not used by itself, as the rest of a sentence; empty where nothing is missing."""
@@ -56,7 +56,7 @@ class RecordedSensor:
         return replace(self.sensor, rig_from_sensor=rig_from_left @ self.sensor.rig_from_sensor)
 
     @property
-    def how(self) -> str:
+    def remedy(self) -> str:
         """What to do to use it, with the entry of a file for `--sensors`."""
         kind = "" if self.name == self.sensor.kind else f"sensor: {self.sensor.kind}"
         pose = "" if self.placed else f"rig_from_{self.name}: {POSE}"
@@ -65,8 +65,7 @@ class RecordedSensor:
 
 
 def imu_origin(of_pose: str, noise: Imu | None, of_noise: str) -> str:
-    """Says where the pose of an IMU is from, empty where it is not known, and its noise; the usual noise is a decision
-    that is said."""
+    """Returns where the pose of an IMU (`of_pose`, empty where it is not known) and its noise are from, in words."""
     if noise and of_noise == of_pose:
         return f"pose and noise of {of_pose}"
     pose = f"pose of {of_pose}, " if of_pose else ""
@@ -84,7 +83,7 @@ def measurements_of(name: FrameName, found: Readings, frames_ns: NDArray[np.int6
 def with_recorded_sensors(sequence: Sequence, own: Iterable[RecordedSensor]) -> Sequence:
     """Returns the sequence with the measurements of those of its own sensors that can be used; the others are named."""
     listed, frames_ns = tuple(own), frames_ns_of(sequence)
-    reasons = {i: f"{each.missing}; to use it, {each.how}" for i, each in enumerate(listed) if each.missing}
+    reasons = {i: f"{each.missing}; to use it, {each.remedy}" for i, each in enumerate(listed) if each.missing}
     read = dict[int, Readings]()
     while True:
         chosen = _first_of_each_kind(listed, reasons, read, frames_ns)
@@ -102,8 +101,8 @@ def with_recorded_sensors(sequence: Sequence, own: Iterable[RecordedSensor]) -> 
         why = reasons.get(i, "")
         if not why and i not in chosen:
             other = next(listed[k].where for k in chosen if listed[k].sensor.kind == each.sensor.kind)
-            why = f"is not used: {other} is, and methods take one {each.sensor.kind}; to change that, {each.how}"
-        found.append(Found(each.sensor.kind, each.where, not why, why or each.said))
+            why = f"is not used: {other} is, and methods take one {each.sensor.kind}; to change that, {each.remedy}"
+        found.append(Found(each.sensor.kind, each.where, not why, why or each.origin))
     if not chosen:
         return sequence.with_found(found)
     notes = (*doubts, *mount_doubts(sequence.name, Rig(sensors)))

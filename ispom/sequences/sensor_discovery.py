@@ -1,7 +1,7 @@
 """Finds the files of other sensors in or beside a recording: EuRoC's imu0, KITTI's oxts, tables, and Kalibr's files.
 
 Noise is that of the file next to the measurements, or of an imu.yaml; the pose at the camera is that of EuRoC's
-sensor.yaml, of a camchain with T_cam_imu, or of KITTI's calibrations. What none of them says is missing.
+sensor.yaml, of a camchain with T_cam_imu, or of KITTI's calibrations. What none of them states is missing.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def _imu_of(table: Path, places: Sequence[Path]) -> RecordedSensor:
         )
     if at is None:
         missing = f"{NO_POSE} (no camchain with T_cam_imu)"
-        said, read = imu_origin("", noise, of_noise), partial(readings_of_file, "imu", table)
-        return RecordedSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False)
+        origin, read = imu_origin("", noise, of_noise), partial(readings_of_file, "imu", table)
+        return RecordedSensor("imu", str(table), noise or Imu(), read, origin, missing, placed=False)
     pose, later_ns, of_pose = at
     sensor = replace(noise or Imu(), rig_from_sensor=pose)
     read = partial(_later, partial(readings_of_file, "imu", table), later_ns)
@@ -136,19 +136,19 @@ def euroc_imu(mav0: Path, left_from_raw: Pose, raw_from_body: Pose) -> tuple[Rec
     except InputError as fault:
         return (RecordedSensor("imu", str(table), Imu(), read, missing=f"is not used: {fault.args[0]}", placed=False),)
     if at is None:
-        said = imu_origin("", noise, of_noise)
+        origin = imu_origin("", noise, of_noise)
         missing = f"{NO_POSE} ({own} with T_BS is missing, and no camchain has T_cam_imu)"
-        return (RecordedSensor("imu", str(table), noise or Imu(), read, said, missing, placed=False),)
+        return (RecordedSensor("imu", str(table), noise or Imu(), read, origin, missing, placed=False),)
     pose, later_ns, of_pose = at
     sensor = replace(noise or Imu(), rig_from_sensor=left_from_raw @ pose)
-    said = imu_origin(of_pose, noise, of_noise)
-    return (RecordedSensor("imu", str(table), sensor, partial(_later, read, later_ns), said),)
+    origin = imu_origin(of_pose, noise, of_noise)
+    return (RecordedSensor("imu", str(table), sensor, partial(_later, read, later_ns), origin),)
 
 
 def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tuple[RecordedSensor, ...]:
     """Returns the IMU and the receiver of KITTI's GPS/IMU unit, whose positions are those of the unit itself.
 
-    `why` says why its pose is not known, where it is not.
+    `why`: the reason where its pose is not known.
     """
     placed, pose = left_from_unit is not None, left_from_unit or Pose()
     at = "KITTI's calib_imu_to_velo.txt and calib_velo_to_cam.txt" if placed else ""
@@ -156,10 +156,10 @@ def oxts_sensors(oxts: Path, left_from_unit: Pose | None, why: str = "") -> tupl
     fixes = "positions are smoothed by the unit, and their errors last; their standard deviations are its pos_accuracy"
     imu = Imu(rig_from_sensor=pose)
     antenna = GnssAntenna(rig_from_sensor=pose)
-    said = [imu_origin(at, None, ""), f"pose of {at}, {fixes}" if placed else fixes]
+    origin = [imu_origin(at, None, ""), f"pose of {at}, {fixes}" if placed else fixes]
     return (
-        RecordedSensor("imu", f"{oxts} (IMU)", imu, partial(readings_of_file, "imu", oxts), said[0], missing, placed),
+        RecordedSensor("imu", f"{oxts} (IMU)", imu, partial(readings_of_file, "imu", oxts), origin[0], missing, placed),
         RecordedSensor(
-            "gnss", f"{oxts} (GNSS)", antenna, partial(readings_of_file, "gnss", oxts), said[1], missing, placed
+            "gnss", f"{oxts} (GNSS)", antenna, partial(readings_of_file, "gnss", oxts), origin[1], missing, placed
         ),
     )

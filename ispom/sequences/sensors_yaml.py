@@ -1,4 +1,4 @@
-"""Sensors other than the cameras of a sequence by a YAML file, which says what measured, where it sits, how exactly.
+"""Reads `--sensors FILE.yaml`: the files of other sensors than the cameras, their poses on the rig, and their noise.
 
 Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_NAME`; its noise), and
 
@@ -43,7 +43,7 @@ NOWHERE = {"translation_m": [0.0, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.
 
 
 def with_sensors(sequence: Sequence, path: Path, own: Iterable[RecordedSensor] = ()) -> Sequence:
-    """Returns the sequence with the measurements of the sensors that a YAML file describes; `own` lie beside it.
+    """Returns the sequence with the measurements of the sensors of a YAML file; `own` are those of the source.
 
     Raises InputError that names the file, entry or line that is wrong, and where a sensor measured before or after the
     frames only. What is likely a mistake, and a gap of a sensor as long as the sequence, are among its notes.
@@ -60,9 +60,9 @@ def with_sensors(sequence: Sequence, path: Path, own: Iterable[RecordedSensor] =
         entry = {"sensor": name, **given}
         _require_free(path, sensor_name(str(path), name), entry["sensor"], sequence)
         if entry.get("file") is None and name in beside:
-            lies = beside[name]
-            sensors[name] = _completed(path, name, entry, lies, sequence.rig)
-            read, where = _of_source(path, name, entry, lies), lies.where
+            recorded = beside[name]
+            sensors[name] = _completed(path, name, entry, recorded, sequence.rig)
+            read, where = _of_source(path, name, entry, recorded), recorded.where
         else:
             sensors[name] = sensor_of(path, name, {k: v for k, v in entry.items() if k not in OWN})
             read = _read(path, name, entry, beside)
@@ -101,27 +101,27 @@ def _require_free(path: Path, name: str, kind: Kind, sequence: Sequence) -> None
         raise InputError(f"{path}: {name} is a sensor of the source already: choose another name, and give `sensor`")
 
 
-def _completed(path: Path, name: str, entry: dict[Any, Any], lies: RecordedSensor, rig: Rig) -> Sensor:
+def _completed(path: Path, name: str, entry: dict[Any, Any], recorded: RecordedSensor, rig: Rig) -> Sensor:
     """Returns the sensor of the source with the pose and the noise of its entry, or else its own."""
-    if entry["sensor"] != lies.sensor.kind:
-        kind = lies.sensor.kind
+    if entry["sensor"] != recorded.sensor.kind:
+        kind = recorded.sensor.kind
         raise InputError(f"{path}: {name} of the source is of the kind {kind}: give `sensor: {kind}`, or a `file`")
     pose_key = f"rig_from_{name}"
-    keeps = lies.placed and entry.get(pose_key) is None
+    keeps = recorded.placed and entry.get(pose_key) is None
     given = {key: value for key, value in entry.items() if key not in OWN} | ({pose_key: NOWHERE} if keeps else {})
     stated = sensor_of(path, name, given)
     pose = stated.rig_from_sensor
     if keeps:
-        pose = lies.placed_on(rig).rig_from_sensor
+        pose = recorded.placed_on(rig).rig_from_sensor
     noise = {f.name: getattr(stated, f.name) for f in fields(stated) if f.name in entry}
-    return replace(lies.sensor, rig_from_sensor=pose, **noise)
+    return replace(recorded.sensor, rig_from_sensor=pose, **noise)
 
 
-def _of_source(path: Path, name: str, entry: dict[Any, Any], lies: RecordedSensor) -> Readings:
+def _of_source(path: Path, name: str, entry: dict[Any, Any], recorded: RecordedSensor) -> Readings:
     """Returns all that a sensor of the source measured, on the clock of the frames."""
     if wrong := [key for key in OF_FILES if entry.get(key) is not None]:
         raise InputError(f"{path}: {name}.{wrong[0]} goes with `file`: name the file, or leave it out")
-    read = lies.read()
+    read = recorded.read()
     if (sigma_m := _sigma_m(path, name, entry)) is not None and "sigma" in read.values:
         read = replace(read, values={**read.values, "sigma": np.full_like(read.values["sigma"], sigma_m)})
     return _on_clock(path, name, entry, read)

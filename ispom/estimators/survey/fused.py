@@ -2,7 +2,8 @@
 
 1. Nodes: every `node_s` seconds, and at each fix, the graph has a pose. Each kind of sensor (`ispom.sensors`) makes
    observations of what it measured there or in between.
-2. Start: scale, gravity and heading from the first metres (`fused_start`).
+2. Start: scale, gravity and heading from the first metres (`fused_start`). A pair has poses in its own world until
+   fixes give the heading.
 3. Graph: relative poses of the visual method (loose coupling) with a scale that changes slowly, preintegrated IMU,
    positions of the antenna, wheels, matched scans, and whatever other kinds of sensors have factors (`fused_graph`);
    Forster et al. 2017, Dellaert and Kaess 2017.
@@ -32,7 +33,7 @@ from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
-from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, fix_checks, started
+from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, alignment, fix_checks, started
 from ispom.estimators.survey.fused_values import Noise, Prior, revised_nodes
 from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
@@ -123,6 +124,8 @@ class Fused:
         else:
             state, step = self._with_node(state, frame.time_ns, watch)
         shown = self._landmarks(state, visual, step.world_from_frame)
+        if step.world_from_frame is not None and step.covariance is None:
+            step = replace(step, covariance=visual.covariance)
         step = replace(step, tracks=visual.tracks, landmarks=shown, residuals_px=visual.residuals_px)
         return state, replace(step, seconds=watch.seconds)
 
@@ -155,6 +158,8 @@ class Fused:
             return state, Step(time_ns, Status.INITIALISING if waits else Status.LOST, decisions=(LOCATED.of(0, 1),))
         last, relative = state.nodes[-1], start.inverse() @ dict(state.seen)[time_ns]
         state = replace(state, frames=state.frames.appended((time_ns, last.number, relative)))
+        if state.prior is None and self._metric:
+            return state, self._by_images(state, time_ns, (LOCATED.of(1, 1),))
         if state.prior is None or state.covariance is None:
             return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1),))
         moved = self._in_rig(relative, last.log_scale)
@@ -178,6 +183,9 @@ class Fused:
         known = self._metric or not self._sensors  # images alone keep their unit
         start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
+        if start is None and self._metric:
+            decisions = (LOCATED.of(1, 1), alignment(nodes, self._config.start_m, aligned=False))
+            return replace(state, nodes=nodes), self._by_images(state, time_ns, decisions)
         if start is None:
             missing = fix_checks(nodes, self._config.start_m) if "gnss" in self._sensors else ()
             decisions += tuple(check for check in missing if not check.passed)
@@ -192,7 +200,16 @@ class Fused:
             count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
             return waiting, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
         state = replace(state, nodes=nodes, prior=prior, first=prior)
-        return self._reported(state, decisions, misfits, watch)
+        if not (self._metric and "gnss" in self._sensors):
+            return self._reported(state, decisions, misfits, watch)
+        decisions += (alignment(start.nodes, self._config.start_m, aligned=True),)
+        state, step = self._reported(state, decisions, misfits, watch)
+        return state, replace(step, restarted=True)  # up to here, poses were in the world of the images
+
+    def _by_images(self, state: FusedState, time_ns: int, decisions: tuple[Decision, ...]) -> Step:
+        """Returns the pose of a pair in its own world, which is metric."""
+        pose = dict(state.seen)[time_ns] @ self._camera_from_rig
+        return Step(time_ns, Status.TRACKING, "rig", pose, decisions=decisions)
 
     def _with_node(self, state: FusedState, time_ns: int, watch: Stopwatch) -> tuple[FusedState, Step]:
         """Adds a node to the graph, and estimates the window."""
@@ -249,7 +266,9 @@ class Fused:
 
     def finish(self, state: FusedState, inputs: Mapping[str, Trajectory], /) -> Trajectory:
         """See Integrator: all nodes since the start estimated at once, and the frames between by the images, each with
-        the final poses of the images."""
+        the final poses of the images. A pair that was never aligned with GNSS keeps its own poses."""
+        if self._metric and state.first is None and not len(state.settled):
+            return Trajectory.of([(t, pose @ self._camera_from_rig) for t, pose in inputs["visual"].items()])
         final = dict(inputs["visual"].items())
         nodes = [*state.settled, *(state.nodes if state.prior is not None else ())]
         if state.first is not None:

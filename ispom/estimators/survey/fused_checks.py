@@ -45,6 +45,16 @@ START_FIXES = Check(
     passes="{value} fixes are there ({threshold} needed).",
     fails="Waiting: {value} fixes are there ({threshold} needed for scale and heading).",
 )
+ALIGNED = Check(
+    "gnss_aligned",
+    "extent of the fixes by which a pair is aligned with GNSS",
+    "finding",
+    unit="m",
+    topic="map",
+    passes="Aligned with GNSS: the fixes lie {value:.1f} m apart ({threshold:.1f} needed).",
+    fails="Not aligned with GNSS yet: the fixes lie {value:.1f} m apart ({threshold:.1f} needed); poses are in the "
+    "world of the pair.",
+)
 START_SIGMA = Check(
     "start_sigma",
     "relative standard deviation of the first estimate",
@@ -88,4 +98,4 @@ def checks_of(kinds: Iterable[SensorKind]) -> dict[str, Check]:
     labels = {"visual": "Images", **{kind.name: kind.label for kind in kinds}}
     misfits = [misfit_check(sensor, label) for sensor, label in labels.items()]
     gains = [gain_check(kind.name, kind.label) for kind in kinds]
-    return by_key(LOCATED, STARTED, START_FIXES, START_WAY, START_SIGMA, *own, *misfits, *gains)
+    return by_key(LOCATED, STARTED, START_FIXES, START_WAY, ALIGNED, START_SIGMA, *own, *misfits, *gains)

@@ -97,13 +97,13 @@ class Collector:
             observation, memory[name] = kind.observed(state.memory.get(name), at)
             if observation is not None and kind.measures is not None:
                 observed[kind.measures][name] = observation
-        after = replace(state, number=state.number + 1, memory=memory)
+        after = replace(state, number=state.number + 1, memory=memory, fresh=False)
         node = Node(state.number, time_ns, camera=camera, visual=visual, **observed)
         if last is None:
             return after, node
         fresh = state.fresh or (camera is not None and last.camera is None and visual is None)
         node = replace(node, log_scale=last.log_scale, bias=last.bias, offsets=last.offsets, fresh=fresh)
-        return replace(after, fresh=False), self._predicted(last, node, moved) if started else node
+        return after, self._predicted(last, node, moved) if started else node
 
     def _predicted(self, last: Node, node: Node, moved: Pose | None) -> Node:
         """Returns the node with a first estimate from the last one."""

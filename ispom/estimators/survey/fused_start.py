@@ -13,10 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from ispom.estimators.survey.fused_checks import START_FIXES, START_WAY
+from ispom.estimators.survey.fused_checks import ALIGNED, START_FIXES, START_WAY
 from ispom.geometry import Array, Pose, so3_exp, so3_log
 from ispom.sensors.fusion import Node
-from ispom.sensors.gnss import fixes_of
+from ispom.sensors.gnss import Fix, fixes_of
 from ispom.sensors.imu import GRAVITY_M_S2, inertial_of, summed
 from ispom.types import Decision
 
@@ -135,10 +135,20 @@ def fix_checks(nodes: tuple[Node, ...], start_m: float) -> tuple[Decision, ...]:
     enough = START_FIXES.of(len(fixes), FEWEST_FIXES)
     if not enough.passed:
         return (enough,)
-    xy = np.array([fix.xyz_in_local[:2] for fix in fixes])
     sigma = float(np.sqrt(np.mean([np.trace(fix.covariance[:2, :2]) / 2 for fix in fixes])))
-    extent = float(np.linalg.norm(xy - xy[0], axis=1).max())
-    return enough, START_WAY.of(extent, max(start_m, SPREAD * sigma))
+    return enough, START_WAY.of(_extent(fixes), max(start_m, SPREAD * sigma))
+
+
+def alignment(nodes: tuple[Node, ...], start_m: float, aligned: bool) -> Decision:
+    """Returns whether a pair is aligned with the fixes."""
+    fixes = [fix for n in nodes for fix in fixes_of(n)]
+    return ALIGNED.of(_extent(fixes) if fixes else 0.0, start_m, passed=aligned)
+
+
+def _extent(fixes: list[Fix]) -> float:
+    """Returns the largest distance of a fix from the first one, in the plane [m]."""
+    xy = np.array([fix.xyz_in_local[:2] for fix in fixes])
+    return float(np.linalg.norm(xy - xy[0], axis=1).max())
 
 
 def _by_fixes(

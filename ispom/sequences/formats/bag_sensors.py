@@ -153,7 +153,7 @@ def _mount(bag: BagFile, topic: str, frame: str, camera: BagCamera, tree: _Frame
 
 def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     beside, read = (bag.path.resolve().parent,), partial(_imu_readings, bag, topic, camera.own_clock)
-    pose, said = _mount(bag, topic, _frame(bag.message(topic).header.frame_id), camera, tree)
+    pose, origin = _mount(bag, topic, _frame(bag.message(topic).header.frame_id), camera, tree)
     missing = ""
     try:
         noise, of_noise = imu_noise_beside(beside)
@@ -163,33 +163,33 @@ def _imu(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> Recorded
     later_ns = 0
     if chain is not None:  # calibrated: more exact than a drawing
         pose, later_ns, of_pose = camera.left_from_raw @ chain[0], chain[1], chain[2]
-        said = of_pose
+        origin = of_pose
     if pose is None:
-        missing = missing or f"{NO_POSE} ({said}; no camchain with T_cam_imu is beside the bag)"
-        said = ""
+        missing = missing or f"{NO_POSE} ({origin}; no camchain with T_cam_imu is beside the bag)"
+        origin = ""
     sensor = replace(noise or Imu(), rig_from_sensor=pose or Pose())
-    said = imu_origin(said, noise, of_noise)
+    origin = imu_origin(origin, noise, of_noise)
     reading = partial(_shifted, read, later_ns)
-    return RecordedSensor("imu", _where(bag, topic), sensor, reading, said, missing, pose is not None)
+    return RecordedSensor("imu", _where(bag, topic), sensor, reading, origin, missing, pose is not None)
 
 
 def _receiver(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     first = bag.message(topic)
-    pose, said = _mount(bag, topic, _frame(first.header.frame_id), camera, tree)
+    pose, origin = _mount(bag, topic, _frame(first.header.frame_id), camera, tree)
     read = partial(_gnss_readings, bag, topic, camera.own_clock)
-    missing = "" if pose is not None else f"{NO_POSE} ({said})"
-    said = f"pose of {said}"
+    missing = "" if pose is not None else f"{NO_POSE} ({origin})"
+    origin = f"pose of {origin}"
     stated = all(variance > 0 for variance in _variances(first))
     if not stated:
         usual = " x ".join(f"{sigma:g}" for sigma in USUAL_SIGMA_M)
-        said = f"{said}, its covariance is not stated: the usual standard deviations are taken ({usual} m)"
+        origin = f"{origin}, its covariance is not stated: the usual standard deviations are taken ({usual} m)"
     antenna = GnssAntenna(rig_from_sensor=pose or Pose())
-    return RecordedSensor("gnss", _where(bag, topic), antenna, read, said, missing, pose is not None)
+    return RecordedSensor("gnss", _where(bag, topic), antenna, read, origin, missing, pose is not None)
 
 
 def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> RecordedSensor:
     first = bag.message(topic)
-    pose, said = _mount(bag, topic, _frame(first.child_frame_id), camera, tree)
+    pose, origin = _mount(bag, topic, _frame(first.child_frame_id), camera, tree)
     where, read = _where(bag, topic), partial(_wheel_readings, bag, topic, camera.own_clock)
     name = topic.lower()
     missing = ""
@@ -201,13 +201,13 @@ def _wheels(bag: BagFile, topic: str, camera: BagCamera, tree: _Frames) -> Recor
             )
             missing += f"it by ispom evaluate {bag.path}:{topic} ESTIMATE)"
         else:
-            said += ", taken for wheels as it has neither height, roll nor pitch"
+            origin += ", taken for wheels as it has neither height, roll nor pitch"
     if not missing and pose is None:
-        missing = f"{NO_POSE} ({said})"
+        missing = f"{NO_POSE} ({origin})"
     usual = f"its noise is the usual one ({WheelOdometer.distance_noise:g} m and "
     usual += f"{WheelOdometer.rotation_noise_rad:g} rad within a metre)"
     odometer = WheelOdometer(rig_from_sensor=pose or Pose())
-    return RecordedSensor("wheel", where, odometer, read, f"pose of {said}, {usual}", missing, pose is not None)
+    return RecordedSensor("wheel", where, odometer, read, f"pose of {origin}, {usual}", missing, pose is not None)
 
 
 def _is_flat(bag: BagFile, topic: str) -> bool:

@@ -150,6 +150,30 @@ def test_a_pair_needs_no_start() -> None:
     assert run.steps[0].scale is None and run.values("wheel_gain")[-1].value > 1
 
 
+def test_a_pair_has_poses_before_its_fixes_are_far_enough_apart() -> None:
+    run = Run(FusedStereoConfig(scheme="4", start_m=200.0, node_s=0.4, window=6), chosen("4"))
+    assert {step.status for step in run.steps} == {Status.TRACKING}
+    assert len(run.final) == len(run.truth) and run.error_m < 1e-6
+    aligned = run.values("gnss_aligned")[-1]
+    assert not aligned.passed and 5 < aligned.value < aligned.threshold == 200
+
+
+def test_a_pair_begins_a_new_segment_where_it_is_aligned_with_its_fixes() -> None:
+    run = Run(FusedStereoConfig(scheme="4", start_m=3.0, node_s=0.4, window=6), chosen("4"))
+    assert {step.status for step in run.steps} == {Status.TRACKING}
+    (restart,) = [i for i, step in enumerate(run.steps) if step.restarted]
+    east_of = SimulatedGnss().local_from_world
+    for i, step in enumerate(run.steps):
+        true = run.truth.pose(0).inverse() @ run.truth.pose(i) if i < restart else run.truth.pose(i)
+        expected = true.translation
+        if i >= restart:
+            east, north, up = east_of @ expected
+            expected = [east, -up, north]
+        assert step.world_from_frame is not None
+        assert_allclose(step.world_from_frame.translation, expected, atol=0.15 if i >= restart else 1e-9)
+    assert [d.passed for d in run.values("gnss_aligned")] == [False] * (len(run.values("gnss_aligned")) - 1) + [True]
+
+
 def test_fixes_turn_the_world_to_the_north() -> None:
     run = Run(config("4"), chosen("4"))
     east_of = SimulatedGnss().local_from_world
@@ -169,6 +193,18 @@ def test_fixes_that_are_not_enough_are_named_by_a_check() -> None:
     assert not run.values("start_nodes")[-1].passed
     few = run.values("start_fixes")[0]
     assert not few.passed and few.value < few.threshold
+
+
+def test_images_that_restart_before_the_start_only_delay_it() -> None:
+    run = Run(config("4"), chosen("4"))
+    state, step = run.estimator.start(), None
+    for m in run.measurements:
+        inputs = {}
+        if isinstance(m, Frame):
+            restarted = m.time_ns == 300_000_000
+            inputs = {"visual": Step(m.time_ns, Status.TRACKING, "video", run.images[m.time_ns], restarted=restarted)}
+        state, step = run.estimator.step(state, m, inputs)
+    assert step is not None and step.status is Status.TRACKING
 
 
 def test_images_alone_keep_their_unit() -> None:
