@@ -163,7 +163,9 @@ class Velocity(Variable):
     """The velocity of the body in the local frame [m/s]."""
 
     letter, size = "v", 3
-    information = np.eye(3) / SPEED_SIGMA**2
+
+    def first_information(self) -> Array:
+        return np.eye(3) / SPEED_SIGMA**2
 
     def of(self, node: Node, rig_from_body: Pose) -> Any:
         return node.velocity
@@ -176,7 +178,9 @@ class Bias(Variable):
     """The biases of accelerometer and gyroscope."""
 
     letter, size = "b", 6
-    information = np.diag(BIAS_SIGMA**-2.0)
+
+    def first_information(self) -> Array:
+        return np.diag(BIAS_SIGMA**-2.0)
 
     def of(self, node: Node, rig_from_body: Pose) -> Any:
         return _bias(node.bias)
