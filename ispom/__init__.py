@@ -47,6 +47,9 @@ if TYPE_CHECKING:
     from ispom.notebook.run import Run, run
     from ispom.notebook.stepper import Stepper, stepper
     from ispom.persistent_list import PersistentList
+    from ispom.sensors.fusion import POSE, Factor, GraphFrames, Node, NodeContext, Offset
+    from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
+    from ispom.sensors.simulated import Scenery, SensorFaults
     from ispom.sequences import open_sequence
     from ispom.sequences.format import Format
     from ispom.sequences.recording import Recording
@@ -112,6 +115,9 @@ _HOMES = {
     "ispom.notebook.run": "Run run",
     "ispom.notebook.stepper": "Stepper stepper",
     "ispom.persistent_list": "PersistentList",
+    "ispom.sensors.fusion": "POSE Factor GraphFrames Node NodeContext Offset",
+    "ispom.sensors.kind": "FileOptions Readings SensorKind Table",
+    "ispom.sensors.simulated": "Scenery SensorFaults",
     "ispom.sequences": "open_sequence",
     "ispom.sequences.format": "Format",
     "ispom.sequences.recording": "Recording",

@@ -16,7 +16,7 @@ from ispom.geometry import Array, Pose, skew
 from ispom.plausibility.times import Rates
 from ispom.sensors.fusion import POSE, Factor, GraphFrames, Node, NodeContext, Offset
 from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
-from ispom.sensors.simulated import Common, Scenery
+from ispom.sensors.simulated import Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.types import Measurement, Sensor
 
@@ -56,7 +56,7 @@ class Height(Measurement):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedBarometer(Common):
+class SimulatedBarometer(SensorFaults):
     """A barometer as in a phone, at the rig's origin."""
 
     name: ClassVar[str] = "barometer"

@@ -200,6 +200,10 @@ class Variable:
         """Returns (size,) from one value to another."""
         return now - then
 
+    def first_information(self) -> Array:
+        """Returns the information (size, size) of the prior at the first node, where it is always the same."""
+        raise NotImplementedError
+
     def key(self, node: Node) -> int:
         """Returns the key of a node's unknown."""
         import gtsam
@@ -255,9 +259,7 @@ class Offset(Variable):
     def put(self, node: Node, value: Any, rig_from_body: Pose) -> Node:
         return replace(node, offsets={**node.offsets, self.name: value})
 
-    @property
-    def information(self) -> Array:
-        """(size, size) at the first node."""
+    def first_information(self) -> Array:
         return np.eye(self.size) / self.sigma**2
 
 

@@ -17,7 +17,7 @@ from ispom.plausibility.gnss import geodetic_doubts, gnss_doubts, null_fixes
 from ispom.plausibility.times import Rates
 from ispom.sensors.fusion import POSE, Factor, GraphFrames, Node, NodeContext, between
 from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
-from ispom.sensors.simulated import Common, Scenery
+from ispom.sensors.simulated import Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.types import GnssAntenna, GnssFix, Measurement
 
@@ -33,7 +33,7 @@ LOCAL_FROM_AHEAD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedGnss(Common):
+class SimulatedGnss(SensorFaults):
     """A GNSS receiver. North of its local frame is `heading_deg` to the left of the world's z axis."""
 
     name: ClassVar[str] = "gnss"

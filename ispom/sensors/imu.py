@@ -19,7 +19,7 @@ from ispom.plausibility.imu import imu_doubts
 from ispom.plausibility.times import Rates
 from ispom.sensors.fusion import POSE, Factor, GraphFrames, Node, NodeContext, Variable
 from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
-from ispom.sensors.simulated import Common, Scenery
+from ispom.sensors.simulated import Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.types import Imu, ImuSamples, Measurement
 
@@ -41,7 +41,7 @@ STENCIL_NS = 5_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedImu(Common):
+class SimulatedImu(SensorFaults):
     """An IMU as in a phone or a small vehicle (a consumer MEMS unit), with the axes of the rig's cameras."""
 
     name: ClassVar[str] = "imu"
@@ -163,7 +163,9 @@ class Velocity(Variable):
     """The velocity of the body in the local frame [m/s]."""
 
     letter, size = "v", 3
-    information = np.eye(3) / SPEED_SIGMA**2
+
+    def first_information(self) -> Array:
+        return np.eye(3) / SPEED_SIGMA**2
 
     def of(self, node: Node, rig_from_body: Pose) -> Any:
         return node.velocity
@@ -176,7 +178,9 @@ class Bias(Variable):
     """The biases of accelerometer and gyroscope."""
 
     letter, size = "b", 6
-    information = np.diag(BIAS_SIGMA**-2.0)
+
+    def first_information(self) -> Array:
+        return np.diag(BIAS_SIGMA**-2.0)
 
     def of(self, node: Node, rig_from_body: Pose) -> Any:
         return _bias(node.bias)

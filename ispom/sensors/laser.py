@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, Factor, GraphFrames, Link, Node, NodeContext, between, link_in_rig
 from ispom.sensors.kind import SensorKind
-from ispom.sensors.simulated import LEVEL_FROM_VEHICLE, Common, Scene, Scenery
+from ispom.sensors.simulated import LEVEL_FROM_VEHICLE, Scene, Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.solvers.trajectory.continuous import poses_at
 from ispom.types import LaserScan, LaserScanner, Measurement, TimedPoints, Trajectory
@@ -85,7 +85,7 @@ def true_path(pose_at: Callable[[int], Pose], start_ns: int, end_ns: int) -> Tra
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedLaser(Common):
+class SimulatedLaser(SensorFaults):
     """A level two-dimensional laser scanner that sees all around, as on a small robot."""
 
     name: ClassVar[str] = "laser"

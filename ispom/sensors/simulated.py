@@ -74,8 +74,8 @@ class SimulatedSensor(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
-    """Settings of all sensors."""
+class SensorFaults:
+    """Settings of all simulated sensors: a late clock, and an outage."""
 
     late_ms: Annotated[float, Range(-1000, 1000)] = 0.0
     """Its time stamps are later than the true times by this [ms]."""

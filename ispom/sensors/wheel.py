@@ -16,7 +16,7 @@ from ispom.plausibility.times import Rates
 from ispom.plausibility.wheel import wheel_doubts
 from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, Factor, GraphFrames, Link, Node, NodeContext, link_in_rig
 from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
-from ispom.sensors.simulated import LEVEL_FROM_VEHICLE, Common, Scenery
+from ispom.sensors.simulated import LEVEL_FROM_VEHICLE, Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.types import Check, Measurement, WheelIncrement, WheelOdometer
 
@@ -42,7 +42,7 @@ SLIP = Check(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedWheel(Common):
+class SimulatedWheel(SensorFaults):
     """A pair of wheels with encoders below the rig's origin, as of a differential drive."""
 
     name: ClassVar[str] = "wheel"

@@ -139,7 +139,7 @@ class WindowGraph:
         parts = [np.linalg.inv((along @ covariance @ along.T)[np.ix_(ORDER, ORDER)])]
         for each in self.variables[1:]:
             sigma = sigmas.get(each.letter)
-            parts.append(each.information if sigma is None else np.eye(each.size) / sigma**2)
+            parts.append(each.first_information() if sigma is None else np.eye(each.size) / sigma**2)
         information = np.asarray(block_diag(*parts), float)
         return Prior((node,), information, np.zeros(self.size), dict.fromkeys(sorted(self.sensors), information))
 
