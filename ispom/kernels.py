@@ -29,7 +29,8 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     keep = bool(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
 
     def compiled(function: Callable[..., Any]) -> Any:
-        kernel_function = numba.njit(**{"error_model": "numpy", "cache": keep} | options)(function)
+        own = {"error_model": "numpy", "cache": keep, "no_cfunc_wrapper": True}  # nothing calls a kernel from C
+        kernel_function = numba.njit(**own | options)(function)
         _kernels.append(kernel_function)
         return kernel_function
 
