@@ -60,6 +60,15 @@ def inlier_distances(x: Array, threshold: float) -> Array:
     return x / threshold
 
 
+def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
+    """Returns signed Sampson distances (N,), in normalised units, from the epipolar geometry of a relative pose."""
+    essential = skew(second_from_first.translation) @ second_from_first.rotation
+    h1, h2 = _homogeneous(x1), _homogeneous(x2)
+    line2, line1 = h1 @ essential.T, h2 @ essential
+    scale = np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1))
+    return (h2 * line2).sum(1) / np.maximum(scale, 1e-12)
+
+
 def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
     """Refines a relative pose by Gauss-Newton over its five degrees of freedom, with Cauchy weights of this scale."""
     h1, h2 = _homogeneous(x1), _homogeneous(x2)

@@ -15,13 +15,13 @@ from ispom.estimators.modern.stereo.rolling_window import rolling_without_oldest
 from ispom.estimators.modern.stereo.shutter import row_times
 from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.estimators.modern.stereo.window import packed, without_oldest
-from ispom.evaluation.consistency import band
 from ispom.geometry import Pose
 from ispom.numerics.twist import moved
 from ispom.solvers.influence.problem import collecting_problems
 from ispom.solvers.window.adjustment import Window, adjust, covariance, marginalise
 from ispom.solvers.window.prior import POSE
 from ispom.types import Camera, Rig
+from tests.nees import band
 
 CAMERA, BASELINE_M, NOISE_PX, SIGMA_M, POINTS = Camera(640, 480, 460.0, 460.0, 319.5, 239.5), 0.3, 1.0, 0.005, 80
 TILT = Pose.from_rotvec(np.array([0.05, 0.0, 0.03]), np.zeros(3))

@@ -9,9 +9,8 @@ import pytest
 
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import PoseFit, resect, resect_optimised
-from ispom.solvers.multiview.essential import relative_pose
+from ispom.solvers.multiview.essential import relative_pose, sampson_distance
 from ispom.solvers.multiview.two_view import hypotheses
-from tests.solvers.multiview.sampson import sampson_distance
 
 PIXEL = 1 / 500
 NOISE, THRESHOLD = 0.34 * PIXEL, 1.0 * PIXEL

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from ispom.geometry import Pose, rotation_angle_rad
 from ispom.solvers.localisation import refine_pose, resect
-from ispom.solvers.multiview.essential import relative_pose
+from ispom.solvers.multiview.essential import relative_pose, sampson_distance
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
 from ispom.solvers.multiview.triple import depth_ratio, solve_triple, step_length
-from tests.solvers.multiview.sampson import sampson_distance
 
 PIXEL = 1 / 500
 
