@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.integrated.covariance import DRIFT_SHARE, newest_covariance
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.integrated.report import DRIFT_SHARE, newest_covariance
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.types import Measurement, Sequence, Status, Step, is_stereo
 from tests.alone import alone

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.integrated.covariance import by_lens
+from ispom.estimators.modern.integrated.report import jacobian_by_lens
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array
 from ispom.types import LensCorrection, Measurement, Sequence, Step, is_stereo
@@ -21,7 +21,7 @@ CHANGED = np.array([2e-3, -4e-3])
 
 def test_places_change_with_the_lens_as_finite_differences_say() -> None:
     seen, eps = np.random.default_rng(1).uniform(-0.5, 0.5, (20, 2)), 1e-6
-    for i, found in enumerate(np.moveaxis(by_lens(seen), 2, 0)):
+    for i, found in enumerate(np.moveaxis(jacobian_by_lens(seen), 2, 0)):
         difference = (corrected(seen, eps * np.eye(2)[i]) - seen) / eps
         np.testing.assert_allclose(found, difference, atol=1e-5)
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
-from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.locate import located
-from ispom.estimators.modern.integrated.rows import by_rate, view_at_middle
+from ispom.estimators.modern.integrated.localise import localise
+from ispom.estimators.modern.integrated.shutter import jacobian_by_rate, view_at_middle_row
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.estimators.modern.integrated.view import Table, View
+from ispom.estimators.modern.integrated.window import JointWindow, Table, View
 from ispom.estimators.modern.rolling import late_s, motion_at
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig
@@ -72,7 +71,7 @@ def test_a_frame_is_put_together_by_the_motion_of_the_frames_before_it(xyz: Arra
     views = [replace(v, world_from_rig=at(v.time_ns * 1e-9)) for v in before]
     if after_pair:
         views = [view_at(now - 0.01 - PAIR_S, False), *views, view_at(now - 0.01, False)]
-    state, found, _ = located(setup, ModernIntegratedState(window_of(xyz, views)), view_of(xyz, now))
+    state, found, _ = localise(setup, ModernIntegratedState(window_of(xyz, views)), view_of(xyz, now))
     assert found is not None
     off = (at(now).inverse() @ state.window.views[-1].world_from_rig).log()
     assert np.abs(off[:3]).max() < 5e-4 and np.degrees(np.abs(off[3:])).max() < 0.02
@@ -93,10 +92,10 @@ def test_the_motion_of_a_camera_is_that_between_its_own_views() -> None:
 def test_what_a_frame_saw_follows_the_rate_by_which_its_rows_are_put_together(xyz: Array) -> None:
     now, step = 1.0, 1e-4
     window, view = window_of(xyz, [replace(view_at(now - FRAME_S, True), located=True)]), view_of(xyz, now)
-    found = by_rate(window, view)
+    found = jacobian_by_rate(window, view)
     for i in range(6):
         motions = (np.eye(12)[i] * s for s in (step, -step))
-        more, less = (view_at_middle(window, view, m).middle for m in motions)
+        more, less = (view_at_middle_row(window, view, m).middle for m in motions)
         assert more is not None and less is not None
         np.testing.assert_allclose(found[:, :, i], (more - less) / (2 * step), atol=1e-6)
 
@@ -107,7 +106,7 @@ def test_rates_are_as_far_off_as_they_are_told_to_be(xyz: Array) -> None:
     for now in np.arange(1.0, 1.4, FRAME_S):
         views = [replace(view_at(now - k * FRAME_S, True), world_from_rig=at(now - k * FRAME_S)) for k in (4, 3, 2, 1)]
         state = ModernIntegratedState(window_of(xyz, views))
-        state, _, _ = located(ModernIntegratedConfig().build(RIG)._setup, state, view_of(xyz, now))
+        state, _, _ = localise(ModernIntegratedConfig().build(RIG)._setup, state, view_of(xyz, now))
         newest = state.window.views[-1]
         told.append(replace(state.window, views=(newest,)).rate_variance())
         poses = [(round(t * 1e9), at(t)) for t in (now - 3 * FRAME_S, now - 2 * FRAME_S, now - FRAME_S, now)]

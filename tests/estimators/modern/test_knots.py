@@ -5,29 +5,29 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.integrated.knots import Located, spline_error, spline_misfit
+from ispom.estimators.modern.integrated.knots import VideoPoses, spline_error, spline_misfit
 from ispom.geometry import so3_exp
 from ispom.solvers.spline.fit import fitted, misfits
 
 FRAME_S, SIGMA = 0.04, 1e-3
 
 
-def located(swing_m: float, noise: float, seed: int = 0, count: int = 200) -> tuple[Located, Located]:
+def located(swing_m: float, noise: float, seed: int = 0, count: int = 200) -> tuple[VideoPoses, VideoPoses]:
     """Poses of a rig that swings up and down, with noise and without it."""
     rng, times = np.random.default_rng(seed), FRAME_S * np.arange(count)
     along = np.column_stack([times, 0.1 * times**2, swing_m * np.sin(2 * np.pi * times / (5 * FRAME_S))])
     turned = np.column_stack([0.1 * np.sin(times), 0.2 * times, 0 * times])
     information = np.tile(np.eye(6) / SIGMA**2, (count, 1, 1))
 
-    def of(noise: float) -> Located:
+    def of(noise: float) -> VideoPoses:
         off = noise * rng.normal(size=(count, 6))
         turns = np.stack([so3_exp(t) @ so3_exp(o) for t, o in zip(turned, off[:, 3:], strict=True)])
-        return Located(times, turns, along + off[:, :3], np.ones(count, bool), information)
+        return VideoPoses(times, turns, along + off[:, :3], np.ones(count, bool), information)
 
     return of(noise), of(0.0)
 
 
-def error_of(poses: Located, frames: float) -> float:
+def error_of(poses: VideoPoses, frames: float) -> float:
     return spline_error(lambda f: spline_misfit(poses, f * FRAME_S), frames)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
-from ispom.estimators.modern.integrated.locate import LATE_PAIRS, located
-from ispom.estimators.modern.integrated.right_fits import right_fits
+from ispom.estimators.modern.integrated.localise import LATE_PAIRS, localise
+from ispom.estimators.modern.integrated.observe import check_right_matches
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.types import Frame, Measurement, Sequence, Status, Step, Tracks, TrackStatus, is_stereo
 from tests.alone import alone, run
@@ -78,7 +78,7 @@ def test_a_gap_in_pairs_is_bridged_by_points_that_were_adjusted_and_by_no_others
         (guessed, late, 0, Status.LOST),
         (guessed, soon, LATE_PAIRS, Status.LOST),
     ):
-        _, found, said = located(setup, replace(known, passed=passed), replace(view, time_ns=int(time_ns)))
+        _, found, said = localise(setup, replace(known, skipped=passed), replace(view, time_ns=int(time_ns)))
         assert found is not None and said is status
 
 
@@ -89,10 +89,10 @@ def test_the_right_image_fits_where_most_points_of_the_left_one_have_a_match_in_
         disparity = np.full(count, np.nan, np.float32)
         disparity[:matched], disparity[alive + wrong :] = 5.0, 5.0
         tracks = Tracks.of(np.arange(count), np.zeros((count, 2)), status=status, disparity_px=disparity)
-        return right_fits(Step(0, Status.TRACKING, tracks={"left": tracks})).value
+        return check_right_matches(Step(0, Status.TRACKING, tracks={"left": tracks})).value
 
     assert share(100, 95, 10) == pytest.approx(95 / 110)
     assert share(100, 20, 80, new=300) == pytest.approx(20 / 180)
     assert share(12, 9, 0) == pytest.approx(9 / 30)
     assert share(0, 0, 0, new=40) == 1.0
-    assert right_fits(Step(0, Status.LOST)).failed
+    assert check_right_matches(Step(0, Status.LOST)).failed

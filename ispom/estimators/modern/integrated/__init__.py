@@ -1,1 +1,2 @@
-"""The modern integrated method; its steps are the file names."""
+"""The modern integration of video and stereo. Read `estimator`, then its steps: `observe`, `localise`, `optimise` (with
+`knots`, `problem`), `alignment`, `report`; `state` and `window` hold the values between them, `shutter` the rows."""

@@ -12,7 +12,6 @@ STAGES = {
     "adjust": "After a stereo pair: fits one spline to all observations of both cameras in the window.",
 }
 """Descriptions of the stages of a step, by their keys in Step.seconds, in order."""
-
 VIEWS = Check(
     "views",
     "frames optimised together",

@@ -8,44 +8,34 @@ them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
 from ispom.estimator import STEREO, VIDEO, require_frame
-from ispom.estimators.modern.integrated.adjust import adjusted, limited
-from ispom.estimators.modern.integrated.covariance import newest_covariance
-from ispom.estimators.modern.integrated.joint_report import rig_covariance
-from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.locate import located
-from ispom.estimators.modern.integrated.new_segment import start_new_segment
-from ispom.estimators.modern.integrated.observe import observed, with_stereo, with_video
-from ispom.estimators.modern.integrated.right_fits import right_fits
-from ispom.estimators.modern.integrated.setup import Setup
-from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
-from ispom.estimators.modern.integrated.view import RigNoise
+from ispom.estimators.modern.integrated.alignment import stereo_from_window, video_poses
+from ispom.estimators.modern.integrated.localise import localise
+from ispom.estimators.modern.integrated.observe import check_right_matches, observe, with_pair, with_video, without_pair
+from ispom.estimators.modern.integrated.optimise import Optimisation, limit_views, optimise
+from ispom.estimators.modern.integrated.report import newest_covariance, observed_landmarks, rig_corrections
+from ispom.estimators.modern.integrated.state import ModernIntegratedState, Setup, start_new_segment
+from ispom.estimators.modern.integrated.window import JointWindow, RigNoise
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
-from ispom.geometry import Array, Pose
-from ispom.numerics.places import places
+from ispom.geometry import Array
 from ispom.numerics.robust import Noise
 from ispom.settings import Range, checked
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
-    Corrections,
     Decision,
     Landmarks,
     Measurement,
-    MountCorrection,
     Rig,
     Status,
     Step,
     Trajectory,
-    colours_at,
-    images_of,
 )
 
 
@@ -121,44 +111,57 @@ class ModernIntegrated:
         setup, watch = self._setup, Stopwatch()
         is_pair = require_frame(exposure, VIDEO | STEREO, rig=self.rig).kind in STEREO
         part = asked["stereo" if is_pair else "video"]
-        fits = (right_fits(part),) if is_pair else ()
-        if any(each.failed for each in fits):
-            return _passed_over(state, part, fits)
+        right_matches = (check_right_matches(part),) if is_pair else ()
+        if any(test.failed for test in right_matches):
+            return self._skip_pair(state, part, right_matches)
         # Only if stereo is followed do poses depend on it, so that its gap is one here.
-        blind = is_pair and (part.restarted or state.apart)
-        if blind and self.config.follow_stereo and state.window.views:
+        disconnected = is_pair and (part.restarted or state.stereo_restarted)
+        if disconnected and self.config.follow_stereo and state.window.views:
             state = start_new_segment(state, exposure.time_ns)
-        state = replace(state, passed=0, apart=False) if is_pair else state
-        state = with_stereo(state, part) if is_pair else with_video(state, part)
-        state, found, status = located(setup, state, observed(self.rig, part, not is_pair))
+        state = with_pair(state, part) if is_pair else with_video(state, part)
+        state, resection, status = localise(setup, state, observe(self.rig, part, not is_pair))
         watch.lap("place")
-        state, limits = limited(setup, state)
-        state, decisions, revised, spline = adjusted(setup, state) if is_pair else (state, (), [], None)
+        state, limits = limit_views(setup, state)
+        state, optimisation = optimise(setup, state) if is_pair else (state, Optimisation())
         watch.lap("adjust")
-        restarted = blind and (found is None or self.config.follow_stereo)
         pose, covariance, landmarks = None, None, Landmarks.empty()
+        stereo_from_world = stereo_from_window(setup, state)
         if status == Status.TRACKING:
-            onto = stereo_from_window(setup, state)
-            pose = onto @ state.window.views[-1].world_from_rig
+            pose = stereo_from_world @ state.window.views[-1].world_from_rig
             covariance = newest_covariance(setup, state, part)
-            landmarks = _landmarks(state.window, onto, exposure, part)
+            landmarks = observed_landmarks(state.window, stereo_from_world, exposure, part)
         return state, Step(
             exposure.time_ns,
             status,
             "rig",
             pose,
             covariance,
-            key_frame=bool(revised),
+            key_frame=bool(optimisation.poses),
             landmarks=landmarks,
-            residuals_px=self._residuals_px(found, is_pair),
-            revised=video_poses(setup, revised, Trajectory.of(list(state.metric))),
-            seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
-            decisions=(*fits, *limits, *decisions),
+            residuals_px=self._residuals_px(resection, is_pair),
+            revised=video_poses(setup, optimisation.poses, Trajectory.of(list(state.metric))),
+            seconds={**_seconds(part), **watch.seconds},
+            decisions=(*right_matches, *limits, *optimisation.decisions),
             parts=(part,),
-            restarted=restarted,
+            restarted=disconnected and (resection is None or self.config.follow_stereo),
             provisional=pose is not None and state.window.reference is None,
-            calibration=_calibration(state.window),
-            spline=spline.moved(stereo_from_window(setup, state)) if spline is not None else None,
+            calibration=rig_corrections(state.window),
+            spline=None if optimisation.spline is None else optimisation.spline.moved(stereo_from_world),
+        )
+
+    def _skip_pair(
+        self, state: ModernIntegratedState, part: Step, decisions: tuple[Decision, ...]
+    ) -> tuple[ModernIntegratedState, Step]:
+        """Skips a pair that measures no depth: the video continues alone as long as it observes optimised points."""
+        status = Status.LOST if state.window.views else Status.INITIALISING
+        return without_pair(state, part), Step(
+            part.time_ns,
+            status,
+            "rig",
+            seconds=_seconds(part),
+            decisions=decisions,
+            parts=(part,),
+            calibration=rig_corrections(state.window),
         )
 
     @property
@@ -189,46 +192,12 @@ class ModernIntegrated:
         free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
         return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
 
-    def _residuals_px(self, found: PoseFit | None, is_pair: bool) -> Array:
-        if found is None:
+    def _residuals_px(self, resection: PoseFit | None, is_pair: bool) -> Array:
+        if resection is None:
             return np.zeros(0)
-        return found.distances[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
+        return resection.distances[resection.inliers] * self.rig.camera("left" if is_pair else "video").fx
 
 
-def _passed_over(
-    state: ModernIntegratedState, part: Step, why: tuple[Decision, ...]
-) -> tuple[ModernIntegratedState, Step]:
-    """Skips a pair that measures no depth: the video continues alone as long as it observes optimised points."""
-    status = Status.LOST if state.window.views else Status.INITIALISING
-    seconds = {f"{part.method}: {k}": v for k, v in part.seconds.items()}
-    state = replace(state, passed=state.passed + 1, apart=state.apart or part.restarted)
-    state = with_stereo(state, replace(part, world_from_frame=None))
-    return state, Step(
-        part.time_ns,
-        status,
-        "rig",
-        seconds=seconds,
-        decisions=why,
-        parts=(part,),
-        calibration=_calibration(state.window),
-    )
-
-
-def _calibration(window: JointWindow) -> Corrections:
-    """Returns the self-calibrated corrections of the video camera's pose on the rig, and of its clock."""
-    if not window.rig.free.any() or not window.rig_estimates:
-        return Corrections()
-    return Corrections(mount=MountCorrection.of(window.rig.minus(window.calibrated), rig_covariance(window)))
-
-
-def _landmarks(window: JointWindow, onto: Pose, exposure: Measurement, part: Step) -> Landmarks:
-    """Returns the landmarks observed in this frame; ids are the window's: even for the video, odd for pairs."""
-    view = window.views[-1]
-    place = window.table.places(view.ids)
-    known = place >= 0
-    image = images_of(exposure)["video" if view.video else "left"]
-    tracks = part.tracks["video" if view.video else "left"]
-    order = np.argsort(tracks.ids, kind="stable")
-    uv = tracks.uv[order[places(tracks.ids[order], view.ids[known] // 2)]]
-    points = window.table.select(place[known]).points
-    return Landmarks(view.ids[known], onto.apply(points.xyz_in_world), colours_at(image, uv))
+def _seconds(part: Step) -> dict[str, float]:
+    """Returns the times of the stages of the method that this one depends on."""
+    return {f"{part.method}: {stage}": seconds for stage, seconds in part.seconds.items()}

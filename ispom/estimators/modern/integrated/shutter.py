@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import required
-from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.view import View
+from ispom.estimators.modern.integrated.window import JointWindow, View
 from ispom.estimators.modern.rolling import at_middle
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
@@ -19,7 +18,7 @@ BAND_S = 0.002
 """Height of a band [s]: its rows share a time of the spline; within it, points are moved as in `at_middle`."""
 
 
-def view_at_middle(window: JointWindow, view: View, motion: Array) -> View:
+def view_at_middle_row(window: JointWindow, view: View, motion: Array) -> View:
     """Returns the view with the positions at the time of the middle row; the rig has the motion (12,), see
     `JointWindow.motion`."""
     if view.late_s is None:
@@ -31,7 +30,7 @@ def view_at_middle(window: JointWindow, view: View, motion: Array) -> View:
     return replace(view, middle=middle[:, :2] / middle[:, 2:])
 
 
-def by_rate(window: JointWindow, view: View) -> Array:
+def jacobian_by_rate(window: JointWindow, view: View) -> Array:
     """Returns the Jacobian (N, 2, 6) of the positions at the time of the middle row with respect to the rate of
     rig_from_world (rho [m/s], phi [rad/s])."""
     late_s = required(view.late_s, "the view has a global shutter")
@@ -54,7 +53,7 @@ def _inverse_depths(window: JointWindow, view: View) -> Array:
     return np.where(np.isfinite(found), found, np.nanmedian(found) if np.isfinite(found).any() else 0.0)
 
 
-def banded(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBands, NDArray[np.int64], Array]:
+def group_rows(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBands, NDArray[np.int64], Array]:
     """Groups the rows of all observations (O,) into bands; `exposure` (O,) are the indices of their views.
 
     Returns the bands, the index (O,) of each time as in RigObservations, and the normalised displacements (O, 2) since

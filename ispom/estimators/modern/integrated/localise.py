@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.rows import view_at_middle
-from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
-from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo, stereo_from_window
-from ispom.estimators.modern.integrated.view import RigNoise, View
+from ispom.estimators.modern.integrated.alignment import pose_by_stereo, stereo_from_window
+from ispom.estimators.modern.integrated.shutter import view_at_middle_row
+from ispom.estimators.modern.integrated.state import MIN_POINTS, ModernIntegratedState, Setup
+from ispom.estimators.modern.integrated.window import JointWindow, RigNoise, View
 from ispom.estimators.modern.rolling import LEAST, PASSES, motion_at
 from ispom.geometry import Array, Pose
 from ispom.solvers.influence.problem import report_problem
@@ -31,7 +29,7 @@ LATE_PAIRS = 2
 """Number of skipped pairs, or of longest intervals between pairs, after which pairs count as missing."""
 
 
-def located(
+def localise(
     setup: Setup, state: ModernIntegratedState, view: View
 ) -> tuple[ModernIntegratedState, PoseFit | None, Status]:
     """Adds a view to the window. Its pose is resected from known points; otherwise it is that of the stereo method,
@@ -41,83 +39,83 @@ def located(
         if view.video or len(view.ids) < MIN_POINTS:
             return state, None, Status.INITIALISING
         return replace(state, window=window.with_view(view)), None, Status.TRACKING
-    view, found = _seen_together(setup.noise, window, view, lambda: stereo_from_window(setup, state))
-    by_stereo = pose_by_stereo(setup, state, view) if found is None else None
+    view, resection = _resect_at_middle_row(setup.noise, window, view, lambda: stereo_from_window(setup, state))
+    by_stereo = pose_by_stereo(setup, state, view) if resection is None else None
     if by_stereo is not None:
         view = replace(view, world_from_rig=by_stereo)
-    elif found is None:
+    elif resection is None:
         view = replace(view, world_from_rig=window.views[-1].world_from_rig, located=False)
     else:
         rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
-        pose = found.camera_from_world.inverse() @ rig_from_camera.inverse()
-        view = replace(view, world_from_rig=pose, located=True, metric=_metric(window, view, found, state.passed))
+        pose = resection.camera_from_world.inverse() @ rig_from_camera.inverse()
+        view = replace(
+            view, world_from_rig=pose, located=True, metric=_is_metric(window, view, resection, state.skipped)
+        )
         view = replace(view, information=_information(setup.noise, window, view))
     state = replace(state, window=window.with_view(view))
     # The first frames have no points of known depth; they take the pose of the pair just before them.
-    near = found is None and window.reference is None
-    known = (found is not None and view.metric) or by_stereo is not None or near
-    return state, found, Status.TRACKING if known else Status.LOST
+    near = resection is None and window.reference is None
+    known = (resection is not None and view.metric) or by_stereo is not None or near
+    return state, resection, Status.TRACKING if known else Status.LOST
 
 
-def _metric(window: JointWindow, view: View, found: PoseFit, passed: int) -> bool:
+def _is_metric(window: JointWindow, view: View, resection: PoseFit, skipped: int) -> bool:
     """Checks that the points which localise a view are metric: where pairs are missing, depths of new points are
     guesses, and those of the points first observed by such views depend on guesses."""
-    usual_ns, missing = window.usual_ns, passed >= LATE_PAIRS
+    usual_ns, missing = window.usual_ns, skipped >= LATE_PAIRS
     if usual_ns is not None:
         missing |= view.time_ns - window.views[window.pairs[-1]].time_ns > LATE_PAIRS * usual_ns
     if not missing or not view.video:
         return True
-    known, adjusted = _known(window, view)
-    return int((adjusted[known] & found.inliers).sum()) >= MIN_POINTS
+    known, adjusted = _points_to_use(window, view)
+    return int((adjusted[known] & resection.inliers).sum()) >= MIN_POINTS
 
 
-def _seen_together(
-    noise: RigNoise, window: JointWindow, view: View, onto: Callable[[], Pose]
+def _resect_at_middle_row(
+    noise: RigNoise, window: JointWindow, view: View, stereo_from_world: Callable[[], Pose]
 ) -> tuple[View, PoseFit | None]:
     """Corrects the rolling shutter of a view by the predicted motion and, for the video, by the motion up to it;
-    returns the view and its resection. `onto` leads from the window's world to that of the reported poses."""
-    view = view_at_middle(window, view, window.motion(view.video))
-    found, recent = _resected(noise, window, view, onto), window.recent(view.time_ns)
+    returns the view and its resection. `stereo_from_world` leads to the world of
+    the reported poses."""
+    view = view_at_middle_row(window, view, window.motion(view.video))
+    resection, recent = _resect(noise, window, view, stereo_from_world), window.recent(view.time_ns)
     if view.late_s is None or not view.video or len(recent) + 1 < LEAST:
-        return view, found
+        return view, resection
     for _ in range(PASSES):
-        if found is None:
+        if resection is None:
             break
-        pose = found.camera_from_world.inverse() @ window.rig.rig_from_video.inverse()
+        pose = resection.camera_from_world.inverse() @ window.rig.rig_from_video.inverse()
         poses = [*recent, (view.time_ns, pose)]
         motion, fewer = motion_at(poses, view.time_ns), motion_at(poses[1:], view.time_ns)
-        view = view_at_middle(window, replace(view, unforeseen=(motion - fewer)[:6]), motion)
-        found = _resected(noise, window, view, onto)
-    return view, found
+        view = view_at_middle_row(window, replace(view, rate_difference=(motion - fewer)[:6]), motion)
+        resection = _resect(noise, window, view, stereo_from_world)
+    return view, resection
 
 
-def _resected(noise: RigNoise, window: JointWindow, view: View, onto: Callable[[], Pose]) -> PoseFit | None:
+def _resect(noise: RigNoise, window: JointWindow, view: View, stereo_from_world: Callable[[], Pose]) -> PoseFit | None:
     """Returns camera_from_world by resection from known points; None for too few inliers."""
-    place, (known, _) = window.table.places(view.ids), _known(window, view)
+    place, (known, _) = window.table.places(view.ids), _points_to_use(window, view)
     if known.sum() < MIN_POINTS:
         return None
     xyz, seen = window.table.select(place[known]).points.xyz_in_world, window.seen(view)[known]
     limit = INLIER * noise.of(view.video).sigma
     predicted = replace(view, world_from_rig=window.predicted(view.time_ns))
     policy = Policy(noise.of(view.video).width, limit, limit)
-    found = locate(xyz, seen, window.camera_pose(predicted).inverse(), policy)
-    if found is None or found.inliers.sum() < MIN_POINTS:
+    resection = locate(xyz, seen, window.camera_pose(predicted).inverse(), policy)
+    if resection is None or resection.inliers.sum() < MIN_POINTS:
         return None
-    report_problem(lambda: _problem(view, view.ids[known], xyz, seen, found.camera_from_world, policy.width, onto()))
-    return found
+
+    def problem() -> ResectionProblem:
+        """In the world of the reported poses, by the ids of the camera's own tracks."""
+        onto = stereo_from_world()
+        pose, name = resection.camera_from_world @ onto.inverse(), "video" if view.video else "left"
+        return ResectionProblem(view.ids[known] // 2, onto.apply(xyz), seen, pose, policy.width, name)
+
+    report_problem(problem)
+    return resection
 
 
-def _problem(
-    view: View, ids: NDArray[np.int64], xyz: Array, seen: Array, camera_from_window: Pose, width: float, onto: Pose
-) -> ResectionProblem:
-    """Returns what was solved, in the world of the reported poses and by the ids of the camera's own tracks."""
-    camera_from_world = camera_from_window @ onto.inverse()
-    return ResectionProblem(
-        ids // 2, onto.apply(xyz), seen, camera_from_world, width, "video" if view.video else "left"
-    )
-
-
-def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _points_to_use(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns (N,) which points localise a view, and which of its points were optimised."""
     known = window.table.places(view.ids) >= 0
     if window.reference is None:
