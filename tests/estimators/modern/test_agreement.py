@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular import begin
-from ispom.estimators.modern.monocular.agreement import KEYFRAMES, RIGHT, YOUNG, lasting_share
-from ispom.estimators.modern.monocular.begin import Progress, advance
+from ispom.estimators.modern.monocular import initialise
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
+from ispom.estimators.modern.monocular.initialise import Progress, advance
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import LOSS
-from ispom.estimators.modern.monocular.start import Start
-from ispom.estimators.modern.monocular.state import ModernMonocularState
+from ispom.estimators.modern.monocular.state import ModernMonocularState, Start
+from ispom.estimators.modern.monocular.verify_map import LASTING_KEYFRAMES, MIN_YOUNG_SHARE, YOUNG_FRAMES, lasting_share
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
@@ -74,7 +73,7 @@ def with_wrong_depths(world: Map) -> Map:
 @pytest.fixture(scope="module")
 def taken_back() -> Iterator[tuple[ModernMonocular, list[Image], list[ModernMonocularState], list[Step]]]:
     """A run whose first map has wrong depths."""
-    right, made = begin.first_map, list[Map]()
+    right, made = initialise.first_map, list[Map]()
 
     def wrong(*args: object) -> tuple[Map | None, tuple[Decision, ...]]:
         found, decisions = right(*args)  # type: ignore[arg-type]
@@ -84,7 +83,7 @@ def taken_back() -> Iterator[tuple[ModernMonocular, list[Image], list[ModernMono
 
     images = [walls(camera_from_world(i)) for i in range(30)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(begin, "first_map", wrong)
+        patch.setattr(initialise, "first_map", wrong)
         estimator = build()
         states, steps = stepped(estimator, images)
     assert len(made) == 2, "the second one stays"
@@ -101,8 +100,8 @@ def test_a_wrong_first_map_is_taken_back(taken_back: tuple[ModernMonocular, list
     at = at_take_back(steps)
     first = next(i for i, s in enumerate(steps) if s.status is Status.TRACKING)
     test = lasting(steps[at : at + 1])[0]
-    assert not test.passed and test.value < RIGHT and test.kind == "warning" and test.consequence
-    assert first < at <= first + YOUNG and steps[at].status is Status.INITIALISING
+    assert not test.passed and test.value < MIN_YOUNG_SHARE and test.kind == "warning" and test.consequence
+    assert first < at <= first + YOUNG_FRAMES and steps[at].status is Status.INITIALISING
     after = states[at + 1]
     assert after.map is None and not after.database.keyframes and after.segments == 2
     times = estimator.finish(after).times_ns // INTERVAL_NS
@@ -209,7 +208,9 @@ def test_after_a_wrong_map_the_next_one_requires_the_full_parallax(wrong_before:
         assert not found.start.requires_full_parallax, "its points left, so the next reference has the usual limits"
 
 
-@pytest.mark.parametrize(("every", "expected"), [(1, 0.9**KEYFRAMES), (2, 0.9 ** (2 * KEYFRAMES + 1)), (50, 0.9**10)])
+@pytest.mark.parametrize(
+    ("every", "expected"), [(1, 0.9**LASTING_KEYFRAMES), (2, 0.9 ** (2 * LASTING_KEYFRAMES + 1)), (50, 0.9**10)]
+)
 def test_points_should_agree_for_ten_frames_or_three_keyframes(every: int, expected: float) -> None:
     agreeing = tuple((0.9, i % every == 0) for i in range(20))
     assert lasting_share(agreeing) == pytest.approx(expected)

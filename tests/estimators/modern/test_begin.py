@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular.begin import Progress, advance
+from ispom.estimators.modern.monocular.initialise import Progress, advance
 from ispom.estimators.modern.monocular.setup import LOSS
-from ispom.estimators.modern.monocular.start import BUFFER, Start
+from ispom.estimators.modern.monocular.state import MAX_FRAMES, Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.numerics.robust import Noise
@@ -154,10 +154,10 @@ def test_a_long_wait_for_parallax_leaves_no_frame_behind() -> None:
         x = _seen(pose.apply(xyz)) + rng.normal(0, NOISE / 10, (200, 2))
         found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), TRACKS, np.radians(1.5))
         settled += found.settled
-        assert len(found.start.frames) <= BUFFER
+        assert len(found.start.frames) <= MAX_FRAMES
         if found.map is not None:
             break
-    assert found.map is not None and i > BUFFER + 50
+    assert found.map is not None and i > MAX_FRAMES + 50
     poses = dict([*settled, *found.map.trajectory()])
     assert sorted(poses) == [k * 100_000_000 for k in range(i + 1)], "of each frame one pose"
     own, true = (np.stack(some) for some in ([poses[k].translation for k in sorted(poses)], centres[: i + 1]))

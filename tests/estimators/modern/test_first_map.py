@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular import first_map as module
-from ispom.estimators.modern.monocular.first_map import anchored_prior, first_map
+from ispom.estimators.modern.monocular.first_map import first_map
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import LOSS
-from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.modern.monocular.state import Start
+from ispom.estimators.modern.monocular.window import anchored_prior
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular.begin import advance
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
-from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.modern.monocular.initialise import advance
+from ispom.estimators.modern.monocular.state import Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose, so3_log
 from ispom.numerics.robust import Noise

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.map import NARROWEST, WIDTH_IN_MEDIANS, Map
+from ispom.estimators.modern.monocular.window import anchored_prior
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Pose

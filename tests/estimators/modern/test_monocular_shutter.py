@@ -9,12 +9,17 @@ import pytest
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.monocular.first_map import anchored_prior
-from ispom.estimators.modern.monocular.localise import Localisation, located_by
-from ispom.estimators.modern.monocular.map import Map, RelativeFrame, adjusted
+from ispom.estimators.modern.monocular.localise import Localisation, localise_by_tracks
+from ispom.estimators.modern.monocular.map import Map, RelativeFrame, optimise
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.shutter import begun_by_motions, by_motions, speeds_by, with_motions
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.shutter import (
+    correct_by_motion,
+    correct_first_map,
+    correct_frames,
+    speeds_by_motion,
+)
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
+from ispom.estimators.modern.monocular.window import anchored_prior
 from ispom.estimators.modern.rolling import Sight, late_px, late_s, motion_at
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
@@ -78,7 +83,7 @@ def test_a_motion_puts_points_where_the_middle_row_saw_them(k: int) -> None:
     now = k * STEP_NS
     poses = [(t, shaken(t)) for t in (now + i * STEP_NS for i in range(-2, 3))]
     uv, pose = seen(now), shaken(now).inverse()
-    speed = speeds_by(Lens(CAMERA, np.zeros(2)), uv, points(), pose, motion_at(poses, now))
+    speed = speeds_by_motion(Lens(CAMERA, np.zeros(2)), uv, points(), pose, motion_at(poses, now))
     assert np.abs(uv - at_middle(now)).max() > 0.7
     assert np.abs(uv - late_px(CAMERA, uv, speed) - at_middle(now)).max() < 0.03
 
@@ -100,11 +105,11 @@ def setup(camera: Camera = CAMERA) -> Setup:
     return ModernMonocularConfig().build(Rig.single(camera))._setup
 
 
-def followed_to(time_ns: int) -> tuple[LiveTracks, Followed]:
+def followed_to(time_ns: int) -> tuple[LiveTracks, TrackingResult]:
     """Tracks in the image of a time, as if the shutter did not roll."""
     last_ns, uv = time_ns - STEP_NS, seen(time_ns)
     live = LiveTracks(ids=IDS, uv=seen(last_ns), time_ns=last_ns)
-    return live, Followed(uv, np.full(len(IDS), TrackStatus.ALIVE, np.uint8), np.zeros_like(uv))
+    return live, TrackingResult(uv, np.full(len(IDS), TrackStatus.ALIVE, np.uint8), np.zeros_like(uv))
 
 
 def off(found: Localisation, time_ns: int) -> float:
@@ -116,7 +121,7 @@ def test_the_last_two_frames_are_put_right_by_the_pose_after_them() -> None:
     last = 13
     before, sights = window(last), tuple(Sight(k * STEP_NS, IDS, seen(k * STEP_NS)) for k in (last - 2, last - 1))
     newest = (last * STEP_NS, shaken(last * STEP_NS))
-    after = with_motions(setup(), before, sights, (newest,))
+    after = correct_frames(setup(), before, sights, (newest,))
     true = CAMERA.normalise(at_middle((last - 1) * STEP_NS))
     errors = [float(np.abs(m.keys[-1].x - true).max()) * CAMERA.fx for m in (before, after)]
     assert errors[0] > 0.7 and errors[1] < 0.15
@@ -146,23 +151,23 @@ def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None
     now = last * STEP_NS
     world = anchored(window(last))
     old = world.keys[0].with_updated_coordinates(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
-    bent = adjusted(replace(world, keys=(old, world.keys[1])), sigma, 20)[0]
+    bent = optimise(replace(world, keys=(old, world.keys[1])), sigma, 20)[0]
     live, followed = followed_to(now)
-    first = located_by(setup(), live, bent, followed, shaken(now))
+    first = localise_by_tracks(setup(), live, bent, followed, shaken(now))
     sights = Sight((last - 2) * STEP_NS, IDS, seen((last - 2) * STEP_NS)), live.sight
-    found, straight = by_motions(setup(), live, bent, sights, now, first)
+    found, straight = correct_by_motion(setup(), live, bent, sights, now, first)
     assert shape_error(bent) > 0.003 and shape_error(straight) < 0.3 * shape_error(bent)
     assert off(found, now) < 0.3 * off(first, now)
     still = setup(replace(CAMERA, line_delay_s=0.0))
-    assert by_motions(still, live, bent, sights, now, first) == (first, bent)
+    assert correct_by_motion(still, live, bent, sights, now, first) == (first, bent)
 
 
 def test_a_first_map_is_put_right_by_its_own_poses() -> None:
     times = [k * STEP_NS for k in range(4, 13)]
     world = anchored(window(13))
-    bent = adjusted(world, setup().noise.width, 20)[0]
+    bent = optimise(world, setup().noise.width, 20)[0]
     sights = tuple(Sight(t, IDS, seen(t)) for t in times)
-    straight = begun_by_motions(setup(), bent, sights)
+    straight = correct_first_map(setup(), bent, sights)
     assert shape_error(bent) > 0.003 and shape_error(straight) < 0.5 * shape_error(bent)
     true = [CAMERA.normalise(at_middle(key.time_ns)) for key in bent.keys]
     before, after = (
@@ -170,25 +175,25 @@ def test_a_first_map_is_put_right_by_its_own_poses() -> None:
         for m in (bent, straight)
     )
     assert max(before) > 0.4 and max(after) < 0.15
-    assert begun_by_motions(setup(replace(CAMERA, line_delay_s=0.0)), bent, sights) is bent
+    assert correct_first_map(setup(replace(CAMERA, line_delay_s=0.0)), bent, sights) is bent
 
 
 def test_a_frame_is_located_by_its_motion() -> None:
     now, world = 13 * STEP_NS, window(14)
     world = replace(world, keys=world.keys[:1])
     live, followed = followed_to(now)
-    first = located_by(setup(), live, world, followed, shaken(now))
-    found, _ = by_motions(setup(), live, world, (live.sight,), now, first)
+    first = localise_by_tracks(setup(), live, world, followed, shaken(now))
+    found, _ = correct_by_motion(setup(), live, world, (live.sight,), now, first)
     assert off(found, now) < 0.3 * off(first, now)
     alone = replace(world, relative_frames=())
-    assert by_motions(setup(), live, alone, (live.sight,), now, first) == (first, alone)
+    assert correct_by_motion(setup(), live, alone, (live.sight,), now, first) == (first, alone)
 
 
 @pytest.mark.parametrize("gap_s", [0.3, 2.0])
 def test_a_pose_after_a_gap_tells_nothing_of_the_motion_before(gap_s: float) -> None:
     world, now = window(13), 12 * STEP_NS + round(gap_s * 1e9)
     sights = (Sight(12 * STEP_NS, IDS, seen(12 * STEP_NS)),)
-    after, alone = with_motions(setup(), world, sights, ((now, shaken(now)),)), with_motions(setup(), world, sights)
+    after, alone = correct_frames(setup(), world, sights, ((now, shaken(now)),)), correct_frames(setup(), world, sights)
     np.testing.assert_array_equal(after.keys[-1].x, alone.keys[-1].x)
 
 
@@ -198,5 +203,5 @@ def test_frames_at_any_rate_are_put_right_where_three_are_near_enough(rate_hz: i
     times = [k * step_ns for k in range(1, 8)]
     keys = tuple(TrackedFrame(t, IDS, CAMERA.normalise(seen(t)), shaken(t)) for t in times)
     world = Map(keys, ScenePoints(IDS, points()), None, setup().noise.width)
-    after = with_motions(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
+    after = correct_frames(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
     assert all((a.x != b.x).any() == (rate_hz > 4) for a, b in zip(after.keys, keys, strict=True))

@@ -7,9 +7,16 @@ import pytest
 
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.other_motion import other_motion
-from ispom.estimators.modern.monocular.outlier_tracks import ENOUGH, LASTING, LONGEST, OutlierTracks
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
+from ispom.estimators.modern.monocular.tracks import (
+    MAX_AGE,
+    MIN_AGE,
+    MIN_TRACKS,
+    LiveTracks,
+    MovedPoints,
+    OutlierTracks,
+    TrackingResult,
+)
+from ispom.estimators.modern.monocular.verify_map import find_other_motion
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.klt import Klt
 from ispom.geometry import Pose
@@ -42,7 +49,7 @@ def seen(noise: float, astray: int = 0) -> tuple[Map, TrackedFrame]:
 @pytest.mark.parametrize("noise", [0.0, 0.3 * SIGMA])
 def test_a_thing_that_moves_by_itself_is_told_with_its_tracks(noise: float) -> None:
     world, frame = seen(noise)
-    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    test, ids = find_other_motion(world, frame, SCENE, SIGMA)
     assert test is not None and not test.passed
     np.testing.assert_allclose(test.value, len(ids) / (SCENE + MOVED))
     assert set(ids) <= set(frame.ids) and len(ids) >= (1.0 if noise == 0 else 0.9) * MOVED
@@ -50,7 +57,7 @@ def test_a_thing_that_moves_by_itself_is_told_with_its_tracks(noise: float) -> N
 
 def test_tracks_gone_astray_are_not_among_them() -> None:
     world, frame = seen(0.3 * SIGMA, astray=15)
-    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    test, ids = find_other_motion(world, frame, SCENE, SIGMA)
     assert test is not None and not test.passed
     assert np.isin(np.arange(SCENE, SCENE + MOVED - 15), ids).mean() > 0.9
     assert np.isin(np.arange(SCENE + MOVED - 15, SCENE + MOVED), ids).sum() <= 4
@@ -58,7 +65,7 @@ def test_tracks_gone_astray_are_not_among_them() -> None:
 
 def test_nothing_is_told_of_tracks_that_all_went_astray() -> None:
     world, frame = seen(0.3 * SIGMA, astray=MOVED)
-    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    test, ids = find_other_motion(world, frame, SCENE, SIGMA)
     assert test is not None and test.passed and test.value == 0.0 and not len(ids)
 
 
@@ -69,9 +76,9 @@ def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
     key = TrackedFrame(0, frame.ids, still[:, :2] / still[:, 2:], Pose())
     now = CAMERA.inverse().apply(still)
     frame = TrackedFrame(1, frame.ids, now[:, :2] / now[:, 2:], CAMERA)
-    assert other_motion(Map((key,), ScenePoints(), None, SIGMA), frame, SCENE, SIGMA)[0] is None
+    assert find_other_motion(Map((key,), ScenePoints(), None, SIGMA), frame, SCENE, SIGMA)[0] is None
     few = frame.without(frame.ids[15:])
-    assert other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
+    assert find_other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
 
 
 def ended(uv: np.ndarray, count: int, most: int = 500) -> OutlierTracks:
@@ -79,27 +86,27 @@ def ended(uv: np.ndarray, count: int, most: int = 500) -> OutlierTracks:
     status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
     status[:count:2], status[1:count:2], status[0] = TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.LOST
     live = LiveTracks(ids=np.arange(len(uv)), uv=uv)
-    return OutlierTracks().joined(live, Followed(uv, status, np.zeros_like(uv)), most)
+    return OutlierTracks().joined(live, TrackingResult(uv, status, np.zeros_like(uv)), most)
 
 
 def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> None:
     wide = texture(0, (240, 400))
-    images = [np.ascontiguousarray(wide[:, 3 * i : 3 * i + 320]) for i in range(LONGEST + 4)]
-    uv = np.random.default_rng(1).uniform((100, 20), (300, 220), (2 * ENOUGH, 2)).astype(np.float32)
+    images = [np.ascontiguousarray(wide[:, 3 * i : 3 * i + 320]) for i in range(MAX_AGE + 4)]
+    uv = np.random.default_rng(1).uniform((100, 20), (300, 220), (2 * MIN_TRACKS, 2)).astype(np.float32)
     ids = np.arange(len(uv))
     kept = ended(uv, len(ids))
     assert kept.ids.tolist() == ids[1:].tolist(), "not what was lost"
     assert ended(uv, len(ids), most=5).ids.tolist() == ids[-5:].tolist(), "the newest"
-    assert not len(ended(uv, ENOUGH).ids), "too few to be followed on"
-    for i in range(1, LONGEST + 2):
+    assert not len(ended(uv, MIN_TRACKS).ids), "too few to be followed on"
+    for i in range(1, MAX_AGE + 2):
         found = kept.expected
         now, status = Klt(max_forward_backward_px=np.inf).track(images[i - 1], images[i], found.before, found.now)
-        kept = kept.followed(images[i - 1], images[i], Moved(found.before, now, status))
-        if i < LASTING:
+        kept = kept.after_tracking(images[i - 1], images[i], MovedPoints(found.before, now, status))
+        if i < MIN_AGE:
             assert not kept.lasting.any()
         if i <= 10:
             np.testing.assert_allclose(kept.uv, uv[kept.ids] - [3.0 * i, 0], atol=0.3)
-            assert (kept.lasting.sum() if i >= LASTING else len(kept.ids)) >= len(ids) - 3
+            assert (kept.lasting.sum() if i >= MIN_AGE else len(kept.ids)) >= len(ids) - 3
         if i == 10:
             kept = kept.explained(kept.ids[:4])
     assert 3 <= len(kept.ids) <= 4, "only what was explained"

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from ispom.estimator import Estimator
-from ispom.estimators.modern.monocular import relocate
-from ispom.estimators.modern.monocular.before_gap import remembered
+from ispom.estimators.modern.monocular import recover
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.monocular.localise import Localisation, contradicted
+from ispom.estimators.modern.monocular.keyframe import keep_frame_before_gap
+from ispom.estimators.modern.monocular.localise import Localisation, is_contradicted
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.recognise import FEWEST, depth_confirmed
+from ispom.estimators.modern.monocular.match_keyframes import MIN_INLIERS, depth_confirmed
 from ispom.estimators.modern.monocular.recover import PATIENCE
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
+from ispom.estimators.modern.monocular.window import prior_of_keyframes
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
@@ -144,11 +145,11 @@ def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, expos
     setup, world, last_ns = estimator._setup, state.map, frames[35].time_ns
     assert world is not None and world.keys[-1].time_ns < last_ns
     for i in (36, 40):
-        assert remembered(setup, state, frames[i].time_ns) is state
-    after = remembered(setup, state, frames[41].time_ns)
+        assert keep_frame_before_gap(setup, state, frames[i].time_ns) is state
+    after = keep_frame_before_gap(setup, state, frames[41].time_ns)
     assert after.map is not None and after.map.keys[-1].time_ns == last_ns
     assert after.database.keyframes[-1].time_ns == last_ns
-    assert remembered(setup, after, frames[41].time_ns) is after
+    assert keep_frame_before_gap(setup, after, frames[41].time_ns) is after
     before, now = (np.isfinite(m.known(state.live.ids)[:, 0]).sum() for m in (world, after.map))
     assert now > before + 20
     was, stays = estimator.finish(state), estimator.finish(after)
@@ -163,7 +164,7 @@ def test_a_frame_that_keeps_few_of_its_tracks_is_located_by_descriptors_as_well(
     steps, error_m = video(flight, exposures, [*range(24), *range(62, 68)])
     assert {s.status for s in steps[24:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
     assert error_m[24:].max() < 0.015, "of 1.9 m"
-    assert next(d.value for d in steps[24].decisions if d.key == "described_points") > FEWEST
+    assert next(d.value for d in steps[24].decisions if d.key == "described_points") > MIN_INLIERS
 
 
 @pytest.mark.parametrize("more", [0, 1])
@@ -171,7 +172,7 @@ def test_one_thing_that_few_points_show_elsewhere_is_no_place(
     flight: Sequence, exposures: list[Measurement], more: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A strip of the last image: 31 points agree with a pose that nothing foretold, and `more` are needed."""
-    monkeypatch.setattr(relocate, "SURE", 31 + more)
+    monkeypatch.setattr(recover, "MIN_DESCRIBED", 31 + more)
     frames = [e for e in exposures if is_video(e)]
     height, width = frames[0].image.shape[:2]
     rows, columns = slice(height // 4, height * 5 // 12), np.arange(width // 12, width * 7 // 12)
@@ -211,7 +212,7 @@ def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sigh
     assert 30 < shown.sum() < 50, "the turn takes others out of the image"
     world = Map((), ScenePoints(ids, in_camera), None, 1e-3)
 
-    none = Followed(np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros((0, 2), np.float32))
+    none = TrackingResult(np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros((0, 2), np.float32))
 
     def located(camera_from_world: Pose, use: np.ndarray) -> Localisation:
         near = turn.apply(in_camera[use])
@@ -222,10 +223,10 @@ def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sigh
     live, found = LiveTracks(ids=ids), located(turn, shown)
     near = located(Pose(turn.rotation, np.array([0.003, 0.0, 0.003])), shown)
     away = located(Pose(turn.rotation, np.array([0.1, 0.0, 0.0])), shown)
-    assert not contradicted(setup, live, world, found, near) and contradicted(setup, live, world, found, away)
+    assert not is_contradicted(setup, live, world, found, near) and is_contradicted(setup, live, world, found, away)
     few = shown & (np.cumsum(shown) <= 0.4 * shown.sum())
-    assert not contradicted(setup, live, world, located(turn, few), away), "on one thing that moves"
-    assert not contradicted(setup, live, world, replace(found, motion=None), away)
+    assert not is_contradicted(setup, live, world, located(turn, few), away), "on one thing that moves"
+    assert not is_contradicted(setup, live, world, replace(found, motion=None), away)
 
 
 def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
@@ -259,7 +260,7 @@ def test_a_camera_lost_for_long_goes_on_in_its_first_segment_where_that_is_seen_
 def test_keyframes_found_again_hold_the_unit_and_leave_the_place_as_sure_as_it_was() -> None:
     poses = tuple(Pose.from_rotvec(np.array([0.0, 0.1 * i, 0.0]), np.array([0.01 * i, 0.0, 0.2])) for i in range(3))
     known = np.diag([0.01**2] * 3 + [0.002**2] * 3)
-    prior = relocate.prior_of_keyframes(poses, np.zeros(2), known, 0.001, 5.0)
+    prior = prior_of_keyframes(poses, np.zeros(2), known, 0.001, 5.0)
     covariance = np.linalg.inv(prior.hessian)
     np.testing.assert_allclose(covariance[:6, :6], known, atol=1e-9)
     # How the distance from the first to the last camera changes with left twists.

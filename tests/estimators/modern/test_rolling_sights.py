@@ -10,10 +10,10 @@ import pytest
 
 from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular import loop as of_camera
+from ispom.estimators.modern.monocular import conclude as of_camera
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.monocular.recognise import _intersected, at_middle
-from ispom.estimators.modern.monocular.tracks import Followed
+from ispom.estimators.modern.monocular.match_keyframes import _triangulate, at_middle_row_of
+from ispom.estimators.modern.monocular.tracks import TrackingResult
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
@@ -45,9 +45,9 @@ def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -
     uv = np.array([[60, 120], [260, 120], [160, 120]], np.float32)
     status = np.array([TrackStatus.ALIVE, TrackStatus.ALIVE, TrackStatus.LOST], np.uint8)
     speeds = np.array([[100, -50], [200, 30], [9000, 9000]], np.float32)
-    followed = Followed(uv, status, speeds * (readout_s > 0))
+    followed = TrackingResult(uv, status, speeds * (readout_s > 0))
     grey, view = texture(320), camera(readout_s)
-    sight = of_camera._sight(
+    sight = of_camera._describe(
         ModernMonocularConfig().build(Rig.single(view))._setup, Lens(view, np.zeros(2)), followed, grey, 5.0
     )
     found = SIFT.detect_and_describe(grey, 800).uv
@@ -83,11 +83,11 @@ def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
         places.append(replace(place, moving=moving))
         seen.append(rolled)
     seen[0][0] = seen[1][0] = np.nan  # by the last one alone
-    found = _intersected(setup, np.zeros(2), places, seen, setup.noise.width)
+    found = _triangulate(setup, np.zeros(2), places, seen, setup.noise.width)
     known = np.isfinite(found[:, 0])
     assert known[1:].all() and not known[0]
     np.testing.assert_allclose(found[1:], xyz[1:], rtol=2e-3, atol=2e-3)
     blind = [replace(place, moving=None) for place in places]
-    bent = _intersected(setup, np.zeros(2), blind, seen, setup.noise.width)
+    bent = _triangulate(setup, np.zeros(2), blind, seen, setup.noise.width)
     assert np.nanmedian(np.linalg.norm(bent - xyz, axis=1)) > 0.1
-    assert at_middle(setup, blind[0], seen[0]) is seen[0]
+    assert at_middle_row_of(setup, blind[0], seen[0]) is seen[0]

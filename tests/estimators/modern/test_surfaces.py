@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.estimators.modern.monocular.surfaces import REACH, slopes
+from ispom.estimators.modern.monocular.align import REACH, slopes
 from ispom.features.patches import warps_of
 from ispom.geometry import Array, Pose
 from ispom.types import Camera

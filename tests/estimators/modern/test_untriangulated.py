@@ -11,10 +11,10 @@ import pytest
 from ispom.estimators.modern.monocular import untriangulated
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.monocular.localise import Localisation, located_by
+from ispom.estimators.modern.monocular.localise import Localisation, localise_by_tracks
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame
 from ispom.estimators.modern.monocular.setup import WIDTH
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
@@ -65,10 +65,10 @@ def located(
     between = RelativeFrame(10**8, 0, key.inverse() @ LAST)
     world = Map((frame,), ScenePoints(ids[:POINTS], points), None, 1e-3, (between,))
     live = LiveTracks(ids=ids, uv=at[1].astype(np.float32), speed=np.zeros((len(ids), 2), np.float32), time_ns=10**8)
-    followed = Followed(
+    followed = TrackingResult(
         at[2].astype(np.float32), np.full(len(ids), ALIVE, np.uint8), np.zeros((len(ids), 2), np.float32)
     )
-    return located_by(SETUP, live, world, followed, guess, predicted=predicted)
+    return localise_by_tracks(SETUP, live, world, followed, guess, predicted=predicted)
 
 
 def off(found: Localisation) -> Array:

@@ -1,18 +1,35 @@
-"""Finishes a frame: detects new corners, and builds the next state and the Step."""
+"""Finishes a frame: detects new corners, builds the next state and the Step, and applies loop closures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
+from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.loops.checks import LOOP_SHIFT
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
+from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
+from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
 from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.match_keyframes import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.state import BeforeMap, ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import LiveTracks, as_tracks, moving, next_live_tracks, speed_where
+from ispom.estimators.modern.monocular.state import BeforeMap, ModernMonocularState, Outcome
+from ispom.estimators.modern.monocular.tracks import (
+    LiveTracks,
+    NewImage,
+    TrackingResult,
+    as_tracks,
+    next_live_tracks,
+    speeds_at,
+    tracks_with_speeds,
+)
 from ispom.estimators.modern.rolling import late_px
+from ispom.geometry import Pose
 from ispom.types import (
     Corrections,
     Frame,
@@ -31,52 +48,52 @@ CORNER_DISTANCE = 0.011
 tracking window."""
 
 
-def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float32]:
+def detect_new_corners(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float32]:
     """Detects new corners (N, 2) [px] between the live points, at a keyframe or at the reference of an
     initialisation."""
     at_reference = outcome.start is not None and len(outcome.start.frames) == 1
     if not (outcome.key_frame or at_reference):
         return np.zeros((0, 2), np.float32)
-    alive = outcome.followed.status == TrackStatus.ALIVE
+    alive = outcome.tracked.status == TrackStatus.ALIVE
     distance_px = CORNER_DISTANCE * setup.camera.longer_side_px
-    return setup.front_end.detector.detect(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
+    return setup.front_end.detector.detect(grey, setup.max_tracks, outcome.tracked.uv[alive], distance_px)
 
 
-def _late(setup: Setup, outcome: Outcome, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
-    return late_px(setup.camera, fresh, speed_where(outcome.followed, fresh))
+def _late_px(setup: Setup, outcome: Outcome, new_uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    return late_px(setup.camera, new_uv, speeds_at(outcome.tracked, new_uv))
 
 
 def next_state(
-    setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage, fresh: NDArray[np.float32]
+    setup: Setup, state: ModernMonocularState, outcome: Outcome, image: NewImage, new_uv: NDArray[np.float32]
 ) -> ModernMonocularState:
     """Returns the next state, with the new corners in the map or the initialisation, and the live tracks."""
-    world, start, live, sights = outcome.map, outcome.start, state.live, state.sights
+    local_map, start, live, sights = outcome.map, outcome.start, state.live, state.sights
     segments, segment = _segment(state, outcome)
-    if len(fresh):
-        ids, late = live.next_id + np.arange(len(fresh), dtype=np.int64), _late(setup, outcome, fresh)
-        x = setup.camera.normalise(fresh - late)
-        if world is not None:
-            world = world.with_new_tracks(ids, x)
+    if len(new_uv):
+        ids, late = live.next_id + np.arange(len(new_uv), dtype=np.int64), _late_px(setup, outcome, new_uv)
+        x = setup.camera.normalise(new_uv - late)
+        if local_map is not None:
+            local_map = local_map.with_new_tracks(ids, x)
         elif start is not None:
             start = start.with_new_tracks(ids, x)
     if outcome.missed == 0:
-        all_compared = np.ones(len(outcome.followed.status), bool)
+        all_compared = np.ones(len(outcome.tracked.status), bool)
         compared = all_compared if outcome.compared is None else outcome.compared
         if setup.camera.line_delay_s:
-            begun = state.start.sights if state.start is not None and world is not None else ()
+            begun = state.start.sights if state.start is not None and local_map is not None else ()
             sights = (*begun, live.sight)
-        live = next_live_tracks(live, outcome.followed, new.grey, fresh, new.time_ns, compared)
-    moved = [(new.time_ns, outcome.pose)] if outcome.pose is not None else []
-    if state.map is None and world is not None:
-        moved = sorted(world.trajectory(), key=lambda item: item[0])
-    database = _database(setup, state.database, outcome, new, segment)
+        live = next_live_tracks(live, outcome.tracked, image.grey, new_uv, image.time_ns, compared)
+    moved = [(image.time_ns, outcome.pose)] if outcome.pose is not None else []
+    if state.map is None and local_map is not None:
+        moved = sorted(local_map.trajectory(), key=lambda item: item[0])
+    database = _database(setup, state.database, outcome, image, segment)
     # In another world the motion before the last pose is unknown.
     recent = moved if outcome.segment is not None else [*state.recent, *moved]
     return ModernMonocularState(
         live=live,
         sights=sights,
         start=start,
-        map=world,
+        map=local_map,
         recent=tuple(recent[-2:]),
         missed=outcome.missed,
         uncertainty=state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
@@ -117,19 +134,19 @@ def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
 
 
 def _database(
-    setup: Setup, database: KeyframeDatabase, outcome: Outcome, new: NewImage, segment: int
+    setup: Setup, database: KeyframeDatabase, outcome: Outcome, image: NewImage, segment: int
 ) -> KeyframeDatabase:
     """Updates the poses of all keyframes, and adds a new one."""
-    world, pose = outcome.map, outcome.pose
+    local_map, pose = outcome.map, outcome.pose
     if outcome.restarted and outcome.start is not None and outcome.start.lost is None:
         return KeyframeDatabase()
-    if world is None or pose is None or not outcome.key_frame:
+    if local_map is None or pose is None or not outcome.key_frame:
         return database
-    known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
-    alive = outcome.followed.status == TrackStatus.ALIVE
-    moved = moving(setup.camera, outcome.followed.uv[alive], outcome.followed.speed[alive])
+    known = {k.time_ns: p.inverse() for k, p in zip(local_map.keys, local_map.poses, strict=True)}
+    alive = outcome.tracked.status == TrackStatus.ALIVE
+    moved = tracks_with_speeds(setup.camera, outcome.tracked.uv[alive], outcome.tracked.speed[alive])
     return database.with_poses(known).with_keyframe(
-        Keyframe.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved, segment=segment)
+        Keyframe.of(image.time_ns, pose.inverse(), (image.grey,), outcome.covariance, moving=moved, segment=segment)
     )
 
 
@@ -139,12 +156,12 @@ def as_step(
     after: ModernMonocularState,
     outcome: Outcome,
     exposure: Frame,
-    fresh: NDArray[np.float32],
+    new_uv: NDArray[np.float32],
     seconds: Mapping[str, float],
 ) -> Step:
     """Returns the Step of a frame, from the states before and after it."""
-    followed, adjusted = outcome.followed, outcome.uncertainty
-    unknown = np.full(len(followed.status), np.nan, np.float32)
+    tracked, adjusted = outcome.tracked, outcome.uncertainty
+    unknown = np.full(len(tracked.status), np.nan, np.float32)
     residual = unknown if outcome.residual_px is None else outcome.residual_px
     revised, landmarks = Trajectory.empty("video"), Landmarks.empty()
     if adjusted is not None and after.map is not None:
@@ -157,7 +174,7 @@ def as_step(
         outcome.pose,
         outcome.covariance,
         outcome.key_frame,
-        {"video": as_tracks(before.live, followed, residual, fresh)},
+        {"video": as_tracks(before.live, tracked, residual, new_uv)},
         landmarks,
         residual[np.zeros(len(residual), bool) if outcome.inliers is None else outcome.inliers],
         revised,
@@ -168,11 +185,11 @@ def as_step(
         joins=outcome.segment,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
         calibration=_calibration(setup, after),
-        other_motion=_told(outcome),
+        other_motion=_other_motion(outcome),
     )
 
 
-def _told(outcome: Outcome) -> dict[str, Tracks]:
+def _other_motion(outcome: Outcome) -> dict[str, Tracks]:
     """Returns the tracks of a second motion, if there is one."""
     return {"video": outcome.other_motion} if outcome.other_motion is not None and len(outcome.other_motion) else {}
 
@@ -186,8 +203,75 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> Corrections:
     return Corrections(lens=lens, noise=after.map.noise.as_image_noise(setup.noise.sigma))
 
 
-def _landmarks(exposure: Frame, live: LiveTracks, world: Map) -> Landmarks:
+def _landmarks(exposure: Frame, live: LiveTracks, local_map: Map) -> Landmarks:
     """Returns the landmarks that are still tracked."""
-    xyz = world.known(live.ids)
+    xyz = local_map.known(live.ids)
     known = np.isfinite(xyz[:, 0])
     return Landmarks(live.ids[known], xyz[known], colours_at(exposure.image, live.uv[known]))
+
+
+def close_loops(
+    setup: Setup,
+    before: ModernMonocularState,
+    after: ModernMonocularState,
+    outcome: Outcome,
+    image: NewImage,
+    step: Step,
+) -> tuple[ModernMonocularState, Step]:
+    """Updates the loops after a frame; returns the state, and the Step in the corrected world."""
+    camera, key = LoopCamera.of(setup.camera, FEATURE_ERROR * setup.noise.sigma, setup.front_end.matcher), None
+    if outcome.key_frame and after.map is not None:
+        joined = outcome.segment is not None or (
+            not outcome.restarted and (before.start is None or before.start.joined)
+        )
+        key = _seen_keyframe(setup, after, after.map, outcome, image.grey, joined)
+    loops, decisions = seen_again(before.loops, camera, key, len(after.settled))
+    joins = step.joins if loops.joins is None else loops.joins
+    step = replace(step, decisions=(*step.decisions, *decisions), joins=joins)
+    if loops.closed:
+        loops, step = _correct_step(loops, after, step)
+    return replace(after, loops=loops), step
+
+
+def correct_by_loops(loops: Loops, poses: Trajectory) -> Trajectory:
+    """Returns all poses, corrected by the loops."""
+    return Correction.of(loops).of_trajectory(poses) if loops.closed else poses
+
+
+def _correct_step(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[Loops, Step]:
+    loops, again = next_range(loops, len(after.settled))
+    earlier = after.settled.part(again.start, again.stop)
+    if after.map is not None and any(d.key == LOOP_SHIFT.key for d in step.decisions):
+        earlier += after.map.trajectory()
+    odometry, variance = None, 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+    if step.world_from_frame is not None and step.covariance is not None:
+        odometry = step.world_from_frame, step.covariance, variance
+    return loops, corrected_step(loops, step, earlier, odometry, Pose())
+
+
+def _seen_keyframe(
+    setup: Setup, after: ModernMonocularState, local_map: Map, outcome: Outcome, grey: Image, joined: bool
+) -> KeyFrameSeen:
+    """Returns the newest keyframe of the map."""
+    window = dict(sorted((*outcome.settled, *local_map.trajectory()), key=lambda told: told[0]))
+    newest, pose = local_map.keys[-1], local_map.poses[-1]
+    variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+    sight = partial(
+        _describe, setup, Lens(setup.camera, local_map.extra), outcome.tracked, grey, _median_depth(local_map, pose)
+    )
+    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined, after.segment)
+
+
+def _median_depth(local_map: Map, pose: Pose) -> float:
+    """Returns the median depth of the points that the newest keyframe observes."""
+    known = local_map.known(local_map.keys[-1].ids)
+    near = pose.inverse().apply(known[np.isfinite(known[:, 0])])[:, 2]
+    return float(np.median(near)) if len(near) else float("nan")
+
+
+def _describe(setup: Setup, lens: Lens, tracked: TrackingResult, grey: Image, depth: float) -> DescribedPoints:
+    """Describes a keyframe. With a rolling shutter, features are moved to the time of the middle row, with the
+    velocities of the nearest tracks."""
+    found = setup.front_end.descriptor.detect_and_describe(grey, FEATURES)
+    uv = found.uv - late_px(lens.camera, found.uv, speeds_at(tracked, found.uv))
+    return DescribedPoints.of(grey, lens.normalise(uv), found, depth=depth)

@@ -2,28 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimator import VIDEO, require_frame
-from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular.agreement import with_agreement
-from ispom.estimators.modern.monocular.before_gap import remembered
-from ispom.estimators.modern.monocular.begin import begin
-from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
-from ispom.estimators.modern.monocular.loop import corrected, with_loops
-from ispom.estimators.modern.monocular.motion_model import coasted
-from ispom.estimators.modern.monocular.other_motion import with_other_motion
-from ispom.estimators.modern.monocular.setup import LOSS, Setup
-from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
-from ispom.estimators.modern.monocular.track_map import found_after_loss, track_map
-from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, updated_coordinates
-from ispom.estimators.modern.monocular.wide_start import with_matched_features
-from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.conclude import (
+    as_step,
+    close_loops,
+    correct_by_loops,
+    detect_new_corners,
+    next_state,
+)
+from ispom.estimators.modern.monocular.initialise import initialise, with_matched_features
+from ispom.estimators.modern.monocular.keyframe import (
+    add_keyframe,
+    check_scale,
+    keep_frame_before_gap,
+    keyframe_tests,
+)
+from ispom.estimators.modern.monocular.localise import (
+    MIN_DESCRIBED,
+    MIN_INLIER_SHARE,
+    MIN_LOCATED,
+    is_contradicted,
+    localise,
+    localised_outcome,
+)
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.match_keyframes import MIN_INLIERS
+from ispom.estimators.modern.monocular.recover import (
+    continue_earlier_segment,
+    recover,
+    relocalise,
+)
+from ispom.estimators.modern.monocular.setup import LOSS, WIDTH, Setup
+from ispom.estimators.modern.monocular.shutter import correct_by_motion
+from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
+from ispom.estimators.modern.monocular.track import (
+    corrected_coordinates,
+    track,
+)
+from ispom.estimators.modern.monocular.tracks import NewImage
+from ispom.estimators.modern.monocular.verify_map import check_agreement, check_other_motion
+from ispom.estimators.modern.monocular.window import settle_old_frames
 from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
@@ -32,7 +59,7 @@ from ispom.numerics.robust import Noise
 from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Image, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
+from ispom.types import Decision, LensSigma, Measurement, Rig, Step, Trajectory, as_grey
 
 
 @dataclass(frozen=True)
@@ -105,35 +132,35 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = state.start.held if state.start is not None else ()
-        return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
+        return correct_by_loops(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
         """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
         corners."""
         exposure = self._size.reduced(require_frame(exposure, VIDEO, rig=self.rig))
         setup, watch = self._setup, Stopwatch()
-        state = remembered(setup, state, exposure.time_ns)
-        new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
-        for sight in updated_coordinates(setup.camera, state.live, new.followed):
+        state = keep_frame_before_gap(setup, state, exposure.time_ns)
+        new = track(setup, state, exposure.time_ns, as_grey(exposure.image))
+        for sight in corrected_coordinates(setup.camera, state.live, new.tracked):
             state = state.with_updated_coordinates(*sight)
         watch.lap("track")
         if state.map is None:
-            state, found = found_after_loss(setup, state, new)
+            state, found = continue_earlier_segment(setup, state, new)
             if found is None:
                 state, new = with_matched_features(setup, state, new)
-            outcome = begin(setup, state, new) if found is None else found
+            outcome = initialise(setup, state, new) if found is None else found
             watch.lap("start")
         else:
             state, outcome = track_map(setup, state, state.map, new, watch)
-            outcome = with_other_motion(setup, state, outcome, new)
-            state, outcome = with_agreement(setup, state, outcome, new)
+            outcome = check_other_motion(setup, state, outcome, new)
+            state, outcome = check_agreement(setup, state, outcome, new)
             watch.lap("other motion")
-        fresh = corners_for(setup, outcome, new.grey)
-        after = next_state(setup, state, outcome, new, fresh)
+        new_uv = detect_new_corners(setup, outcome, new.grey)
+        after = next_state(setup, state, outcome, new, new_uv)
         watch.lap("new points")
-        step = as_step(setup, state, after, outcome, exposure, fresh, watch.seconds)
+        step = as_step(setup, state, after, outcome, exposure, new_uv, watch.seconds)
         if self.config.loops:
-            after, step = with_loops(setup, state, after, outcome, new, step)
+            after, step = close_loops(setup, state, after, outcome, new, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
 
@@ -166,15 +193,51 @@ class ModernMonocular:
         )
 
 
-def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Image) -> NewImage:
-    """Tracks all features into the new image; with a map, starts from the positions that the motion model predicts."""
-    live = state.live
-    if state.map is None:
-        nowhere = np.full((len(live.ids), 3), np.nan)
-        return NewImage(time_ns, grey, None, follow(setup.front_end, setup.camera, live, time_ns, grey, None), nowhere)
-    predicted, lens = coasted(state.recent, time_ns), Lens(setup.camera, state.map.extra)
-    late = late_px(setup.camera, live.uv, live.speed)
-    scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
-    expected = projected(lens, scene, predicted, live.uv - late) + late
-    followed = follow(setup.front_end, setup.camera, live, time_ns, grey, expected, state.outlier_tracks.expected)
-    return NewImage(time_ns, grey, predicted, followed, scene)
+def track_map(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, watch: Stopwatch
+) -> tuple[ModernMonocularState, Outcome]:
+    """Localises the frame, or recovers if that fails; makes it a keyframe if a check requires it.
+
+    Also returns the state used, which has more tracks if the frame was relocalised by descriptors.
+    """
+    found = localise(setup, state.live, local_map, image)
+    decisions, again = tuple[Decision, ...](), None
+    known = np.count_nonzero(local_map.points.places(state.live.ids) >= 0)
+    if not found.agreeing or found.count < MIN_INLIER_SHARE * known:
+        count = len(state.live.ids)
+        state, again = relocalise(setup, state, local_map, image)
+        if again is not None and (
+            again.found.count <= found.count or is_contradicted(setup, state.live, local_map, found, again.found)
+        ):
+            again = None
+        if again is not None:
+            state, local_map, found = again.state, again.map, again.found
+        decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - count, MIN_INLIERS),)
+    if again is None and found.agreeing:
+        sights = (*state.sights, state.live.sight)
+        found, local_map = correct_by_motion(setup, state.live, local_map, sights, image.time_ns, found)
+    watch.lap("locate")
+    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED if again is None else MIN_DESCRIBED, passed=found.agreeing)
+    decisions = (*decisions, located)
+    if found.motion is None or not found.agreeing:
+        return state, recover(setup, state, image, found.tracked, decisions)
+    frame, outcome = localised_outcome(setup, state, local_map, image, found, decisions)
+    tests = keyframe_tests(setup, local_map, frame)
+    outcome = replace(outcome, decisions=(*decisions, *tests))
+    if again is not None and again.segment != state.segment:
+        outcome = replace(outcome, restarted=True, segment=again.segment)
+    watch.lap("locate")
+    # The points of a relocalised frame are new to the map: only its optimisation gives the covariance of the pose.
+    if again is None and not any(test.passed for test in tests):
+        seen = found.ids, found.xyz, found.seen, found.motion
+        uncertainty = required(state.uncertainty, "the map has no covariance")
+        covariance = uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
+        local_map, settled = settle_old_frames(local_map.with_relative_frame(image.time_ns, frame.pose))
+        watch.lap("locate")
+        return state, replace(outcome, map=local_map, settled=tuple(settled), covariance=covariance)
+    outcome = add_keyframe(setup, outcome, local_map, frame, state.live.ids)
+    watch.lap("key frame")
+    known = check_scale(state, outcome)
+    if known is not None:
+        outcome = replace(outcome, decisions=(*outcome.decisions, known), restarted=not known.passed)
+    return state, outcome

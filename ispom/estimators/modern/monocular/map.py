@@ -162,62 +162,64 @@ def observations_of(keys: tuple[TrackedFrame, ...], ids: NDArray[np.int64]) -> T
     return TrackObservations(np.concatenate(cameras)[order], owner[order], np.concatenate(seen)[order])
 
 
-def views(poses: tuple[Pose, ...]) -> tuple[Array, Array]:
+def camera_poses(poses: tuple[Pose, ...]) -> tuple[Array, Array]:
     """Returns camera_from_world: rotations (C, 3, 3) and translations (C, 3)."""
     inverses = [p.inverse() for p in poses]
     return np.stack([p.rotation for p in inverses]), np.stack([p.translation for p in inverses])
 
 
-def bundle_problem(state: Map) -> BundleProblem:
+def bundle_problem(local_map: Map) -> BundleProblem:
     """Returns the points that at least two keyframes observe, with all their observations."""
-    seen = observations_of(state.keys, state.points.ids)
-    counts = np.bincount(seen.owners, minlength=len(state.points.ids))
+    seen = observations_of(local_map.keys, local_map.points.ids)
+    counts = np.bincount(seen.owners, minlength=len(local_map.points.ids))
     use = counts >= 2
     slot, kept = np.cumsum(use) - 1, use[seen.owners]
-    rotations, translations = views(state.poses)
+    rotations, translations = camera_poses(local_map.poses)
     return BundleProblem(
         Window(
             rotations,
             translations,
-            state.points.xyz[use],
+            local_map.points.xyz[use],
             seen.cameras[kept],
             slot[seen.owners[kept]],
             np.column_stack([seen.seen[kept], np.full(int(kept.sum()), np.nan)]),
-            extra=state.extra,
-            extra_sigma=state.extra_sigma,
-            prior=state.prior,
+            extra=local_map.extra,
+            extra_sigma=local_map.extra_sigma,
+            prior=local_map.prior,
         ),
-        state.points.ids[use],
+        local_map.points.ids[use],
     )
 
 
-def adjusted(state: Map, width: float, iterations: int, tolerance: float = 1e-3) -> tuple[Map, Adjusted, BundleProblem]:
+def optimise(
+    local_map: Map, width: float, iterations: int, tolerance: float = 1e-3
+) -> tuple[Map, Adjusted, BundleProblem]:
     """Runs windowed bundle adjustment, and removes points that end behind a camera or have an outlier.
 
     `width` of the widest loss, normalised.
     """
-    before = bundle_problem(state)
-    found = adjust(before.window, state.loss, iterations, tolerance)
+    before = bundle_problem(local_map)
+    found = adjust(before.window, local_map.loss, iterations, tolerance)
     window = found.window
-    times_ns = tuple(key.time_ns for key in state.keys)
-    report_problem(lambda: WindowProblem(before.window, window, state.loss, before.ids, times_ns, "video"))
+    times_ns = tuple(key.time_ns for key in local_map.keys)
+    report_problem(lambda: WindowProblem(before.window, window, local_map.loss, before.ids, times_ns, "video"))
     worst = np.zeros(len(before.ids))
     np.maximum.at(worst, window.owners, found.distances)
-    xyz = state.points.xyz.copy()
-    place = state.points.places(before.ids)
+    xyz = local_map.points.xyz.copy()
+    place = local_map.points.places(before.ids)
     xyz[place] = window.points
     keys = tuple(
         replace(k, world_from_camera=Pose(r.T, -r.T @ t))
-        for k, r, t in zip(state.keys, window.rotations, window.translations, strict=True)
+        for k, r, t in zip(local_map.keys, window.rotations, window.translations, strict=True)
     )
     kept = np.ones(len(xyz), bool)
     kept[place[worst > INLIER * width]] = False
-    after = replace(state, extra=window.extra, keys=keys, points=ScenePoints(state.points.ids[kept], xyz[kept]))
+    after = replace(local_map, extra=window.extra, keys=keys, points=ScenePoints(local_map.points.ids[kept], xyz[kept]))
     return after, found, before
 
 
-def intersected(state: Map, ids: NDArray[np.int64], noise: Noise) -> InverseDepths:
+def triangulate(local_map: Map, ids: NDArray[np.int64], noise: Noise) -> InverseDepths:
     """Triangulates tracks (M,), ascending, from all keyframes that observe them; `noise` normalised."""
-    seen = observations_of(state.keys, ids)
-    x = corrected(seen.seen, state.extra)
-    return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), noise)
+    seen = observations_of(local_map.keys, ids)
+    x = corrected(seen.seen, local_map.extra)
+    return intersect(*camera_poses(local_map.poses), seen.cameras, seen.owners, x, len(ids), noise)

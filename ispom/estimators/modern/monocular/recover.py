@@ -1,59 +1,235 @@
-"""Handles a frame that was not localised: holds the position on pure rotation, waits, or starts a new map."""
+"""Handles a frame that its tracks do not localise: relocalises it among the keyframes, holds the position on pure
+rotation, waits, or starts a new map."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import required
+from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.motion_model import coasted, coasted_covariance, speed_of
+from ispom.estimators.modern.monocular.keyframe import (
+    add_keyframe,
+)
+from ispom.estimators.modern.monocular.localise import (
+    MIN_DESCRIBED,
+    Localisation,
+    align_with_map,
+    localise_by_tracks,
+    localised_outcome,
+)
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.match_keyframes import (
+    MIN_INLIERS,
+    KeyframeMatch,
+    at_middle_row_of,
+    match_keyframes,
+    retriangulate,
+)
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
-from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame, unrolled
+from ispom.estimators.modern.monocular.state import MIN_POINTS, MIN_SHARED, ModernMonocularState, Outcome, Start
+from ispom.estimators.modern.monocular.track import median_speed, predict_covariance, predict_pose
+from ispom.estimators.modern.monocular.tracks import (
+    LiveTracks,
+    NewImage,
+    TrackingResult,
+    at_middle_row,
+    tracked_frame,
+    tracks_with_speeds,
+)
+from ispom.estimators.modern.monocular.window import (
+    prior_of_keyframes,
+)
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
-from ispom.geometry import Pose
+from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation, median_displacement
-from ispom.types import Decision, Status
+from ispom.types import Decision, Status, TrackStatus
 
 PATIENCE = 5
 """Number of frames compared with the last localised one before a new map starts."""
-SPOT_DEG = 0.5
+MAX_ROTATION_RESIDUAL_DEG = 0.5
 """Largest median residual [deg] of a pure rotation: tracks below it show no translation."""
 
 
+@dataclass(frozen=True, eq=False)
+class Relocalisation:
+    """A relocalised frame, with the state and the map in which it is localised."""
+
+    state: ModernMonocularState
+    map: Map
+    found: Localisation
+    segment: int
+    """The segment of the matched keyframe."""
+
+
+def relocalise(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage
+) -> tuple[ModernMonocularState, Relocalisation | None]:
+    """Relocalises the frame in the last localised image and in keyframes; the returned state has the new
+    descriptions."""
+    (last_ns, last), grey = state.recent[-1], state.live.grey
+    if not setup.relocalise or grey is None or not has_contrast(image.grey, grey):
+        return state, None
+    moved = tracks_with_speeds(setup.camera, state.live.uv, state.live.speed)
+    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved, segment=state.segment)
+    before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
+    return _relocalise(setup, state, local_map, image, before, state.missed)
+
+
+def relocalise_after_loss(
+    setup: Setup, state: ModernMonocularState, image: NewImage
+) -> tuple[ModernMonocularState, Relocalisation | None]:
+    """Relocalises a frame in the keyframes of earlier segments, before the new map exists."""
+    start, live = state.start, state.live
+    if start is None or start.lost is None or not setup.relocalise or not state.database.keyframes:
+        return state, None
+    if live.grey is None or not has_contrast(image.grey, live.grey):
+        return state, None
+    # Tracks since the loss, and guessed poses, belong to the map that was being initialised.
+    none = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
+    other = replace(state, live=none, settled=state.settled.extended(start.held if start.joined else ()))
+    image = replace(image, scene=np.zeros((0, 3)))
+    before, found = _relocalise(setup, other, start.lost, image, None, len(start.frames))
+    return replace(state, database=before.database), found
+
+
+def _relocalise(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, before: Keyframe | None, turn: int
+) -> tuple[ModernMonocularState, Relocalisation | None]:
+    now = setup.front_end.descriptor.detect_and_describe(image.grey, FEATURES)
+    database, found = match_keyframes(setup, state.database, local_map.extra, image, now, before, turn)
+    state = replace(state, database=database)
+    if found is None:
+        return state, None
+    found = retriangulate(setup, database, local_map, found)
+    joint, grown, again = _localise_with_features(setup, state, local_map, image, found)
+    place, _ = found.views[-1]
+    return state, Relocalisation(joint, grown, again, place.segment) if again.count >= MIN_DESCRIBED else None
+
+
+def _localise_with_features(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, match: KeyframeMatch
+) -> tuple[ModernMonocularState, Map, Localisation]:
+    """Localises by the existing tracks, searched with the pose, and by the matched features."""
+    existing, compared = _find_tracks(setup, state, local_map, image, match.world_from_camera)
+    joint, grown = with_matched_features_of(setup, state, local_map, match)
+    count = len(match.uv)
+    tracked = TrackingResult(
+        np.concatenate([existing.uv, match.uv]),
+        np.concatenate([existing.status, np.full(count, TrackStatus.ALIVE, np.uint8)]),
+        np.concatenate([existing.speed, np.zeros((count, 2), np.float32)]),
+    )
+    again = localise_by_tracks(setup, joint.live, grown, tracked, match.world_from_camera)
+    return joint, grown, replace(again, compared=np.concatenate([compared, np.zeros(count, bool)]))
+
+
+def _find_tracks(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, world_from_camera: Pose
+) -> tuple[TrackingResult, NDArray[np.bool_]]:
+    """Searches the existing tracks by their patches with a pose; also returns which (N,) were compared."""
+    lost = np.full(len(state.live.ids), TrackStatus.LOST, np.uint8)
+    tracked = TrackingResult(state.live.uv, lost, np.zeros_like(state.live.uv))
+    return align_with_map(
+        setup, state.live, local_map, image, tracked, world_from_camera, local_map.known(state.live.ids)
+    )
+
+
+def with_matched_features_of(
+    setup: Setup, state: ModernMonocularState, local_map: Map, match: KeyframeMatch
+) -> tuple[ModernMonocularState, Map]:
+    """Adds the features that the frame and the keyframes share as tracks, after the existing ones, and as points.
+
+    Keyframes that have left the window form a new one, with the covariance that the first of them had.
+    """
+    live, count = state.live, len(match.uv)
+    ids = live.next_id + np.arange(count, dtype=np.int64)
+    place, _ = match.views[-1]
+    if not {p.time_ns for p, _ in match.views} & {k.time_ns for k in local_map.keys}:
+        state = replace(state, settled=state.settled.extended(local_map.trajectory()))
+        local_map = _window_of_keyframes(setup, local_map, match)
+    seen = {p.time_ns: at_middle_row_of(setup, p, uv) for p, uv in match.views}
+    keys = tuple(_with_observations(setup, k, ids, seen[k.time_ns]) if k.time_ns in seen else k for k in local_map.keys)
+    local_map = replace(local_map, keys=keys, points=local_map.points.merged(ScenePoints(ids, match.xyz)))
+    _, before = match.views[-1]
+    live = live.with_new(before.astype(np.float32), place.time_ns)
+    return replace(state, live=live), local_map
+
+
+def _with_observations(setup: Setup, key: TrackedFrame, ids: NDArray[np.int64], uv: Array) -> TrackedFrame:
+    """Adds those of the points (N,) to a keyframe that it observes, at (N, 2) [px]."""
+    has = np.isfinite(uv[:, 0])
+    return key.with_new(ids[has], setup.camera.normalise(uv[has]))
+
+
+def _window_of_keyframes(setup: Setup, local_map: Map, match: KeyframeMatch) -> Map:
+    """Returns a window of the matched keyframes, without points."""
+    none = np.zeros(0, np.int64), np.zeros((0, 2))
+    places = sorted((p for p, _ in match.views), key=lambda p: p.time_ns)
+    poses = tuple(p.camera_from_world.inverse() for p in places)
+    keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
+    known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
+    near = places[-1].camera_from_world.apply(match.xyz)
+    # In the units of the cost, a loss as wide as initially corresponds to errors of `noise`.
+    sigma = setup.noise.sigma
+    widened, depth = local_map.loss / sigma, float(np.median(near[:, 2]))
+    prior = prior_of_keyframes(poses, local_map.extra_sigma, widened**2 * known, widened * sigma, depth)
+    return replace(local_map, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())
+
+
+def continue_earlier_segment(
+    setup: Setup, state: ModernMonocularState, image: NewImage
+) -> tuple[ModernMonocularState, Outcome | None]:
+    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes.
+
+    Also returns the state used, as `track_map` does.
+    """
+    state, again = relocalise_after_loss(setup, state, image)
+    if again is None:
+        return state, None
+    decisions = (
+        checks.DESCRIBED_POINTS.of(len(again.state.live.ids), MIN_INLIERS),
+        checks.POSE_POINTS.of(again.found.count, MIN_DESCRIBED),
+    )
+    frame, outcome = localised_outcome(setup, again.state, again.map, image, again.found, decisions)
+    outcome = replace(outcome, restarted=True, segment=again.segment)
+    return again.state, add_keyframe(setup, outcome, again.map, frame, again.state.live.ids)
+
+
 def recover(
-    setup: Setup, state: ModernMonocularState, new: NewImage, followed: Followed, failed: tuple[Decision, ...]
+    setup: Setup, state: ModernMonocularState, image: NewImage, tracked: TrackingResult, failed: tuple[Decision, ...]
 ) -> Outcome:
     """Waits for a frame that matches the last localised one; after PATIENCE frames, or on pure rotation, starts a new
     map."""
-    frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
+    frame = tracked_frame(setup.camera, state.live, tracked, image.time_ns)
     last_ns, last = state.recent[-1]
-    before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(unrolled(setup.camera, state.live)), last)
-    turn = turned(before, frame, setup.noise.width)
+    before = TrackedFrame(
+        last_ns, state.live.ids, setup.camera.normalise(at_middle_row(setup.camera, state.live)), last
+    )
+    turn = check_rotation_only(before, frame, setup.noise.width)
     # The limit is that of a keyframe: later, too few tracks may be left to measure the rotation.
     leaving = before.common(frame) < setup.min_share * len(before.ids)
     if turn is not None and (leaving or state.missed >= PATIENCE):
         because, held = turn
-        return new_start(setup, state, frame, followed, held, held, (*failed, _lost(because)))
+        return new_start(setup, state, frame, tracked, held, held, (*failed, _starts_new_map(because)))
     # A dark or covered lens cannot start a map.
-    if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
+    if state.missed < PATIENCE or not has_contrast(image.grey, state.live.grey):
         waiting = replace(failed[-1], consequence="the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
-        return Outcome(followed, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
-    failed = (*failed[:-1], _lost(failed[-1]))
-    return new_start(setup, state, frame, followed, coasted(state.recent, new.time_ns), None, failed)
+        return Outcome(tracked, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
+    failed = (*failed[:-1], _starts_new_map(failed[-1]))
+    return new_start(setup, state, frame, tracked, predict_pose(state.recent, image.time_ns), None, failed)
 
 
-def _lost(because: Decision) -> Decision:
+def _starts_new_map(because: Decision) -> Decision:
     return replace(because, consequence="a new map starts from the last pose")
 
 
-def turned(before: TrackedFrame, frame: TrackedFrame, width: float) -> tuple[Decision, Pose] | None:
+def check_rotation_only(before: TrackedFrame, frame: TrackedFrame, width: float) -> tuple[Decision, Pose] | None:
     """Returns the check and the last position with the new orientation if enough tracks moved by a pure rotation."""
     ids = np.intersect1d(before.ids, frame.ids, assume_unique=True)
     if len(ids) < MIN_POINTS or before.world_from_camera is None:
@@ -61,35 +237,35 @@ def turned(before: TrackedFrame, frame: TrackedFrame, width: float) -> tuple[Dec
     last, x1, x2 = before.world_from_camera, before.at(ids), frame.at(ids)
     turn = dominant_rotation(x1, x2, TURN_LOSS * width)
     shift = float(np.degrees(median_displacement(turn, x1, x2)))
-    if shift >= SPOT_DEG:
+    if shift >= MAX_ROTATION_RESIDUAL_DEG:
         return None
-    return checks.TURN_ONLY.of(shift, SPOT_DEG), Pose(last.rotation @ turn.T, last.translation)
+    return checks.TURN_ONLY.of(shift, MAX_ROTATION_RESIDUAL_DEG), Pose(last.rotation @ turn.T, last.translation)
 
 
 def new_start(
     setup: Setup,
     state: ModernMonocularState,
     frame: TrackedFrame,
-    followed: Followed,
+    tracked: TrackingResult,
     base: Pose,
     held: Pose | None,
     because: tuple[Decision, ...],
 ) -> Outcome:
     """Starts a new map at `base`, in the old world and if possible in its scale; `held` is the pose reported now."""
-    world, frame = required(state.map, "there is no map to leave"), replace(frame, world_from_camera=base)
-    coasting = None if held is not None else partial(coasted, state.recent)
-    covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
-    joined = held is not None and world.points.count(frame.ids) >= MIN_SHARED
+    local_map, frame = required(state.map, "there is no map to leave"), replace(frame, world_from_camera=base)
+    coasting = None if held is not None else partial(predict_pose, state.recent)
+    covariance = predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+    joined = held is not None and local_map.points.count(frame.ids) >= MIN_SHARED
     start = Start(
         (frame,),
         base,
-        speed=speed_of(world),
-        points=world.points,
+        speed=median_speed(local_map),
+        points=local_map.points,
         extra_sigma=setup.extra_sigma,
         covariance=covariance,
         coasting=coasting,
         joined=joined,
-        lost=replace(world, keys=(), points=ScenePoints(), prior=None, relative_frames=()),
+        lost=replace(local_map, keys=(), points=ScenePoints(), prior=None, relative_frames=()),
     )
-    settled = tuple(world.trajectory())
-    return Outcome(followed, Status.LOST, held, start=start, decisions=because, settled=settled, restarted=not joined)
+    settled = tuple(local_map.trajectory())
+    return Outcome(tracked, Status.LOST, held, start=start, decisions=because, settled=settled, restarted=not joined)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,13 +12,123 @@ from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.outlier_tracks import OutlierTracks
-from ispom.estimators.modern.monocular.start import Start
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import LiveTracks, OutlierTracks, TrackingResult
 from ispom.estimators.modern.rolling import Sight
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Decision, Image, Status, Tracks
+from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation
+from ispom.solvers.window.prior import LENS
+from ispom.types import Decision, Status, Tracks
+
+NEWEST_FRAMES, MAX_FRAMES = 40, 120
+"""Number of the newest frames, which are all stored, and largest number of frames; older ones are thinned out."""
+MIN_POINTS = 40
+"""Least number of points of a map: it must last until the next keyframe, with a third of them lost."""
+MIN_SHARED = 8
+"""Least number of points that determine a rotation, or transfer the scale of an old map to a new one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Frames since the reference, which has the pose `base`."""
+
+    frames: tuple[TrackedFrame, ...] = ()
+    """The first is the reference. Each has its held pose: its own rotation, the position of the reference."""
+    base: Pose = Pose()
+    speed: float | None = None
+    """Speed before the loss [units/s], which scales the new map's first baseline; None: that baseline is 1."""
+    points: ScenePoints = ScenePoints()
+    """Points of the map before the loss: surviving tracks transfer the scale."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
+    """Prior standard deviations of the lens corrections."""
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    """(6, 6) covariance of the base in the world before the loss; zero if the base is the world."""
+    coasting: Callable[[int], Pose] | None = None
+    """Predicts the pose, by time, from the motion before the loss, while nothing is observed."""
+    joined: bool = True
+    """Whether tracks connect the rotation of the reference to the frames before, and points of the map before a loss
+    the scale; otherwise a new segment begins there."""
+    lost: Map | None = None
+    """The map before the loss, without its keyframes and points: frames may still be relocalised in its keyframes."""
+    sights: tuple[Sight, ...] = ()
+    """Tracks of the frames except the last one; none for a global shutter."""
+    earlier: tuple[TrackedFrame, ...] = ()
+    """Frames before the reference, of restarted initialisations: too few of their points survived for a map, but the
+    map may localise them."""
+    passed: PersistentList[tuple[int, Pose]] = PersistentList()
+    """Held poses of frames that are no longer stored; they are interpolated once there is a map."""
+    taken_back: bool = False
+    """Whether a map of this initialisation was wrong and taken back."""
+
+    def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
+        """Adds tracks that start in the reference, while that is the only frame."""
+        return replace(self, frames=(self.frames[0].with_new(ids, x),))
+
+    def with_sight(self, sight: Sight) -> Start:
+        """Adds the tracks of the last frame, and removes those of frames that are no longer stored."""
+        kept = {f.time_ns for f in self.frames}
+        return replace(self, sights=tuple(s for s in (*self.sights, sight) if s.time_ns in kept))
+
+    def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
+        """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if there is one."""
+
+        def placed(frames: tuple[TrackedFrame, ...]) -> tuple[TrackedFrame, ...]:
+            return tuple(f.with_updated_coordinates(ids, x) if f.time_ns == time_ns else f for f in frames)
+
+        return replace(self, earlier=placed(self.earlier), frames=placed(self.frames))
+
+    @property
+    def requires_full_parallax(self) -> bool:
+        """Whether no map is made with less parallax, though points leave the image: the one before was wrong. If all of
+        them leave, the next reference has the usual limits, as a turning camera might never have a map."""
+        return self.taken_back and not self.earlier
+
+    @property
+    def held(self) -> tuple[tuple[int, Pose], ...]:
+        """The held poses of all frames, unordered."""
+        return (*self.passed, *held_poses((*self.earlier, *self.frames)))
+
+    def limited(self) -> Start:
+        """Removes a frame if there are too many: of the older ones, that with the nearest neighbours in time."""
+        frames, reference = (*self.earlier, *self.frames), len(self.earlier)
+        if len(frames) <= MAX_FRAMES:
+            return self
+        times_ns = np.array([f.time_ns for f in frames])
+        apart_ns = times_ns[2 : 1 - NEWEST_FRAMES] - times_ns[: -1 - NEWEST_FRAMES]
+        inner = np.arange(1, len(apart_ns) + 1)
+        gone = int(inner[np.argmin(np.where(inner == reference, np.iinfo(np.int64).max, apart_ns))])
+        passed = self.passed.extended(held_poses((frames[gone],)))
+        kept, first = (*frames[:gone], *frames[gone + 1 :]), reference - (gone < reference)
+        return replace(self, earlier=kept[:first], frames=kept[first:], passed=passed)
+
+    def restarted(self, frame: TrackedFrame, width: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
+        """Makes this frame the reference; keeps the rotation so far.
+
+        Also returns the held poses of the frames before it, if no observation connects it to them. `width` of the
+        robust loss, normalised.
+        """
+        last = self.frames[-1]
+        ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
+        base = last.world_from_camera or self.base
+        # Frames without observations have no pose that could be connected.
+        shared = len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED
+        same_unit = self.lost is None or self.points.count(frame.ids) >= MIN_SHARED
+        if len(ids) >= MIN_SHARED:
+            turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * width)
+            base = Pose(base.rotation @ turn.T, base.translation)
+        elif self.coasting is not None and len(self.frames) == 1:
+            base = self.coasting(frame.time_ns)
+        frames = (replace(frame, world_from_camera=base),)
+        new = replace(self, frames=frames, base=base, joined=self.joined and shared and same_unit)
+        if not shared:
+            return replace(new, earlier=(), passed=PersistentList()), self.held
+        return replace(new, earlier=(*self.earlier, *self.frames)).limited(), ()
+
+
+def held_poses(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]:
+    """Returns the held poses of frames with enough observations for a rotation."""
+    return tuple((f.time_ns, f.world_from_camera) for f in frames if f.world_from_camera and len(f.ids) >= MIN_SHARED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +193,10 @@ class ModernMonocularState:
 
 
 @dataclass(frozen=True, eq=False)
-class NewImage:
-    """An image with the tracks in it, before it is localised."""
-
-    time_ns: int
-    grey: Image
-    predicted: Pose | None
-    """world_from_camera by the motion model; None without a map."""
-    followed: Followed
-    scene: Array
-    """(N, 3) points of the tracks, those untriangulated at a guessed depth; NaN without a map."""
-
-
-@dataclass(frozen=True, eq=False)
 class Outcome:
     """The outcome of one frame, from which its Step is built."""
 
-    followed: Followed
+    tracked: TrackingResult
     status: Status
     pose: Pose | None = None
     map: Map | None = None

@@ -1,4 +1,4 @@
-"""The live tracks of the monocular estimator, and their tracking into the next frame."""
+"""The tracks of the monocular estimator: in the last image, in the new one, and those that ended as outliers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.rolling import Flow, Sight, Speeds, late_px
+from ispom.estimators.modern.rolling import Sight, Speeds, late_px
+from ispom.estimators.modern.second_motion import LEAST
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.features.images import as_bright, has_contrast
-from ispom.features.interfaces import FrontEnd
+from ispom.features.patches import align
 from ispom.geometry import Array, Pose
-from ispom.numerics.reductions import both, squares
+from ispom.numerics.places import places
+from ispom.numerics.reductions import both, lengths
 from ispom.types import Camera, Image, Tracks, TrackStatus
+
+MIN_TRACKS = LEAST // 2
+"""Least number of tracks that are followed: some are always wrong, and following costs as much as for twice as many."""
+MIN_AGE, MAX_AGE = 2, 20
+"""Number of images into which a track is followed before it counts, as wrong tracks mostly fail the forward-backward
+check; and number of images after which it ends if no motion explains it, as tracks that slide along contours last long.
+"""
+MAX_BACKWARD_PX = 0.7
+"""Largest forward-backward error [px], as `klt.Klt` requires for tracks without a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +87,7 @@ class LiveTracks:
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class MovedPoints:
     """Other points to track, from one image to their predicted or found positions in the next."""
 
     before: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
@@ -89,8 +98,11 @@ class Moved:
     """(M,) TrackStatus, once tracked."""
 
 
+NO_POINTS = MovedPoints()
+
+
 @dataclass(frozen=True, eq=False)
-class Followed:
+class TrackingResult:
     """The tracks in a new image."""
 
     uv: NDArray[np.float32]
@@ -100,150 +112,52 @@ class Followed:
     """(N, 2) [px/s] velocities in it; 0 for a global shutter."""
     speeds: Speeds | None = None
     """Velocities in the last images, as known now; None for a global shutter."""
-    others: Moved = Moved()
+    others: MovedPoints = NO_POINTS
     """Other points that were tracked too."""
     bright: Image | None = None
     """The new image with the brightness of the last one; None if nothing was tracked."""
 
 
-FEATURES, MIN_FEATURES = 1000, 15
-"""Number of features compared when tracking failed, and least number of matches: as many as for a pose."""
-
-
-def follow(
-    front_end: FrontEnd,
-    camera: Camera,
-    live: LiveTracks,
-    time_ns: int,
-    grey: Image,
-    predicted: NDArray[np.float32] | None,
-    others: Moved = Moved(),
-) -> Followed:
-    """Tracks points from their predicted positions: `predicted` (N, 2) [px], or constant velocity.
-
-    `others` are tracked in the same call, as building the images' pyramids takes most of the time.
-
-    Without a prediction, points are checked forward and backward; with one the check follows in `realign.realigned`.
-    """
-    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
-        return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
-    bright = as_bright(grey, live.grey)
-    tracker, expected = (front_end.tracker, live.uv + live.flow) if predicted is None else (front_end.guided, predicted)
-    starts, goals = np.concatenate([live.uv, others.before]), np.concatenate([expected, others.now])
-    uv, status = tracker.track(live.grey, bright, starts, goals)
-    n = len(live.uv)
-    others, uv, status = Moved(others.before, uv[n:], status[n:]), uv[:n], status[:n]
-    if not camera.line_delay_s:
-        return Followed(uv, status, live.speed, others=others, bright=bright)
-    last = Flow(uv - live.uv, (time_ns - live.time_ns) * 1e-9)
-    speeds = Speeds.of(camera, last, Flow(live.flow, (live.time_ns - live.before_ns) * 1e-9))
-    alive = (status == TrackStatus.ALIVE)[:, None]
-    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds, others, bright)
-
-
-def updated_coordinates(
-    camera: Camera, live: LiveTracks, followed: Followed
-) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
-    """Returns coordinates of the last two images at the time of the middle row, corrected by the motion after them:
-    time, ids (K,), and normalised coordinates (K, 2). Empty for a global shutter.
-
-    For the image before the last one, these are the tracks new in it; for the last one, all others.
-    """
-    if followed.speeds is None:
-        return ()
-    alive, moved = followed.status == TrackStatus.ALIVE, live.flow.any(axis=1)
-    first, last = alive & live.second & (live.origin_ns == live.before_ns), alive & moved
-    old = live.origin_uv[first] - late_px(camera, live.origin_uv[first], followed.speeds.before[first])
-    uv = live.uv[last] - late_px(camera, live.uv[last], followed.speeds.last[last])
-    return (
-        (live.before_ns, live.ids[first], camera.normalise(old)),
-        (live.time_ns, live.ids[last], camera.normalise(uv)),
-    )
-
-
-def displaced_by_features(front_end: FrontEnd, live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
-    """Predicts positions (N, 2) [px] after a jump: each point moves like the nearest feature matched in both images.
-
-    None for too few matches.
-    """
-    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids) or not has_contrast(grey, live.grey):
-        return None
-    before, now = (front_end.descriptor.detect_and_describe(image, FEATURES) for image in (live.grey, grey))
-    pairs = front_end.matcher.match(before, now)
-    if len(pairs) < MIN_FEATURES:
-        return None
-    at, motion = before.uv[pairs[:, 0]], now.uv[pairs[:, 1]] - before.uv[pairs[:, 0]]
-    nearest = ((live.uv[:, None] - at[None]) ** 2).sum(axis=2).argmin(axis=1)
-    return (live.uv + motion[nearest]).astype(np.float32)
-
-
-def unrolled(camera: Camera, tracks: LiveTracks | Followed) -> NDArray[np.float32]:
+def at_middle_row(camera: Camera, tracks: LiveTracks | TrackingResult) -> NDArray[np.float32]:
     """Returns positions (N, 2) [px] as if all rows had been exposed with the middle one."""
     return tracks.uv - late_px(camera, tracks.uv, tracks.speed)
 
 
-def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
-    """Returns scene points (N, 3) observed at uv (N, 2) [px]; unknown ones (NaN) get the depth of the nearest known
-    point in the image.
-
-    All are NaN if none is known.
-    """
-    depth = world_from_camera.inverse().apply(xyz_in_world)[:, 2]
-    known, unknown = np.flatnonzero(depth > 0), np.flatnonzero(~(depth > 0))
-    if not len(known):
-        return np.full((len(uv), 3), np.nan)
-    if len(unknown):
-        near = uv[known].astype(float)
-        nearness = uv[unknown] @ near.T - 0.5 * squares(near)  # largest for the nearest
-        depth[unknown] = depth[known[np.argmax(nearness, axis=1)]]
-    ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
-    return world_from_camera.apply(ray * depth[:, None])
-
-
-def projected(
-    lens: Lens, xyz_in_world: Array, world_from_camera: Pose, otherwise: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Projects points (N, 3) to pixels (N, 2); `otherwise` for points without a projection."""
-    uv = lens.project(world_from_camera.inverse().apply(xyz_in_world))
-    near = both(np.abs(uv) < 1e5)  # False for NaN
-    return np.where(near[:, None], uv, otherwise).astype(np.float32)
-
-
-def moving(
+def tracks_with_speeds(
     camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
     """Returns the tracks (N, 2) [px] and speeds [px/s] that a Keyframe stores; None for a global shutter."""
     return (uv, speed) if camera.line_delay_s else None
 
 
-def tracked_frame(camera: Camera, live: LiveTracks, followed: Followed, time_ns: int) -> TrackedFrame:
+def tracked_frame(camera: Camera, live: LiveTracks, tracked: TrackingResult, time_ns: int) -> TrackedFrame:
     """Returns the live tracks in the new image."""
-    alive = followed.status == TrackStatus.ALIVE
-    return TrackedFrame(time_ns, live.ids[alive], camera.normalise(unrolled(camera, followed)[alive]))
+    alive = tracked.status == TrackStatus.ALIVE
+    return TrackedFrame(time_ns, live.ids[alive], camera.normalise(at_middle_row(camera, tracked)[alive]))
 
 
 def as_tracks(
-    live: LiveTracks, followed: Followed, residual_px: NDArray[np.float32], fresh: NDArray[np.float32]
+    live: LiveTracks, tracked: TrackingResult, residual_px: NDArray[np.float32], new_uv: NDArray[np.float32]
 ) -> Tracks:
     """Returns the tracks for the Step: all that were tracked, with their status, and the new ones."""
-    n, status = len(fresh), followed.status
+    n, status = len(new_uv), tracked.status
     seen = (status == TrackStatus.ALIVE) | (status >= TrackStatus.EPIPOLAR)
     return Tracks.of(
         np.concatenate([live.ids, live.next_id + np.arange(n)]),
-        np.concatenate([np.where(seen[:, None], followed.uv, live.uv), fresh]),
+        np.concatenate([np.where(seen[:, None], tracked.uv, live.uv), new_uv]),
         uv_prev=np.concatenate([live.uv, np.full((n, 2), np.nan, np.float32)]),
         status=np.concatenate([status, np.full(n, TrackStatus.NEW, np.uint8)]),
         residual_px=np.concatenate([residual_px, np.full(n, np.nan, np.float32)]),
     )
 
 
-def speed_where(followed: Followed, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
+def speeds_at(tracked: TrackingResult, new_uv: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns velocities (M, 2) [px/s] of new points at (M, 2): those of the nearest track."""
-    alive = followed.status == TrackStatus.ALIVE
-    return nearest_speed(followed.uv[alive], followed.speed[alive], fresh)
+    alive = tracked.status == TrackStatus.ALIVE
+    return nearest_speeds(tracked.uv[alive], tracked.speed[alive], new_uv)
 
 
-def nearest_speed(
+def nearest_speeds(
     tracks_uv: NDArray[np.float32], speed: NDArray[np.float32], uv: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Returns velocities (M, 2) [px/s] at (M, 2) [px]: those (N, 2) of the nearest of the tracks at (N, 2)."""
@@ -254,9 +168,9 @@ def nearest_speed(
 
 def next_live_tracks(
     live: LiveTracks,
-    followed: Followed,
+    tracked: TrackingResult,
     grey: Image,
-    fresh: NDArray[np.float32],
+    new_uv: NDArray[np.float32],
     time_ns: int,
     compared: NDArray[np.bool_],
 ) -> LiveTracks:
@@ -264,24 +178,103 @@ def next_live_tracks(
 
     At a keyframe (with new tracks), tracks that could not be compared with their origin get a new one.
     """
-    alive, n = followed.status == TrackStatus.ALIVE, len(fresh)
+    alive, n = tracked.status == TrackStatus.ALIVE, len(new_uv)
     origin_ns, origin_uv = live.origin_ns.copy(), live.origin_uv.copy()
     if n:
-        origin_ns[~compared], origin_uv[~compared] = time_ns, followed.uv[~compared]
+        origin_ns[~compared], origin_uv[~compared] = time_ns, tracked.uv[~compared]
     origin_ns = np.concatenate([origin_ns[alive], np.full(n, time_ns)])
     used = set(origin_ns.tolist())
     images = (*live.origins, (time_ns, grey))
     return LiveTracks(
         grey,
         np.concatenate([live.ids[alive], live.next_id + np.arange(n, dtype=np.int64)]),
-        np.concatenate([followed.uv[alive], fresh]),
-        np.concatenate([(followed.uv - live.uv)[alive], np.zeros((n, 2), np.float32)]),
+        np.concatenate([tracked.uv[alive], new_uv]),
+        np.concatenate([(tracked.uv - live.uv)[alive], np.zeros((n, 2), np.float32)]),
         live.time_ns,
-        np.concatenate([followed.speed[alive], speed_where(followed, fresh)]),
+        np.concatenate([tracked.speed[alive], speeds_at(tracked, new_uv)]),
         time_ns,
         np.concatenate([both(live.flow[alive] == 0), np.zeros(n, bool)]),
         origin_ns,
-        np.concatenate([origin_uv[alive], fresh]),
+        np.concatenate([origin_uv[alive], new_uv]),
         tuple(item for item in images if item[0] in used),
         live.next_id + n,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class NewImage:
+    """An image with the tracks in it, before it is localised."""
+
+    time_ns: int
+    grey: Image
+    predicted: Pose | None
+    """world_from_camera by the motion model; None without a map."""
+    tracked: TrackingResult
+    scene: Array
+    """(N, 3) points of the tracks, those untriangulated at a guessed depth; NaN without a map."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlierTracks:
+    """Tracks that ended because they do not observe a static point, at most as many as are tracked in all."""
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) ids that they had as tracks, ascending."""
+    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] positions in the last image."""
+    flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] motion into it."""
+    age: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) number of images since the track ended, or was explained."""
+    rest: int = 0
+    """Number of images in which no motion is searched."""
+
+    @property
+    def lasting(self) -> NDArray[np.bool_]:
+        """(N,) which tracks count."""
+        return self.age >= MIN_AGE
+
+    @property
+    def expected(self) -> MovedPoints:
+        """Predicted positions in the next image, with constant velocity: no map predicts them."""
+        return MovedPoints(self.uv, self.uv + self.flow)
+
+    def after_tracking(self, before: Image, now: Image, found: MovedPoints) -> OutlierTracks:
+        """Keeps the tracks found in the next image that pass the forward-backward check; none if the image size
+        changed."""
+        if not len(self.ids) or len(found.status) != len(self.ids):
+            return OutlierTracks()
+        kept = np.flatnonzero((found.status == TrackStatus.ALIVE) & (self.age < MAX_AGE))
+        still = np.broadcast_to(np.eye(2), (len(kept), 2, 2))
+        back, score = align(now, found.now[kept], before, self.uv[kept], still)
+        kept = kept[(score > 0) & (lengths(back - self.uv[kept]) < MAX_BACKWARD_PX)]
+        uv = found.now[kept]
+        return OutlierTracks(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
+
+    def joined(self, live: LiveTracks, tracked: TrackingResult, most: int) -> OutlierTracks:
+        """Adds the tracks that end now; keeps none if they are too few, and the newest if they are too many."""
+        ended = (tracked.status == TrackStatus.EPIPOLAR) | (tracked.status == TrackStatus.REPROJECTION)
+        ended &= places(self.ids, live.ids) < 0
+        ids = np.concatenate([self.ids, live.ids[ended]])
+        if len(ids) < MIN_TRACKS:
+            return OutlierTracks()
+        order = np.argsort(ids)[-most:]
+        uv = np.concatenate([self.uv, tracked.uv[ended]])
+        flow = np.concatenate([self.flow, (tracked.uv - live.uv)[ended]])
+        age = np.concatenate([self.age, np.zeros(int(ended.sum()), np.int64)])
+        return OutlierTracks(ids[order], uv[order], flow[order], age[order], self.rest)
+
+    def explained(self, ids: NDArray[np.int64]) -> OutlierTracks:
+        """Resets the age of explained tracks (M,)."""
+        if not len(ids):
+            return self
+        return replace(self, age=np.where(np.isin(self.ids, ids), MIN_AGE, self.age))
+
+    def speed(self, live: LiveTracks, time_ns: int) -> NDArray[np.float32]:
+        """Returns velocities (N, 2) [px/s] into the image at this time from that of `live`."""
+        return self.flow / np.float32((time_ns - live.time_ns) * 1e-9)
+
+    def tracks(self, ids: NDArray[np.int64]) -> Tracks:
+        """Returns some of the tracks (M,) for the Step."""
+        some = np.isin(self.ids, ids)
+        return Tracks.of(self.ids[some], self.uv[some], uv_prev=(self.uv - self.flow)[some])

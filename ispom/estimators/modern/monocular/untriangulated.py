@@ -16,7 +16,7 @@ from scipy.special import chdtri
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, unrolled
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult, at_middle_row
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
@@ -25,18 +25,18 @@ from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import POSE
 from ispom.types import TrackStatus
 
-AGREEING = 2.0
+MAX_OFF_LINE = 2.0
 """Inlier limit of a track's distance from its epipolar line, in standard deviations of the error in two images."""
 LEAST_SHARE = 0.5
 """Least share of inliers among the tracks without a point, in the last image and with the pose that they help to
 estimate."""
 LEAST_GAIN = 0.1
 """Least gain of that share over the pose by points alone: without a gain they add no information, only their errors."""
-NEARER = 0.5
+MIN_DEPTH_SHARE = 0.5
 """Least depth of a track, relative to the least depth of the map's points."""
-BEHIND = 1e9
+BEHIND_ERROR = 1e9
 """Error of points behind the camera, as in `fit_pose`."""
-MOST_COST = float(chdtri(6, 0.001))
+MAX_COST_INCREASE = float(chdtri(6, 0.001))
 """Largest increase of the points' squared errors by the tracks without a point, in variances of a tracked position with
 correlated neighbours: the 99.9 % quantile of chi-squared with the six unknowns of a pose."""
 
@@ -60,11 +60,11 @@ class UntriangulatedTracks:
         return fixed, (errors[:, None] @ weighted)[:, 0]
 
 
-def with_untriangulated(
+def refine_by_untriangulated(
     setup: Setup,
     live: LiveTracks,
-    world: Map,
-    followed: Followed,
+    local_map: Map,
+    tracked: TrackingResult,
     places: Array,
     motion: PoseFit,
     points: tuple[Array, Array],
@@ -78,29 +78,31 @@ def with_untriangulated(
     leave a valley: once they ended at 2 degrees from the right rotation, where all tracks together have another minimum
     at 9.
     """
-    alone = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
+    alone = np.flatnonzero((tracked.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
     if len(alone) <= motion.inliers.sum():
         return motion, None
-    untriangulated = _untriangulated(setup, live, world, followed, alone, points[0][motion.inliers])
+    untriangulated = _untriangulated(setup, live, local_map, tracked, alone, points[0][motion.inliers])
     if untriangulated is None:
         return motion, None
     scale, limit, pose = WIDTH * setup.noise.width, INLIER * setup.noise.width, motion.camera_from_world
     starts = (pose, world_from_guess.inverse())
     fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=untriangulated.rays) for s in starts]
     found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, untriangulated, scale), default=None)
-    most = MOST_COST * world.noise.variance(setup.noise.sigma)
+    most = MAX_COST_INCREASE * local_map.noise.variance(setup.noise.sigma)
     if found is None or _cost(found, scale) - _cost(motion, scale) > most:
         return motion, None
-    before, after = (_agreeing(setup, untriangulated.rays, pose).mean() for pose in (pose, found.camera_from_world))
+    before, after = (
+        _on_epipolar_lines(setup, untriangulated.rays, pose).mean() for pose in (pose, found.camera_from_world)
+    )
     return (found, untriangulated) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
 
 
 def _untriangulated(
-    setup: Setup, live: LiveTracks, world: Map, followed: Followed, alone: NDArray[np.int64], points: Array
+    setup: Setup, live: LiveTracks, local_map: Map, tracked: TrackingResult, alone: NDArray[np.int64], points: Array
 ) -> UntriangulatedTracks | None:
     """Returns those of the tracks `alone` (K,) that agreed with the epipolar lines of the last keyframe in the last
     image: moving objects, such as clouds, mostly did not. `points` (N, 3) are the observed points of the map."""
-    keys, before = [k for k in world.keys if k.time_ns < live.time_ns], world.pose_at(live.time_ns)
+    keys, before = [k for k in local_map.keys if k.time_ns < live.time_ns], local_map.pose_at(live.time_ns)
     if not keys or before is None:
         return None
     key, world_from_key = keys[-1], keys[-1].pose
@@ -109,12 +111,13 @@ def _untriangulated(
     depths = depths[depths > 0]
     if len(mine) <= len(points) or not len(depths):
         return None
-    mine, nearest = alone[mine], NEARER * float(depths.min())
-    first = corrected(key.x[its], world.extra)
+    mine, nearest = alone[mine], MIN_DEPTH_SHARE * float(depths.min())
+    first = corrected(key.x[its], local_map.extra)
     last, now = (
-        corrected(setup.camera.normalise(unrolled(setup.camera, of)[mine]), world.extra) for of in (live, followed)
+        corrected(setup.camera.normalise(at_middle_row(setup.camera, of)[mine]), local_map.extra)
+        for of in (live, tracked)
     )
-    good = _agreeing(setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
+    good = _on_epipolar_lines(setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
     if good.mean() < LEAST_SHARE:
         return None
     return UntriangulatedTracks(Rays.of(world_from_key, first[good], nearest, now[good]), key.time_ns, world_from_key)
@@ -128,11 +131,11 @@ def _cost(found: PoseFit, scale: float) -> float:
 def _joint_cost(found: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
     """Adds the cost of the tracks without a point, whose errors are of two images."""
     errors, _ = untriangulated.rays.errors(found.camera_from_world)
-    beside = np.minimum((errors**2).sum(axis=1), BEHIND**2)
+    beside = np.minimum((errors**2).sum(axis=1), BEHIND_ERROR**2)
     return _cost(found, scale) + 2 * scale**2 * cauchy_cost(beside, np.sqrt(2) * scale)
 
 
-def _agreeing(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
+def _on_epipolar_lines(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
     """Returns which (M,) of the tracks agree with their epipolar lines."""
     errors, _ = rays.errors(camera_from_world)
-    return np.asarray(np.linalg.norm(errors, axis=1) < AGREEING * np.sqrt(2) * setup.noise.sigma)
+    return np.asarray(np.linalg.norm(errors, axis=1) < MAX_OFF_LINE * np.sqrt(2) * setup.noise.sigma)

@@ -1,4 +1,8 @@
-"""Corrects tracks by aligning them with their patches of origin, as tracking from image to image drifts."""
+"""Corrects tracks by aligning them with their patches of origin, as tracking from image to image drifts.
+
+Patches are warped by the slopes of the surfaces, which are estimated from the neighbouring points: the inverse depth of
+a plane is linear in the image coordinates.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +13,17 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular.surfaces import slopes
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
 from ispom.features.images import as_bright
 from ispom.features.klt import Klt
 from ispom.features.patches import align, warps_of
 from ispom.geometry import Array, Pose
+from ispom.kernels import kernel
 from ispom.numerics.places import places
 from ispom.numerics.reductions import both, lengths
 from ispom.types import Image, TrackStatus
 
-BACK = Klt(levels=1)
+BACKWARD = Klt(levels=1)
 MIN_CORRELATION = 0.8
 """Least normalised correlation of a patch with its origin."""
 TAPER_PX = 3.0
@@ -33,24 +37,36 @@ MIN_WARP, MAX_WARP = 0.35, 1.8
 """Limits of the change of area, origin relative to image, within which the patch of the origin is used."""
 BORDER_PX = 6
 """Half a patch and its gradients [px]: no patch is compared nearer to the image's border."""
+REACH = 0.08
+"""Radius [rad] of the neighbourhood: some ten of an image's tracks, and less than the side of a house."""
+SAME_SURFACE = 0.02
+"""Relative residual of a neighbour's inverse depth at which its weight is halved: other surfaces differ by more."""
+STEPS = 4
+"""Number of reweighting steps."""
+REGULARISATION = 0.05
+"""Regularisation of a slope, relative to the weight of a neighbour at the rim: ten neighbours keep nine tenths of the
+slope, and three on a line give none across it. With 0.02 to 0.15 the error is 16 to 19 mm on KITTI 06, and 0.16 to 0.21
+m on KITTI 00."""
+MIN_DEPTH = 1e-6
+"""Least depth [m, or the map's unit] of a point in front of the camera."""
 
 
-def realigned(
+def align_with_origins(
     lens: Lens,
     live: LiveTracks,
     grey: Image,
-    followed: Followed,
+    tracked: TrackingResult,
     expected: NDArray[np.float32],
     scene: Array,
     pose: Pose,
     origins: dict[int, Pose],
-) -> tuple[Followed, NDArray[np.bool_]]:
+) -> tuple[TrackingResult, NDArray[np.bool_]]:
     """Aligns each point with its patch of origin, warped by the scene (N, 3); also returns which (N,) were compared.
 
     The search is around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time, are world_from_camera. A
     point that does not match its origin is lost; one that cannot be compared is lost if it fails the backward check.
     """
-    uv, status = followed.uv.copy(), followed.status.copy()
+    uv, status = tracked.uv.copy(), tracked.status.copy()
     in_camera = pose.inverse().apply(scene)
     height, width = grey.shape
     last = (width - BORDER_PX - 1, height - BORDER_PX - 1)
@@ -60,13 +76,13 @@ def realigned(
     mine = np.flatnonzero((origin >= 0) & inside & (in_camera[:, 2] > 0))
     compared = np.zeros(len(uv), bool)
     if len(mine):
-        turns, ways = _motions(tuple(origins[time_ns] for time_ns, _ in usable), pose)
+        turns, ways = _origins_from_camera(tuple(origins[time_ns] for time_ns, _ in usable), pose)
         xyz = in_camera[mine]
         warps, bends = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], xyz, slopes(xyz))
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
         mine, warps, bends = mine[fit], warps[fit], bends[fit]
-        found, score = _aligned(
+        found, score = _align_by_image(
             [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps, bends
         )
         good = (score > MIN_CORRELATION) & (lengths(found - expected[mine]) < MAX_SHIFT_PX)
@@ -76,19 +92,19 @@ def realigned(
         compared[mine] = True
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
-        bright = as_bright(grey, live.grey) if followed.bright is None else followed.bright
-        status[other] = BACK.checked(live.grey, bright, live.uv[other], uv[other])
-    return replace(followed, uv=uv, status=status), compared
+        bright = as_bright(grey, live.grey) if tracked.bright is None else tracked.bright
+        status[other] = BACKWARD.checked(live.grey, bright, live.uv[other], uv[other])
+    return replace(tracked, uv=uv, status=status), compared
 
 
-def _motions(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:
+def _origins_from_camera(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:
     """Returns origin_from_camera (K, 3, 3), (K, 3) for poses world_from_camera."""
     back = np.stack([p.rotation.T for p in origins])
     ways = back @ (pose.translation - np.stack([p.translation for p in origins]))[:, :, None]
     return back @ pose.rotation, ways[..., 0]
 
 
-def _aligned(
+def _align_by_image(
     images: list[Image],
     origin: NDArray[np.int64],
     origin_uv: Array,
@@ -112,7 +128,7 @@ def _aligned(
     return found, score
 
 
-def patches_found(
+def align_patches(
     lens: Lens,
     place: Keyframe,
     seen: Array,
@@ -134,3 +150,46 @@ def patches_found(
     found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends, taper_px=TAPER_PX)
     found = (found + 0.5) / reduction - 0.5
     return found, (score > MIN_CORRELATION) & (np.linalg.norm(found - expected, axis=1) < MAX_SHIFT_PX)
+
+
+def slopes(xyz: Array) -> Array:
+    """Returns the gradient (N, 2) of the inverse depth over the normalised image at each of points (N, 3) in the
+    camera; 0 for points not in front of it."""
+    return _slopes(np.ascontiguousarray(xyz))
+
+
+@kernel()
+def _slopes(xyz):
+    n, out = len(xyz), np.zeros((len(xyz), 2))
+    places, near, weights = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    for i in range(n):
+        places[i, 2] = 1 / xyz[i, 2] if xyz[i, 2] > MIN_DEPTH else 0.0
+        places[i, 0], places[i, 1] = xyz[i, 0] * places[i, 2], xyz[i, 1] * places[i, 2]
+    for i in range(n):
+        inverse, count = places[i, 2], 0
+        if inverse == 0.0:
+            continue
+        scale = 1 / (SAME_SURFACE * inverse)
+        for j in range(n):
+            dx, dy = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
+            far = (dx * dx + dy * dy) / (REACH * REACH)
+            if far < 1.0 and j != i and places[j, 2] > 0.0:
+                near[count, 0], near[count, 1], near[count, 2] = dx, dy, places[j, 2] - inverse
+                weights[count] = (1.0 - far) * (1.0 - far)
+                count += 1
+        a, b, held = 0.0, 0.0, REGULARISATION * REACH * REACH
+        for _ in range(STEPS):
+            xx, xy_, yy, p, q = held, 0.0, held, 0.0, 0.0
+            for k in range(count):
+                dx, dy, off = near[k, 0], near[k, 1], near[k, 2]
+                left = (off - a * dx - b * dy) * scale
+                w = weights[k] / (1.0 + left * left)
+                xx += w * dx * dx
+                xy_ += w * dx * dy
+                yy += w * dy * dy
+                p += w * dx * off
+                q += w * dy * off
+            det = xx * yy - xy_ * xy_
+            a, b = (yy * p - xy_ * q) / det, (xx * q - xy_ * p) / det
+        out[i, 0], out[i, 1] = a, b
+    return out

@@ -1,4 +1,7 @@
-"""Initialisation: waits for parallax, holds the position on pure rotation, then builds the map from two views."""
+"""Initialisation: waits for parallax, holds the position on pure rotation, then builds the map from two views.
+
+If steps are too wide for a tracker, features matched between two images become tracks.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,14 @@ from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.first_map import first_map, poses_outside_first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
-from ispom.estimators.modern.monocular.shutter import begun_by_motions
-from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
-from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import tracked_frame
+from ispom.estimators.modern.monocular.shutter import correct_first_map
+from ispom.estimators.modern.monocular.state import MIN_POINTS, ModernMonocularState, Outcome, Start
+from ispom.estimators.modern.monocular.track import MIN_MATCHES
+from ispom.estimators.modern.monocular.tracks import NewImage, TrackingResult, tracked_frame
 from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.modern.second_motion import second_motion
 from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
 from ispom.numerics.area import area_weights, weighted_median
 from ispom.numerics.robust import Noise
@@ -40,33 +44,35 @@ STAYING_NOISE = 1.25
 IMPATIENT = 3.0
 """Multiple of the required parallax from which the best map is accepted even if it is ambiguous: more parallax would
 not help."""
+MAX_FEATURES = 2000
+"""Largest number of features described in each of the two images."""
 
 
-def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
+def initialise(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outcome:
     """Processes one frame of the initialisation, of the first map or of a new one after tracking was lost."""
-    frame = tracked_frame(setup.camera, state.live, new.followed, new.time_ns)
+    frame = tracked_frame(setup.camera, state.live, image.tracked, image.time_ns)
     start = state.start or Start(extra_sigma=setup.extra_sigma)
     if setup.camera.line_delay_s:
         start = start.with_sight(state.live.sight)
     found = advance(start, frame, setup.noise, setup.start_parallax_rad)
-    outcome = Outcome(new.followed, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
+    outcome = Outcome(image.tracked, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
     if found.map is None:
         alone = start.joined and not found.start.joined
         return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
-    alive = new.followed.status == TrackStatus.ALIVE
-    last = Sight(new.time_ns, state.live.ids[alive], new.followed.uv[alive])
-    world = begun_by_motions(setup, found.map, (*start.sights, last))
-    problem = bundle_problem(world)
-    noise = world.noise.after(adjust(problem.window, world.loss, iterations=0), world.loss)
-    times_ns = tuple(k.time_ns for k in world.keys)
-    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, world.loss)
+    alive = image.tracked.status == TrackStatus.ALIVE
+    last = Sight(image.time_ns, state.live.ids[alive], image.tracked.uv[alive])
+    local_map = correct_first_map(setup, found.map, (*start.sights, last))
+    problem = bundle_problem(local_map)
+    noise = local_map.noise.after(adjust(problem.window, local_map.loss, iterations=0), local_map.loss)
+    times_ns = tuple(k.time_ns for k in local_map.keys)
+    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, local_map.loss)
     lost_unit = any(d.key == checks.UNIT_POINTS.key and not d.passed for d in found.decisions)
     return replace(
         outcome,
         restarted=start.joined and lost_unit,
         status=Status.TRACKING,
-        pose=world.poses[-1],
-        map=replace(world, noise=noise),
+        pose=local_map.poses[-1],
+        map=replace(local_map, noise=noise),
         key_frame=True,
         covariance=uncertainty.pose,
         uncertainty=uncertainty,
@@ -96,7 +102,7 @@ def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: f
     enough = checks.START_POINTS.of(share, LEAVING_SHARE)
     if len(ids) < MIN_POINTS:
         few = f"only {len(ids)} points are left ({MIN_POINTS} needed)"
-        return _restarted(start, frame, noise, replace(enough, passed=False, consequence=few))
+        return _restart(start, frame, noise, replace(enough, passed=False, consequence=few))
     x1, x2 = reference.at(ids), frame.at(ids)
     rotation = dominant_rotation(x1, x2, TURN_LOSS * noise.width)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
@@ -107,21 +113,21 @@ def advance(start: Start, frame: TrackedFrame, noise: Noise, min_parallax_rad: f
     waiting = replace(start, frames=(*start.frames, frame)).limited()
     tests, waits = (moved,), not moved.passed
     if moved.passed:
-        tests = (moved, *_travelled(x1, x2, noise.width, min_parallax_rad))
+        tests = (moved, *_check_translation(x1, x2, noise.width, min_parallax_rad))
         waits = not tests[1].passed
     if waits:
         if not enough.passed:
-            return _restarted(start, frame, noise, enough, tests)
+            return _restart(start, frame, noise, enough, tests)
         tests = (replace(tests[0], consequence="the position is held, waiting for parallax"), *tests[1:])
         return Progress(waiting, tests, held)
     found, decisions = first_map(waiting, frame, noise, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
-        return _restarted(start, frame, noise, enough, (*tests, *decisions))
+        return _restart(start, frame, noise, enough, (*tests, *decisions))
     settled = () if found is None else poses_outside_first_map(found, waiting)
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 
-def _travelled(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> tuple[Decision, ...]:
+def _check_translation(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> tuple[Decision, ...]:
     """Checks that the camera translated between two frames with points (N, 2), and did not only rotate and zoom.
 
     Points are weighted by area: a small textured object that moves is no translation. If the check fails, a second
@@ -140,7 +146,7 @@ def _travelled(x1: Array, x2: Array, width: float, min_parallax_rad: float) -> t
     return (travel,) if travel.passed else (travel, second_motion(x1, x2, distances > MOVING * width, width))
 
 
-def _restarted(
+def _restart(
     start: Start, frame: TrackedFrame, noise: Noise, few: Decision, others: tuple[Decision, ...] = ()
 ) -> Progress:
     """Restarts the initialisation with this frame as the reference, as too few of the old reference's points are
@@ -149,3 +155,39 @@ def _restarted(
     again = "initialisation starts again from this frame"
     few = replace(few, consequence=f"{few.consequence}, so {again}" if few.consequence else again)
     return Progress(new, (*others, few), new.base, settled=gone)
+
+
+def with_matched_features(
+    setup: Setup, state: ModernMonocularState, image: NewImage
+) -> tuple[ModernMonocularState, NewImage]:
+    """Adds tracks from matched features if the tracker lost most of those that began in the last image; otherwise
+    returns both arguments unchanged.
+
+    The tracks start in the last image, which is the reference of the initialisation. Wrong matches agree with no camera
+    motion, and do not enter the first map. Not used with a rolling shutter, which requires the velocity of each track.
+    """
+    start, live, alive = state.start, state.live, int(np.count_nonzero(image.tracked.status == TrackStatus.ALIVE))
+    if start is None or live.grey is None or live.grey.shape != image.grey.shape or setup.camera.line_delay_s:
+        return state, image
+    at_reference = len(start.frames) == 1 and start.frames[0].time_ns == live.time_ns
+    enough = max(setup.min_share * len(live.ids), MIN_POINTS)
+    if not at_reference or alive >= enough or not has_contrast(image.grey, live.grey):
+        return state, image
+    before, now = (
+        setup.front_end.descriptor.detect_and_describe(grey, MAX_FEATURES) for grey in (live.grey, image.grey)
+    )
+    pairs = setup.front_end.matcher.match(before, now)
+    if len(pairs) < max(MIN_MATCHES, alive):
+        return state, image
+    count, here = len(pairs), before.uv[pairs[:, 0]].astype(np.float32)
+    grown = live.with_new(here, live.time_ns)
+    tracked = image.tracked
+    tracked = TrackingResult(
+        np.concatenate([tracked.uv, now.uv[pairs[:, 1]].astype(np.float32)]),
+        np.concatenate([tracked.status, np.full(count, TrackStatus.ALIVE, np.uint8)]),
+        np.concatenate([tracked.speed, np.zeros((count, 2), np.float32)]),
+        bright=tracked.bright,
+    )
+    start = start.with_new_tracks(grown.ids[-count:], setup.camera.normalise(here))
+    scene = np.concatenate([image.scene, np.full((count, 3), np.nan)])
+    return replace(state, live=grown, start=start), replace(image, tracked=tracked, scene=scene)

@@ -1,0 +1,216 @@
+"""Decides on keyframes of the monocular estimator, and extends and optimises the map with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.adjustment import optimised
+from ispom.estimators.modern.keyframe_database import Keyframe
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.map import Map, optimise, triangulate
+from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
+from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
+from ispom.estimators.modern.monocular.tracks import at_middle_row, tracks_with_speeds
+from ispom.estimators.modern.monocular.window import report_removed, shorten_window
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
+from ispom.geometry import rotation_angle_rad
+from ispom.numerics.places import common, places
+from ispom.numerics.robust import Noise
+from ispom.types import Decision, TrackStatus
+
+ITERATIONS = 5
+"""Largest number of iterations per bundle adjustment; the next keyframe's continues from the result."""
+MIN_SIGNIFICANCE = 7.5
+"""Least inverse depth of a new point, in its standard deviations: its depth is then known to about 13 %, within which
+bundle adjustment is close to linear."""
+MIN_SCALE_SIGNIFICANCE, MIN_DEPTHS = 15.0, 8
+"""The same for points whose depths are compared between the last two keyframes and the map, and the least number of
+such points for a scale."""
+MAX_DRIFT = 10.0
+"""Scale drift since the start [%, 1 sigma] beyond which the report marks it; it has no other effect."""
+MIN_GAP = 5.5
+"""Ratio of the frame interval to the one before, from which there is a gap: at least five frames are missing. For
+shorter gaps, as where a camera drops frames, tracking loses little, and keyframes would be too frequent."""
+MAX_SCALE_GROWTH = 0.3
+"""Growth of the standard deviation of ln scale within the window, beyond which the scale is lost: with a factor of 1.35
+either way, two parts of a path no longer have the same scale."""
+SCALE_KEYFRAMES = 3
+"""Number of successive keyframes at which it must be lost."""
+
+
+def keyframe_tests(setup: Setup, local_map: Map, frame: TrackedFrame) -> tuple[Decision, ...]:
+    """Returns the checks each of which, if passed, makes `frame` the next keyframe of the map; the frame must have a
+    pose."""
+    key = local_map.keys[-1]
+    parallax = parallax_deg(key, frame, setup.noise.width)
+    placed = key.ids[np.isfinite(local_map.known(key.ids)[:, 0])]
+    # Untriangulated tracks may be on a moving object, and outlast the scene.
+    share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
+    turn = key.pose.rotation.T @ frame.pose.rotation
+    angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
+    late = interval >= setup.max_interval_s and parallax >= setup.min_parallax_deg / 4
+    why = "too little parallax for a keyframe" if interval >= setup.max_interval_s and not late else ""
+    return (
+        checks.PARALLAX.of(parallax, setup.min_parallax_deg),
+        checks.POINTS_LEFT.of(share, setup.min_share),
+        checks.VIEW_ANGLE.of(angle, setup.max_view_angle_deg),
+        checks.INTERVAL.of(interval, setup.max_interval_s, why, late),
+    )
+
+
+def _share_left(before: NDArray[np.int64], now: NDArray[np.int64]) -> float:
+    return len(common(before, now)[0]) / max(1, len(before))
+
+
+@dataclass(frozen=True, eq=False)
+class ExtendedMap:
+    """The map with one more keyframe."""
+
+    map: Map
+    dropped: NDArray[np.int64]
+    """Tracks that do not observe a static point."""
+    uncertainty: MapUncertainty
+    """Uncertainty of the map."""
+    scale: float | None
+    decisions: tuple[Decision, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class WithKeyframe:
+    """The map with one more keyframe, before the optimisation."""
+
+    map: Map
+    moving: NDArray[np.int64]
+    """Untriangulated tracks that do not observe a static point."""
+
+
+def with_keyframe(setup: Setup, local_map: Map, frame: TrackedFrame) -> WithKeyframe:
+    """Adds the keyframe and new points with enough parallax; existing poses and points are unchanged."""
+    width, local_map = setup.noise.width, replace(local_map, keys=(*local_map.keys, frame))
+    open_ids = frame.ids[~np.isfinite(local_map.known(frame.ids)[:, 0])]
+    new = triangulate(local_map, open_ids, setup.noise)
+    wide = (new.parallax_rad > setup.point_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
+    good = wide & (new.depth > 0) & (new.worst < INLIER * width)
+    points = local_map.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
+    moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * width)
+    return WithKeyframe(replace(local_map, points=points), open_ids[moving])
+
+
+def extend_map(setup: Setup, local_map: Map, frame: TrackedFrame) -> ExtendedMap:
+    """Adds the keyframe and new points with enough parallax, and runs windowed bundle adjustment."""
+    known, width, f = local_map.points.ids, setup.noise.width, setup.camera.fx
+    grown = with_keyframe(setup, local_map, frame)
+    local_map, bundle, before = optimise(grown.map.with_loss(width), width, ITERATIONS)
+    local_map = replace(local_map, noise=local_map.noise.after(bundle, local_map.loss))
+    outliers = before.ids[places(local_map.points.ids, before.ids) < 0]
+    dropped = np.concatenate([grown.moving, outliers])
+    size = f"{len(local_map.keys)} keyframes, {len(before.ids)} points, {len(bundle.distances)} observations"
+    off, why = (
+        f * local_map.noise.sigma(setup.noise.sigma),
+        f"{local_map.noise.describe(f)}, loss {f * local_map.loss:.2f} px wide",
+    )
+    cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
+    went = (
+        cost,
+        *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
+        checks.OUTLIERS.of(len(outliers), len(before.ids)),
+        checks.NOISE.of(off, setup.noise_px.sigma, why),
+    )
+    times_ns = tuple(k.time_ns for k in local_map.keys)
+    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, local_map.loss)
+    scale, drift = _measure_scale(local_map, known, setup.noise, uncertainty)
+    return ExtendedMap(local_map, dropped, uncertainty, scale, (*went, *drift, *_report_lens(setup, local_map)))
+
+
+def _report_lens(setup: Setup, local_map: Map) -> tuple[Decision, ...]:
+    """Reports the lens correction, if it is self-calibrated."""
+    if not local_map.extra_sigma.any():
+        return ()
+    focal, radial = 100 * float(local_map.extra[0]), float(local_map.extra[1])
+    limit = 300 * float(setup.extra_sigma[0]) / setup.noise.factor
+    because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
+    return (checks.FOCAL_LENGTH.of(abs(focal), limit, because),)
+
+
+def _measure_scale(
+    local_map: Map, known: NDArray[np.int64], noise: Noise, uncertainty: MapUncertainty
+) -> tuple[float | None, tuple[Decision, ...]]:
+    """Returns the scale of the last step relative to the map, and its checks. The scale is the ratio of the depths of
+    points that the map had before (`known` ids) to those triangulated from the last two keyframes only."""
+    against = f"{100 * uncertainty.step_scale_sigma:.2g} % in the last step alone"
+    since = checks.SCALE_DRIFT.of(100 * uncertainty.scale_sigma, MAX_DRIFT, against)
+    pair = replace(local_map, keys=local_map.keys[-2:])
+    ids = pair.keys[0].ids
+    for others in (pair.keys[1].ids, known, local_map.points.ids):
+        ids = ids[places(others, ids) >= 0]
+    found = triangulate(pair, ids, noise)
+    sure = (found.depth > 0) & (found.significance > MIN_SCALE_SIGNIFICANCE)
+    if sure.sum() < MIN_DEPTHS:
+        return None, (since,)
+    depth = pair.poses[0].inverse().apply(local_map.points.xyz[local_map.points.places(ids)])[:, 2]
+    scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
+    limit = max(3 * uncertainty.step_scale_sigma, 0.005)
+    because = f"depth ratio {scale:.4f} ± {uncertainty.step_scale_sigma:.4f} of {int(sure.sum())} points"
+    step = checks.STEP_SCALE.of(abs(scale - 1), limit, because)
+    return scale, (step, since)
+
+
+def keep_frame_before_gap(setup: Setup, state: ModernMonocularState, time_ns: int) -> ModernMonocularState:
+    """Adds the last frame to the map as a keyframe if the next frame, at `time_ns`, comes after a gap.
+
+    Tracks of the last second may be untriangulated, as only keyframes add points, and few of them survive the gap. The
+    poses are not changed until the next keyframe optimises them all.
+    """
+    local_map, live = state.map, state.live
+    if local_map is None or live.grey is None or state.missed:
+        return state
+    (before_ns, _), (last_ns, last) = state.recent[0], state.recent[-1]
+    gap = time_ns - last_ns > MIN_GAP * (last_ns - before_ns) > 0
+    if not gap or live.time_ns != last_ns or local_map.keys[-1].time_ns == last_ns:
+        return state
+    frame = TrackedFrame(last_ns, live.ids, setup.camera.normalise(at_middle_row(setup.camera, live)), last)
+    others = tuple(b for b in local_map.relative_frames if b.time_ns != last_ns)
+    local_map = with_keyframe(setup, replace(local_map, relative_frames=others), frame).map
+    local_map, settled = shorten_window(local_map, live.ids, setup.key_frames)
+    moved = tracks_with_speeds(setup.camera, live.uv, live.speed)
+    database = state.database.with_keyframe(
+        Keyframe.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
+    )
+    return replace(state, map=local_map, settled=state.settled.extended(settled), database=database)
+
+
+def check_scale(state: ModernMonocularState, outcome: Outcome) -> Decision | None:
+    """Checks that the keyframe has the map's scale as well as keyframes of the window did. None without such keyframes,
+    or if the frame was relocalised, which starts another window."""
+    if len(state.depth_sigmas) < SCALE_KEYFRAMES or outcome.uncertainty is None or outcome.restarted:
+        return None
+    # With few points left, later keyframes may still observe the scale.
+    now = min(outcome.uncertainty.depth_sigma, *state.depth_sigmas[1 - SCALE_KEYFRAMES :])
+    grown = now**2 - min(state.depth_sigmas) ** 2
+    return checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH)
+
+
+def add_keyframe(
+    setup: Setup, outcome: Outcome, local_map: Map, frame: TrackedFrame, all_ids: NDArray[np.int64]
+) -> Outcome:
+    """Adds points, runs bundle adjustment, and shortens the window."""
+    status = outcome.tracked.status
+    done = extend_map(setup, local_map, frame)
+    status[np.isin(all_ids, done.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
+    alive = all_ids[status == TrackStatus.ALIVE]
+    local_map, settled = shorten_window(done.map, alive, setup.key_frames)
+    return replace(
+        outcome,
+        pose=local_map.poses[-1],
+        map=local_map,
+        key_frame=True,
+        decisions=(*outcome.decisions, *done.decisions, report_removed(done.map, local_map, setup.key_frames)),
+        covariance=done.uncertainty.pose,
+        uncertainty=done.uncertainty,
+        scale=done.scale,
+        settled=tuple(settled),
+    )
