@@ -27,7 +27,7 @@ PASSES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class RollingTracks:
     """The tracks of an image, each row at its own time."""
 
     time_ns: int

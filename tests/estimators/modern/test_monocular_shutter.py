@@ -10,7 +10,7 @@ import pytest
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.localise import Localisation, localise_by_tracks
-from ispom.estimators.modern.monocular.map import Map, RelativeFrame, optimise
+from ispom.estimators.modern.monocular.map import Map, RelativeFrame, TracksInMap, optimise
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.shutter import (
     correct_by_motion,
@@ -20,7 +20,7 @@ from ispom.estimators.modern.monocular.shutter import (
 )
 from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
 from ispom.estimators.modern.monocular.window import anchored_prior
-from ispom.estimators.modern.rolling import Sight, late_px, late_s, motion_at
+from ispom.estimators.modern.rolling import RollingTracks, late_px, late_s, motion_at
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig, TrackStatus
@@ -113,15 +113,18 @@ def followed_to(time_ns: int) -> tuple[LiveTracks, TrackingResult]:
 
 
 def off(found: Localisation, time_ns: int) -> float:
-    assert found.motion is not None
-    return float(np.linalg.norm((found.motion.camera_from_world @ shaken(time_ns)).translation))
+    assert found.fit is not None
+    return float(np.linalg.norm((found.fit.camera_from_world @ shaken(time_ns)).translation))
 
 
 def test_the_last_two_frames_are_put_right_by_the_pose_after_them() -> None:
     last = 13
-    before, sights = window(last), tuple(Sight(k * STEP_NS, IDS, seen(k * STEP_NS)) for k in (last - 2, last - 1))
+    before, recent = (
+        window(last),
+        tuple(RollingTracks(k * STEP_NS, IDS, seen(k * STEP_NS)) for k in (last - 2, last - 1)),
+    )
     newest = (last * STEP_NS, shaken(last * STEP_NS))
-    after = correct_frames(setup(), before, sights, (newest,))
+    after = correct_frames(setup(), before, recent, (newest,))
     true = CAMERA.normalise(at_middle((last - 1) * STEP_NS))
     errors = [float(np.abs(m.keys[-1].x - true).max()) * CAMERA.fx for m in (before, after)]
     assert errors[0] > 0.7 and errors[1] < 0.15
@@ -153,21 +156,21 @@ def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None
     old = world.keys[0].with_updated_coordinates(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
     bent = optimise(replace(world, keys=(old, world.keys[1])), sigma, 20)[0]
     live, followed = followed_to(now)
-    first = localise_by_tracks(setup(), live, bent, followed, shaken(now))
-    sights = Sight((last - 2) * STEP_NS, IDS, seen((last - 2) * STEP_NS)), live.sight
-    found, straight = correct_by_motion(setup(), live, bent, sights, now, first)
+    first = localise_by_tracks(TracksInMap(setup(), live, bent), followed, shaken(now))
+    recent = RollingTracks((last - 2) * STEP_NS, IDS, seen((last - 2) * STEP_NS)), live.rolling_tracks
+    found, straight = correct_by_motion(TracksInMap(setup(), live, bent), recent, now, first)
     assert shape_error(bent) > 0.003 and shape_error(straight) < 0.3 * shape_error(bent)
     assert off(found, now) < 0.3 * off(first, now)
     still = setup(replace(CAMERA, line_delay_s=0.0))
-    assert correct_by_motion(still, live, bent, sights, now, first) == (first, bent)
+    assert correct_by_motion(TracksInMap(still, live, bent), recent, now, first) == (first, bent)
 
 
 def test_a_first_map_is_put_right_by_its_own_poses() -> None:
     times = [k * STEP_NS for k in range(4, 13)]
     world = anchored(window(13))
     bent = optimise(world, setup().noise.width, 20)[0]
-    sights = tuple(Sight(t, IDS, seen(t)) for t in times)
-    straight = correct_first_map(setup(), bent, sights)
+    recent = tuple(RollingTracks(t, IDS, seen(t)) for t in times)
+    straight = correct_first_map(setup(), bent, recent)
     assert shape_error(bent) > 0.003 and shape_error(straight) < 0.5 * shape_error(bent)
     true = [CAMERA.normalise(at_middle(key.time_ns)) for key in bent.keys]
     before, after = (
@@ -175,25 +178,25 @@ def test_a_first_map_is_put_right_by_its_own_poses() -> None:
         for m in (bent, straight)
     )
     assert max(before) > 0.4 and max(after) < 0.15
-    assert correct_first_map(setup(replace(CAMERA, line_delay_s=0.0)), bent, sights) is bent
+    assert correct_first_map(setup(replace(CAMERA, line_delay_s=0.0)), bent, recent) is bent
 
 
 def test_a_frame_is_located_by_its_motion() -> None:
     now, world = 13 * STEP_NS, window(14)
     world = replace(world, keys=world.keys[:1])
     live, followed = followed_to(now)
-    first = localise_by_tracks(setup(), live, world, followed, shaken(now))
-    found, _ = correct_by_motion(setup(), live, world, (live.sight,), now, first)
+    first = localise_by_tracks(TracksInMap(setup(), live, world), followed, shaken(now))
+    found, _ = correct_by_motion(TracksInMap(setup(), live, world), (live.rolling_tracks,), now, first)
     assert off(found, now) < 0.3 * off(first, now)
     alone = replace(world, relative_frames=())
-    assert correct_by_motion(setup(), live, alone, (live.sight,), now, first) == (first, alone)
+    assert correct_by_motion(TracksInMap(setup(), live, alone), (live.rolling_tracks,), now, first) == (first, alone)
 
 
 @pytest.mark.parametrize("gap_s", [0.3, 2.0])
 def test_a_pose_after_a_gap_tells_nothing_of_the_motion_before(gap_s: float) -> None:
     world, now = window(13), 12 * STEP_NS + round(gap_s * 1e9)
-    sights = (Sight(12 * STEP_NS, IDS, seen(12 * STEP_NS)),)
-    after, alone = correct_frames(setup(), world, sights, ((now, shaken(now)),)), correct_frames(setup(), world, sights)
+    recent = (RollingTracks(12 * STEP_NS, IDS, seen(12 * STEP_NS)),)
+    after, alone = correct_frames(setup(), world, recent, ((now, shaken(now)),)), correct_frames(setup(), world, recent)
     np.testing.assert_array_equal(after.keys[-1].x, alone.keys[-1].x)
 
 
@@ -203,5 +206,5 @@ def test_frames_at_any_rate_are_put_right_where_three_are_near_enough(rate_hz: i
     times = [k * step_ns for k in range(1, 8)]
     keys = tuple(TrackedFrame(t, IDS, CAMERA.normalise(seen(t)), shaken(t)) for t in times)
     world = Map(keys, ScenePoints(IDS, points()), None, setup().noise.width)
-    after = correct_frames(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
+    after = correct_frames(setup(), world, tuple(RollingTracks(t, IDS, seen(t)) for t in times))
     assert all((a.x != b.x).any() == (rate_hz > 4) for a, b in zip(after.keys, keys, strict=True))

@@ -13,7 +13,7 @@ from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.keyframe import keep_frame_before_gap
 from ispom.estimators.modern.monocular.localise import Localisation, is_contradicted
-from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.match_keyframes import MIN_INLIERS, depth_confirmed
 from ispom.estimators.modern.monocular.recover import PATIENCE
 from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
@@ -220,13 +220,13 @@ def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sigh
         fit = PoseFit(camera_from_world, np.zeros(len(near)), np.ones(len(near), bool), np.eye(6))
         return Localisation(none, np.zeros(0, bool), fit, ids[use], in_camera[use], seen)
 
-    live, found = LiveTracks(ids=ids), located(turn, shown)
+    tracks, found = TracksInMap(setup, LiveTracks(ids=ids), world), located(turn, shown)
     near = located(Pose(turn.rotation, np.array([0.003, 0.0, 0.003])), shown)
     away = located(Pose(turn.rotation, np.array([0.1, 0.0, 0.0])), shown)
-    assert not is_contradicted(setup, live, world, found, near) and is_contradicted(setup, live, world, found, away)
+    assert not is_contradicted(tracks, found, near) and is_contradicted(tracks, found, away)
     few = shown & (np.cumsum(shown) <= 0.4 * shown.sum())
-    assert not is_contradicted(setup, live, world, located(turn, few), away), "on one thing that moves"
-    assert not is_contradicted(setup, live, world, replace(found, motion=None), away)
+    assert not is_contradicted(tracks, located(turn, few), away), "on one thing that moves"
+    assert not is_contradicted(tracks, replace(found, fit=None), away)
 
 
 def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(

@@ -12,7 +12,7 @@ from ispom.estimators.modern.monocular import untriangulated
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.localise import Localisation, localise_by_tracks
-from ispom.estimators.modern.monocular.map import Map, RelativeFrame
+from ispom.estimators.modern.monocular.map import Map, RelativeFrame, TracksInMap
 from ispom.estimators.modern.monocular.setup import WIDTH
 from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
@@ -68,13 +68,13 @@ def located(
     followed = TrackingResult(
         at[2].astype(np.float32), np.full(len(ids), ALIVE, np.uint8), np.zeros((len(ids), 2), np.float32)
     )
-    return localise_by_tracks(SETUP, live, world, followed, guess, predicted=predicted)
+    return localise_by_tracks(TracksInMap(SETUP, live, world), followed, guess, predicted=predicted)
 
 
 def off(found: Localisation) -> Array:
     """(6,) twist on the right of world_from_camera."""
-    assert found.motion is not None
-    return (NEW.inverse() @ found.motion.camera_from_world.inverse()).log()
+    assert found.fit is not None
+    return (NEW.inverse() @ found.fit.camera_from_world.inverse()).log()
 
 
 def test_tracks_without_a_point_tell_how_the_camera_turned() -> None:
@@ -132,8 +132,8 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
     for seed in range(40):
         twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())
-        assert found.motion is not None and found.untriangulated is not None
-        args = found.ids, found.xyz, found.seen, found.motion
+        assert found.fit is not None and found.untriangulated is not None
+        args = found.ids, found.xyz, found.x, found.fit
         covariance = known.of_pose(*args, WIDTH * SETUP.noise.width, found.untriangulated)
         nees.append(off(found) @ np.linalg.solve(covariance, off(found)))
         alone = known.of_pose(*args, WIDTH * SETUP.noise.width, replace(found.untriangulated, key_ns=5))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.monocular import estimator as monocular
+from ispom.estimators.modern.monocular import initialise
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
@@ -46,7 +46,7 @@ def test_features_begin_the_map_where_the_tracker_loses_its_points(
     places = np.array([s.world_from_frame.translation for s in steps if s.world_from_frame is not None])
     lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
     np.testing.assert_allclose(lengths, np.median(lengths), rtol=0.05)
-    monkeypatch.setattr(monocular, "with_matched_features", lambda setup, state, new: (state, new))
+    monkeypatch.setattr(initialise, "with_matched_features", lambda setup, state, new: (state, new))
     assert not any(s.status is Status.TRACKING for s in stepped(frames[:3])), "the tracker alone does not"
 
 

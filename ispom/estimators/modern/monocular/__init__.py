@@ -1,1 +1,6 @@
-"""The modern monocular method; its steps are the file names."""
+"""The modern monocular method. Read `estimator`, then its steps.
+
+Without a map: `track`, `initialise` (with `first_map`). With a map: `track`, `localise` (with `align`,
+`untriangulated`, and `shutter` for a rolling one), `recover` (with `match_keyframes`), `keyframe` (with `window`),
+`verify_map`. In the end: `conclude`. `state`, `tracks`, `map` and `covariance` hold the values between them.
+"""

@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult
+from ispom.estimators.modern.monocular.map import TracksInMap
+from ispom.estimators.modern.monocular.setup import INLIER
+from ispom.estimators.modern.monocular.track import project_points
+from ispom.estimators.modern.monocular.tracks import NewImage, TrackingResult
+from ispom.estimators.modern.rolling import late_px
 from ispom.features.images import as_bright
 from ispom.features.klt import Klt
 from ispom.features.patches import align, warps_of
@@ -51,50 +55,59 @@ MIN_DEPTH = 1e-6
 """Least depth [m, or the map's unit] of a point in front of the camera."""
 
 
-def align_with_origins(
-    lens: Lens,
-    live: LiveTracks,
-    grey: Image,
-    tracked: TrackingResult,
-    expected: NDArray[np.float32],
-    scene: Array,
-    pose: Pose,
-    origins: dict[int, Pose],
+def align_with_map(
+    tracks: TracksInMap, image: NewImage, tracked: TrackingResult, world_from_camera: Pose
 ) -> tuple[TrackingResult, NDArray[np.bool_]]:
-    """Aligns each point with its patch of origin, warped by the scene (N, 3); also returns which (N,) were compared.
+    """Aligns all tracks with their patches of origin; also returns which (N,) were compared.
 
-    The search is around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time, are world_from_camera. A
-    point that does not match its origin is lost; one that cannot be compared is lost if it fails the backward check.
+    Points of the map that tracking lost or misplaced are searched at their projections. A point that does not match its
+    origin is lost; one that cannot be compared is lost if it fails the backward check.
     """
+    setup, live = tracks.setup, tracks.live
+    expected = _expected_positions(tracks, tracked, world_from_camera)
     uv, status = tracked.uv.copy(), tracked.status.copy()
-    in_camera = pose.inverse().apply(scene)
-    height, width = grey.shape
+    in_camera = world_from_camera.inverse().apply(image.scene)
+    height, width = image.grey.shape
     last = (width - BORDER_PX - 1, height - BORDER_PX - 1)
     inside = both((expected >= BORDER_PX) & (expected < last))
-    usable = [(time_ns, image) for time_ns, image in live.origins if time_ns in origins]
+    origins = {k.time_ns: p for k, p in zip(tracks.map.keys, tracks.map.poses, strict=True)}
+    usable = [(time_ns, grey) for time_ns, grey in live.origins if time_ns in origins]
     origin = places(np.array([t for t, _ in usable], np.int64), live.origin_ns)
     mine = np.flatnonzero((origin >= 0) & inside & (in_camera[:, 2] > 0))
     compared = np.zeros(len(uv), bool)
     if len(mine):
-        turns, ways = _origins_from_camera(tuple(origins[time_ns] for time_ns, _ in usable), pose)
-        xyz = in_camera[mine]
-        warps, bends = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], xyz, slopes(xyz))
+        poses = tuple(origins[time_ns] for time_ns, _ in usable)
+        rotations, translations = _origins_from_camera(poses, world_from_camera)
+        xyz, of = in_camera[mine], origin[mine]
+        warps, bends = warps_of(setup.camera, rotations[of], translations[of], xyz, slopes(xyz))
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
         mine, warps, bends = mine[fit], warps[fit], bends[fit]
-        found, score = _align_by_image(
-            [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps, bends
+        images = [grey for _, grey in usable]
+        aligned, score = _align_by_image(
+            images, origin[mine], live.origin_uv[mine], image.grey, expected[mine], warps, bends
         )
-        good = (score > MIN_CORRELATION) & (lengths(found - expected[mine]) < MAX_SHIFT_PX)
-        uv[mine[good]] = found[good]
+        good = (score > MIN_CORRELATION) & (lengths(aligned - expected[mine]) < MAX_SHIFT_PX)
+        uv[mine[good]] = aligned[good]
         status[mine[~good & (status[mine] == TrackStatus.ALIVE)]] = TrackStatus.LOST
         status[mine[good]] = TrackStatus.ALIVE
         compared[mine] = True
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
-        bright = as_bright(grey, live.grey) if tracked.bright is None else tracked.bright
+        bright = as_bright(image.grey, live.grey) if tracked.bright is None else tracked.bright
         status[other] = BACKWARD.checked(live.grey, bright, live.uv[other], uv[other])
     return replace(tracked, uv=uv, status=status), compared
+
+
+def _expected_positions(tracks: TracksInMap, tracked: TrackingResult, world_from_camera: Pose) -> NDArray[np.float32]:
+    """Returns the positions (N, 2) [px] around which tracks are searched: those found, or, for points of the map that
+    tracking lost or misplaced, their projections."""
+    setup = tracks.setup
+    late = late_px(setup.camera, tracked.uv, tracked.speed)
+    expected = project_points(tracks.lens, tracks.xyz, world_from_camera, tracked.uv - late) + late
+    misplaced = lengths(expected - tracked.uv) > INLIER * setup.noise_px.width
+    lost = tracked.status != TrackStatus.ALIVE
+    return np.where((misplaced | lost)[:, None], expected, tracked.uv)
 
 
 def _origins_from_camera(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:

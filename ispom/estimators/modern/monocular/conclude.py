@@ -67,7 +67,7 @@ def next_state(
     setup: Setup, state: ModernMonocularState, outcome: Outcome, image: NewImage, new_uv: NDArray[np.float32]
 ) -> ModernMonocularState:
     """Returns the next state, with the new corners in the map or the initialisation, and the live tracks."""
-    local_map, start, live, sights = outcome.map, outcome.start, state.live, state.sights
+    local_map, start, live, rolling_tracks = outcome.map, outcome.start, state.live, state.rolling_tracks
     segments, segment = _segment(state, outcome)
     if len(new_uv):
         ids, late = live.next_id + np.arange(len(new_uv), dtype=np.int64), _late_px(setup, outcome, new_uv)
@@ -80,8 +80,8 @@ def next_state(
         all_compared = np.ones(len(outcome.tracked.status), bool)
         compared = all_compared if outcome.compared is None else outcome.compared
         if setup.camera.line_delay_s:
-            begun = state.start.sights if state.start is not None and local_map is not None else ()
-            sights = (*begun, live.sight)
+            begun = state.start.rolling_tracks if state.start is not None and local_map is not None else ()
+            rolling_tracks = (*begun, live.rolling_tracks)
         live = next_live_tracks(live, outcome.tracked, image.grey, new_uv, image.time_ns, compared)
     moved = [(image.time_ns, outcome.pose)] if outcome.pose is not None else []
     if state.map is None and local_map is not None:
@@ -91,7 +91,7 @@ def next_state(
     recent = moved if outcome.segment is not None else [*state.recent, *moved]
     return ModernMonocularState(
         live=live,
-        sights=sights,
+        rolling_tracks=rolling_tracks,
         start=start,
         map=local_map,
         recent=tuple(recent[-2:]),
@@ -256,10 +256,10 @@ def _seen_keyframe(
     window = dict(sorted((*outcome.settled, *local_map.trajectory()), key=lambda told: told[0]))
     newest, pose = local_map.keys[-1], local_map.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-    sight = partial(
+    describe = partial(
         _describe, setup, Lens(setup.camera, local_map.extra), outcome.tracked, grey, _median_depth(local_map, pose)
     )
-    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined, after.segment)
+    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, describe, joined, after.segment)
 
 
 def _median_depth(local_map: Map, pose: Pose) -> float:

@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.errors import required
 from ispom.estimator import VIDEO, require_frame
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.conclude import (
@@ -19,10 +18,10 @@ from ispom.estimators.modern.monocular.conclude import (
     detect_new_corners,
     next_state,
 )
-from ispom.estimators.modern.monocular.initialise import initialise, with_matched_features
+from ispom.estimators.modern.monocular.initialise import initialise
 from ispom.estimators.modern.monocular.keyframe import (
+    add_frame,
     add_keyframe,
-    check_scale,
     keep_frame_before_gap,
     keyframe_tests,
 )
@@ -30,27 +29,23 @@ from ispom.estimators.modern.monocular.localise import (
     MIN_DESCRIBED,
     MIN_INLIER_SHARE,
     MIN_LOCATED,
-    is_contradicted,
     localise,
-    localised_outcome,
+    without_outliers,
 )
-from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.match_keyframes import MIN_INLIERS
+from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.recover import (
-    continue_earlier_segment,
     recover,
     relocalise,
 )
-from ispom.estimators.modern.monocular.setup import LOSS, WIDTH, Setup
+from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.shutter import correct_by_motion
 from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
 from ispom.estimators.modern.monocular.track import (
-    corrected_coordinates,
     track,
+    with_corrected_coordinates,
 )
 from ispom.estimators.modern.monocular.tracks import NewImage
 from ispom.estimators.modern.monocular.verify_map import check_agreement, check_other_motion
-from ispom.estimators.modern.monocular.window import settle_old_frames
 from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT, front_end, front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
@@ -105,10 +100,10 @@ class ModernMonocularConfig:
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
     """Prior standard deviation of the radial distortion k1."""
 
-    def lens_sigma(self, told: LensSigma | None = None) -> Array:
-        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. `told` by the
-        calibration, they replace the settings."""
-        sigma = told or LensSigma(self.focal_sigma, self.radial_sigma)
+    def lens_sigma(self, calibrated: LensSigma | None = None) -> Array:
+        """Returns the prior standard deviations (2,) of focal length and radial distortion; 0 fixes them. Those of
+        the calibration replace the settings."""
+        sigma = calibrated or LensSigma(self.focal_sigma, self.radial_sigma)
         return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
     def build(self, rig: Rig) -> ModernMonocular:
@@ -140,27 +135,23 @@ class ModernMonocular:
         exposure = self._size.reduced(require_frame(exposure, VIDEO, rig=self.rig))
         setup, watch = self._setup, Stopwatch()
         state = keep_frame_before_gap(setup, state, exposure.time_ns)
-        new = track(setup, state, exposure.time_ns, as_grey(exposure.image))
-        for sight in corrected_coordinates(setup.camera, state.live, new.tracked):
-            state = state.with_updated_coordinates(*sight)
+        image = track(setup, state, exposure.time_ns, as_grey(exposure.image))
+        state = with_corrected_coordinates(setup, state, image.tracked)
         watch.lap("track")
         if state.map is None:
-            state, found = continue_earlier_segment(setup, state, new)
-            if found is None:
-                state, new = with_matched_features(setup, state, new)
-            outcome = initialise(setup, state, new) if found is None else found
+            state, image, outcome = initialise(setup, state, image)
             watch.lap("start")
         else:
-            state, outcome = track_map(setup, state, state.map, new, watch)
-            outcome = check_other_motion(setup, state, outcome, new)
-            state, outcome = check_agreement(setup, state, outcome, new)
+            state, outcome = _track_with_map(setup, state, state.map, image, watch)
+            outcome = check_other_motion(setup, state, outcome, image)
+            state, outcome = check_agreement(setup, state, outcome, image)
             watch.lap("other motion")
-        new_uv = detect_new_corners(setup, outcome, new.grey)
-        after = next_state(setup, state, outcome, new, new_uv)
+        new_uv = detect_new_corners(setup, outcome, image.grey)
+        after = next_state(setup, state, outcome, image, new_uv)
         watch.lap("new points")
         step = as_step(setup, state, after, outcome, exposure, new_uv, watch.seconds)
         if self.config.loops:
-            after, step = close_loops(setup, state, after, outcome, new, step)
+            after, step = close_loops(setup, state, after, outcome, image, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
 
@@ -193,51 +184,40 @@ class ModernMonocular:
         )
 
 
-def track_map(
+def _track_with_map(
     setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, watch: Stopwatch
 ) -> tuple[ModernMonocularState, Outcome]:
     """Localises the frame, or recovers if that fails; makes it a keyframe if a check requires it.
 
     Also returns the state used, which has more tracks if the frame was relocalised by descriptors.
     """
-    found = localise(setup, state.live, local_map, image)
-    decisions, again = tuple[Decision, ...](), None
-    known = np.count_nonzero(local_map.points.places(state.live.ids) >= 0)
-    if not found.agreeing or found.count < MIN_INLIER_SHARE * known:
-        count = len(state.live.ids)
-        state, again = relocalise(setup, state, local_map, image)
-        if again is not None and (
-            again.found.count <= found.count or is_contradicted(setup, state.live, local_map, found, again.found)
-        ):
-            again = None
-        if again is not None:
-            state, local_map, found = again.state, again.map, again.found
-        decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - count, MIN_INLIERS),)
-    if again is None and found.agreeing:
-        sights = (*state.sights, state.live.sight)
-        found, local_map = correct_by_motion(setup, state.live, local_map, sights, image.time_ns, found)
+    tracks = TracksInMap(setup, state.live, local_map)
+    localisation, relocalisation = localise(tracks, image), None
+    decisions = tuple[Decision, ...]()
+    if not localisation.has_enough_inliers or localisation.count < MIN_INLIER_SHARE * tracks.count:
+        state, relocalisation, described = relocalise(tracks, state, image, localisation)
+        decisions = (described,)
+    if relocalisation is not None:
+        state, local_map, localisation = relocalisation.state, relocalisation.map, relocalisation.localisation
+    elif localisation.has_enough_inliers:
+        recent = (*state.rolling_tracks, state.live.rolling_tracks)
+        localisation, local_map = correct_by_motion(tracks, recent, image.time_ns, localisation)
     watch.lap("locate")
-    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED if again is None else MIN_DESCRIBED, passed=found.agreeing)
-    decisions = (*decisions, located)
-    if found.motion is None or not found.agreeing:
-        return state, recover(setup, state, image, found.tracked, decisions)
-    frame, outcome = localised_outcome(setup, state, local_map, image, found, decisions)
+    least, enough = MIN_LOCATED if relocalisation is None else MIN_DESCRIBED, localisation.has_enough_inliers
+    decisions = (*decisions, checks.POSE_POINTS.of(localisation.count, least, passed=enough))
+    if not enough:
+        return state, recover(setup, state, image, localisation.tracked, decisions)
+    frame, outcome = without_outliers(TracksInMap(setup, state.live, local_map), image, localisation, decisions)
+    if relocalisation is not None and relocalisation.segment != state.segment:
+        outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
     tests = keyframe_tests(setup, local_map, frame)
     outcome = replace(outcome, decisions=(*decisions, *tests))
-    if again is not None and again.segment != state.segment:
-        outcome = replace(outcome, restarted=True, segment=again.segment)
     watch.lap("locate")
     # The points of a relocalised frame are new to the map: only its optimisation gives the covariance of the pose.
-    if again is None and not any(test.passed for test in tests):
-        seen = found.ids, found.xyz, found.seen, found.motion
-        uncertainty = required(state.uncertainty, "the map has no covariance")
-        covariance = uncertainty.of_pose(*seen, WIDTH * setup.noise.width, found.untriangulated)
-        local_map, settled = settle_old_frames(local_map.with_relative_frame(image.time_ns, frame.pose))
+    if relocalisation is None and not any(test.passed for test in tests):
+        outcome = add_frame(setup, state, outcome, frame, localisation)
         watch.lap("locate")
-        return state, replace(outcome, map=local_map, settled=tuple(settled), covariance=covariance)
-    outcome = add_keyframe(setup, outcome, local_map, frame, state.live.ids)
-    watch.lap("key frame")
-    known = check_scale(state, outcome)
-    if known is not None:
-        outcome = replace(outcome, decisions=(*outcome.decisions, known), restarted=not known.passed)
+    else:
+        outcome = add_keyframe(setup, state, outcome, frame)
+        watch.lap("key frame")
     return state, outcome

@@ -13,12 +13,13 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.first_map import first_map, poses_outside_first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
+from ispom.estimators.modern.monocular.recover import continue_earlier_segment
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.shutter import correct_first_map
 from ispom.estimators.modern.monocular.state import MIN_POINTS, ModernMonocularState, Outcome, Start
 from ispom.estimators.modern.monocular.track import MIN_MATCHES
 from ispom.estimators.modern.monocular.tracks import NewImage, TrackingResult, tracked_frame
-from ispom.estimators.modern.rolling import Sight
+from ispom.estimators.modern.rolling import RollingTracks
 from ispom.estimators.modern.second_motion import second_motion
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.features.images import has_contrast
@@ -48,25 +49,47 @@ MAX_FEATURES = 2000
 """Largest number of features described in each of the two images."""
 
 
-def initialise(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outcome:
-    """Processes one frame of the initialisation, of the first map or of a new one after tracking was lost."""
+def initialise(
+    setup: Setup, state: ModernMonocularState, image: NewImage
+) -> tuple[ModernMonocularState, NewImage, Outcome]:
+    """Processes one frame without a map. After a loss, the frame may match a keyframe of an earlier segment; otherwise
+    frames are collected until two of them give a first map.
+
+    Also returns the state and the image used, which may have more tracks.
+    """
+    state, outcome = continue_earlier_segment(setup, state, image)
+    if outcome is None:
+        state, image = with_matched_features(setup, state, image)
+        outcome = _collect(setup, state, image)
+    return state, image, outcome
+
+
+def _collect(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outcome:
+    """Adds one frame to the initialisation, of the first map or of a new one after tracking was lost."""
     frame = tracked_frame(setup.camera, state.live, image.tracked, image.time_ns)
     start = state.start or Start(extra_sigma=setup.extra_sigma)
     if setup.camera.line_delay_s:
-        start = start.with_sight(state.live.sight)
-    found = advance(start, frame, setup.noise, setup.start_parallax_rad)
-    outcome = Outcome(image.tracked, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
-    if found.map is None:
-        alone = start.joined and not found.start.joined
-        return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
+        start = start.with_rolling_tracks(state.live.rolling_tracks)
+    progress = advance(start, frame, setup.noise, setup.start_parallax_rad)
+    outcome = Outcome(
+        image.tracked,
+        Status.INITIALISING,
+        progress.held,
+        decisions=progress.decisions,
+        settled=progress.settled,
+    )
+    if progress.map is None:
+        is_reference = len(progress.start.frames) == 1
+        restarted = start.joined and not progress.start.joined
+        return replace(outcome, start=progress.start, key_frame=is_reference, restarted=restarted)
     alive = image.tracked.status == TrackStatus.ALIVE
-    last = Sight(image.time_ns, state.live.ids[alive], image.tracked.uv[alive])
-    local_map = correct_first_map(setup, found.map, (*start.sights, last))
+    last = RollingTracks(image.time_ns, state.live.ids[alive], image.tracked.uv[alive])
+    local_map = correct_first_map(setup, progress.map, (*start.rolling_tracks, last))
     problem = bundle_problem(local_map)
     noise = local_map.noise.after(adjust(problem.window, local_map.loss, iterations=0), local_map.loss)
     times_ns = tuple(k.time_ns for k in local_map.keys)
     uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, local_map.loss)
-    lost_unit = any(d.key == checks.UNIT_POINTS.key and not d.passed for d in found.decisions)
+    lost_unit = any(d.key == checks.UNIT_POINTS.key and not d.passed for d in progress.decisions)
     return replace(
         outcome,
         restarted=start.joined and lost_unit,

@@ -7,15 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.localise import Localisation
 from ispom.estimators.modern.monocular.map import Map, optimise, triangulate
-from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
+from ispom.estimators.modern.monocular.setup import INLIER, MOVING, WIDTH, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
 from ispom.estimators.modern.monocular.tracks import at_middle_row, tracks_with_speeds
-from ispom.estimators.modern.monocular.window import report_removed, shorten_window
+from ispom.estimators.modern.monocular.window import report_removed, settle_old_frames, shorten_window
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
 from ispom.numerics.places import common, places
@@ -183,34 +185,45 @@ def keep_frame_before_gap(setup: Setup, state: ModernMonocularState, time_ns: in
     return replace(state, map=local_map, settled=state.settled.extended(settled), database=database)
 
 
-def check_scale(state: ModernMonocularState, outcome: Outcome) -> Decision | None:
-    """Checks that the keyframe has the map's scale as well as keyframes of the window did. None without such keyframes,
-    or if the frame was relocalised, which starts another window."""
-    if len(state.depth_sigmas) < SCALE_KEYFRAMES or outcome.uncertainty is None or outcome.restarted:
-        return None
-    # With few points left, later keyframes may still observe the scale.
-    now = min(outcome.uncertainty.depth_sigma, *state.depth_sigmas[1 - SCALE_KEYFRAMES :])
-    grown = now**2 - min(state.depth_sigmas) ** 2
-    return checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH)
-
-
-def add_keyframe(
-    setup: Setup, outcome: Outcome, local_map: Map, frame: TrackedFrame, all_ids: NDArray[np.int64]
+def add_frame(
+    setup: Setup, state: ModernMonocularState, outcome: Outcome, frame: TrackedFrame, localisation: Localisation
 ) -> Outcome:
-    """Adds points, runs bundle adjustment, and shortens the window."""
-    status = outcome.tracked.status
-    done = extend_map(setup, local_map, frame)
-    status[np.isin(all_ids, done.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
-    alive = all_ids[status == TrackStatus.ALIVE]
-    local_map, settled = shorten_window(done.map, alive, setup.key_frames)
+    """Adds a frame that is no keyframe: its pose is relative to the last keyframe, the map's points are unchanged."""
+    local_map = required(outcome.map, "the frame has no map").with_relative_frame(frame.time_ns, frame.pose)
+    local_map, settled = settle_old_frames(local_map)
+    uncertainty = required(state.uncertainty, "the map has no covariance")
+    covariance = localisation.covariance(uncertainty, WIDTH * setup.noise.width)
+    return replace(outcome, map=local_map, settled=tuple(settled), covariance=covariance)
+
+
+def add_keyframe(setup: Setup, state: ModernMonocularState, outcome: Outcome, frame: TrackedFrame) -> Outcome:
+    """Adds a keyframe: new points, bundle adjustment, a shorter window, and the check of the scale."""
+    ids, status = state.live.ids, outcome.tracked.status
+    extended = extend_map(setup, required(outcome.map, "the frame has no map"), frame)
+    status[np.isin(ids, extended.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
+    local_map, settled = shorten_window(extended.map, ids[status == TrackStatus.ALIVE], setup.key_frames)
+    removed = report_removed(extended.map, local_map, setup.key_frames)
+    scale = () if outcome.restarted else _check_scale(state.depth_sigmas, extended.uncertainty.depth_sigma)
     return replace(
         outcome,
         pose=local_map.poses[-1],
         map=local_map,
         key_frame=True,
-        decisions=(*outcome.decisions, *done.decisions, report_removed(done.map, local_map, setup.key_frames)),
-        covariance=done.uncertainty.pose,
-        uncertainty=done.uncertainty,
-        scale=done.scale,
+        restarted=outcome.restarted or any(not test.passed for test in scale),
+        decisions=(*outcome.decisions, *extended.decisions, removed, *scale),
+        covariance=extended.uncertainty.pose,
+        uncertainty=extended.uncertainty,
+        scale=extended.scale,
         settled=tuple(settled),
     )
+
+
+def _check_scale(before: tuple[float, ...], depth_sigma: float) -> tuple[Decision, ...]:
+    """Checks that the keyframe has the map's scale as well as keyframes of the window did, by their `depth_sigma`. None
+    without enough such keyframes, or if the frame was relocalised, which starts another window."""
+    if len(before) < SCALE_KEYFRAMES:
+        return ()
+    # With few points left, later keyframes may still observe the scale.
+    now = min(depth_sigma, *before[1 - SCALE_KEYFRAMES :])
+    grown = now**2 - min(before) ** 2
+    return (checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH),)

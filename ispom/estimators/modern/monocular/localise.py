@@ -9,20 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import required
-from ispom.estimators.modern.lens import Lens, corrected
-from ispom.estimators.modern.monocular.align import align_with_origins
-from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.setup import INLIER, MISTRACKED, MOVING, WIDTH, Setup
-from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
-from ispom.estimators.modern.monocular.track import predict_by_features, project_points, track_features
-from ispom.estimators.modern.monocular.tracks import LiveTracks, NewImage, TrackingResult, at_middle_row, tracked_frame
+from ispom.estimators.modern.monocular.align import align_with_map
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.map import TracksInMap
+from ispom.estimators.modern.monocular.setup import INLIER, MISTRACKED, MOVING, WIDTH
+from ispom.estimators.modern.monocular.state import Outcome
+from ispom.estimators.modern.monocular.track import predict_by_features, track_features
+from ispom.estimators.modern.monocular.tracks import NewImage, TrackingResult, tracked_frame
 from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks, refine_by_untriangulated
-from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.modern.second_motion import off_epipolar_lines
 from ispom.estimators.tracked_frame import MOST_SHOWN_PX, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
-from ispom.numerics.reductions import lengths
 from ispom.solvers.influence.problem import report_problem
 from ispom.solvers.influence.resection import ResectionProblem
 from ispom.solvers.localisation import Policy, PoseFit, fit_pose, locate
@@ -50,12 +48,12 @@ class Localisation:
     tracked: TrackingResult
     compared: NDArray[np.bool_]
     """Which tracks were aligned with the patch of their origin."""
-    motion: PoseFit | None
+    fit: PoseFit | None
     ids: NDArray[np.int64]
     """(N,) ids, ascending, of the observed points."""
     xyz: Array
     """(N, 3) points."""
-    seen: Array
+    x: Array
     """(N, 2) observations, normalised and corrected."""
     untriangulated: UntriangulatedTracks | None = None
     """Tracks without a point that also constrain the pose."""
@@ -63,119 +61,75 @@ class Localisation:
     @property
     def count(self) -> int:
         """Number of inliers."""
-        return 0 if self.motion is None else int(self.motion.inliers.sum())
+        return 0 if self.fit is None else int(self.fit.inliers.sum())
 
     @property
-    def agreeing(self) -> bool:
-        """Whether there are enough inliers."""
+    def has_enough_inliers(self) -> bool:
         return self.count >= MIN_LOCATED
 
     def error_of(self, camera_from_world: Pose) -> float:
         """Returns the root mean square residual, normalised, of the inliers at another pose."""
-        inliers = required(self.motion, "the frame was not localised").inliers
-        near = camera_from_world.apply(self.xyz[inliers])
-        off = near[:, :2] / near[:, 2:] - self.seen[inliers]
-        return float(np.sqrt((off**2).sum(axis=1).mean()))
+        inliers = required(self.fit, "the frame was not localised").inliers
+        in_camera = camera_from_world.apply(self.xyz[inliers])
+        errors = in_camera[:, :2] / in_camera[:, 2:] - self.x[inliers]
+        return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+    def covariance(self, uncertainty: MapUncertainty, width: float) -> Array:
+        """Returns the covariance (6, 6) of the pose, right twist; `width` of the loss used for the pose, normalised."""
+        fit = required(self.fit, "the frame was not localised")
+        return uncertainty.of_pose(self.ids, self.xyz, self.x, fit, width, self.untriangulated)
 
 
-def localise(setup: Setup, live: LiveTracks, local_map: Map, image: NewImage) -> Localisation:
+def localise(tracks: TracksInMap, image: NewImage) -> Localisation:
     """Localises a frame by its tracks; if that fails, by tracks displaced like the features of the image."""
-    found = _localise_and_align(setup, live, local_map, image, image.tracked)
-    if not found.agreeing and (jumped := predict_by_features(setup.front_end, live, image.grey)) is not None:
-        tracked = track_features(setup.front_end, setup.camera, live, image.time_ns, image.grey, jumped)
-        found = _localise_and_align(setup, live, local_map, image, tracked)
-    return found
+    localisation = _localise_and_align(tracks, image, image.tracked)
+    if localisation.has_enough_inliers:
+        return localisation
+    predicted = predict_by_features(tracks.setup.front_end, tracks.live, image.grey)
+    if predicted is None:
+        return localisation
+    tracked = track_features(tracks.setup, tracks.live, image.time_ns, image.grey, predicted)
+    return _localise_and_align(tracks, image, tracked)
 
 
-def _localise_and_align(
-    setup: Setup, live: LiveTracks, local_map: Map, image: NewImage, tracked: TrackingResult
-) -> Localisation:
+def _localise_and_align(tracks: TracksInMap, image: NewImage, tracked: TrackingResult) -> Localisation:
     """Estimates the pose, aligns tracks with their patches of origin, and estimates it again."""
-    predicted, places = required(image.predicted, "the image has no predicted pose"), local_map.known(live.ids)
-    _, xyz, x = _observations(setup, live, local_map, tracked, places)
-    limit, compared = INLIER * setup.noise.width, np.zeros(len(tracked.status), bool)
-    motion = locate(xyz, x, predicted.inverse(), Policy(WIDTH * setup.noise.width, limit, limit))
-    if motion is not None:
-        pose = motion.camera_from_world.inverse()
-        tracked, compared = align_with_map(setup, live, local_map, image, tracked, pose, places)
-        found = localise_by_tracks(setup, live, local_map, tracked, pose, places, image.predicted)
-        return replace(found, compared=compared)
-    ids, xyz, x = _observations(setup, live, local_map, tracked, places)
-    return Localisation(tracked, compared, None, ids, xyz, x)
+    predicted, width = required(image.predicted, "the image has no predicted pose"), tracks.setup.noise.width
+    ids, xyz, x = tracks.observations(tracked)
+    fit = locate(xyz, x, predicted.inverse(), Policy(WIDTH * width, INLIER * width, INLIER * width))
+    if fit is None:
+        return Localisation(tracked, np.zeros(len(tracked.status), bool), None, ids, xyz, x)
+    pose = fit.camera_from_world.inverse()
+    tracked, compared = align_with_map(tracks, image, tracked, pose)
+    return replace(localise_by_tracks(tracks, tracked, pose, predicted), compared=compared)
 
 
 def localise_by_tracks(
-    setup: Setup,
-    live: LiveTracks,
-    local_map: Map,
-    tracked: TrackingResult,
-    world_from_guess: Pose,
-    places: Array | None = None,
-    predicted: Pose | None = None,
+    tracks: TracksInMap, tracked: TrackingResult, world_from_guess: Pose, predicted: Pose | None = None
 ) -> Localisation:
-    """Estimates the pose from these tracks, from a good guess.
-
-    `places` (N, 3) are the tracks' points as of `Map.known`, if already known; `predicted` is the motion model's pose,
-    if different from the guess.
-    """
-    places = local_map.known(live.ids) if places is None else places
-    ids, xyz, x = _observations(setup, live, local_map, tracked, places)
-    limit = INLIER * setup.noise.width
-    motion, untriangulated = fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.noise.width, limit), None
-    if motion is not None:
-        motion, untriangulated = refine_by_untriangulated(
-            setup,
-            live,
-            local_map,
-            tracked,
-            places,
-            motion,
-            (xyz, x),
-            world_from_guess if predicted is None else predicted,
-        )
-        pose, rays = motion.camera_from_world, None if untriangulated is None else untriangulated.rays
-        report_problem(lambda: ResectionProblem(ids, xyz, x, pose, WIDTH * setup.noise.width, "video", rays=rays))
-    return Localisation(tracked, np.zeros(len(tracked.status), bool), motion, ids, xyz, x, untriangulated)
+    """Estimates the pose from these tracks, from a good guess; `predicted` is the motion model's pose, if different."""
+    width, (ids, xyz, x) = tracks.setup.noise.width, tracks.observations(tracked)
+    fit, untriangulated = fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * width, INLIER * width), None
+    if fit is not None:
+        guess = world_from_guess if predicted is None else predicted
+        fit, untriangulated = refine_by_untriangulated(tracks, tracked, fit, (xyz, x), guess)
+        pose, rays = fit.camera_from_world, None if untriangulated is None else untriangulated.rays
+        report_problem(lambda: ResectionProblem(ids, xyz, x, pose, WIDTH * width, "video", rays=rays))
+    return Localisation(tracked, np.zeros(len(tracked.status), bool), fit, ids, xyz, x, untriangulated)
 
 
-def _observations(
-    setup: Setup, live: LiveTracks, local_map: Map, tracked: TrackingResult, places: Array
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Returns the points of the map, ids (N,) and (N, 3), and their observations (N, 2), normalised and corrected."""
-    some = np.flatnonzero((tracked.status == TrackStatus.ALIVE) & np.isfinite(places[:, 0]))
-    x = corrected(setup.camera.normalise(at_middle_row(setup.camera, tracked)[some]), local_map.extra)
-    return live.ids[some], places[some], x
-
-
-def align_with_map(
-    setup: Setup, live: LiveTracks, local_map: Map, image: NewImage, tracked: TrackingResult, pose: Pose, places: Array
-) -> tuple[TrackingResult, NDArray[np.bool_]]:
-    """Searches points of the map, at (N, 3), that tracking lost or misplaced, at their projections."""
-    lens = Lens(setup.camera, local_map.extra)
-    late = late_px(setup.camera, tracked.uv, tracked.speed)
-    expected = project_points(lens, places, pose, tracked.uv - late) + late
-    misplaced = lengths(expected - tracked.uv) > INLIER * setup.noise_px.width
-    lost = tracked.status != TrackStatus.ALIVE
-    expected = np.where((misplaced | lost)[:, None], expected, tracked.uv)
-    origins = {k.time_ns: p for k, p in zip(local_map.keys, local_map.poses, strict=True)}
-    return align_with_origins(lens, live, image.grey, tracked, expected, image.scene, pose, origins)
-
-
-def is_contradicted(
-    setup: Setup, live: LiveTracks, local_map: Map, localisation: Localisation, again: Localisation
-) -> bool:
-    """Checks whether the tracks contradict a pose from descriptors, `again`: most of them must agree with `found`.
-    Tracks that left the image during a rotation do not count."""
-    if localisation.motion is None or again.motion is None or not localisation.agreeing:
+def is_contradicted(tracks: TracksInMap, localisation: Localisation, by_descriptors: Localisation) -> bool:
+    """Checks whether the tracks contradict a pose from descriptors: most of them must agree with `localisation`. Tracks
+    that left the image during a rotation do not count."""
+    if localisation.fit is None or by_descriptors.fit is None or not localisation.has_enough_inliers:
         return False
-    near = localisation.motion.camera_from_world.apply(local_map.known(live.ids))
-    near = near[np.isfinite(near[:, 0])]
-    shown = Lens(setup.camera, local_map.extra).in_image(near)
-    if localisation.count < MIN_INLIER_SHARE * np.isfinite(shown[:, 0]).sum():
+    in_camera = localisation.fit.camera_from_world.apply(tracks.xyz)
+    in_camera = in_camera[np.isfinite(in_camera[:, 0])]
+    visible = np.isfinite(tracks.lens.in_image(in_camera)[:, 0]).sum()
+    if localisation.count < MIN_INLIER_SHARE * visible:
         return False
-    return localisation.error_of(again.motion.camera_from_world) > MAX_RESIDUAL_RATIO * localisation.error_of(
-        localisation.motion.camera_from_world
-    )
+    error = localisation.error_of(by_descriptors.fit.camera_from_world)
+    return error > MAX_RESIDUAL_RATIO * localisation.error_of(localisation.fit.camera_from_world)
 
 
 def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
@@ -185,48 +139,31 @@ def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64]
     return ids[off_epipolar_lines(frame.pose.inverse() @ key.pose, key.at(ids), frame.at(ids), limit)]
 
 
-def localised_outcome(
-    setup: Setup,
-    state: ModernMonocularState,
-    local_map: Map,
-    image: NewImage,
-    localisation: Localisation,
-    decisions: tuple[Decision, ...],
+def without_outliers(
+    tracks: TracksInMap, image: NewImage, localisation: Localisation, decisions: tuple[Decision, ...]
 ) -> tuple[TrackedFrame, Outcome]:
-    """Returns the frame with its pose, and its outcome unless it becomes a keyframe."""
-    frame, residual_px, inliers = _without_outliers(setup, state, local_map, image, localisation)
-    outcome = Outcome(
-        localisation.tracked,
+    """Ends the tracks of outliers. Returns the frame with its pose and the tracks that go on, and its outcome unless it
+    becomes a keyframe."""
+    setup, live, fit = tracks.setup, tracks.live, required(localisation.fit, "the frame was not localised")
+    tracked, width = localisation.tracked, setup.noise.width
+    status, index = tracked.status, np.searchsorted(live.ids, localisation.ids)
+    residual_px = np.full(len(status), np.nan, np.float32)
+    residual_px[index] = np.minimum(fit.distances * setup.camera.fx, MOST_SHOWN_PX)
+    inliers = np.zeros(len(status), bool)
+    inliers[index[fit.inliers]] = True
+    status[index[fit.distances > MISTRACKED * width]] = TrackStatus.REPROJECTION
+    pose = fit.camera_from_world.inverse()
+    frame = replace(tracked_frame(setup.camera, live, tracked, image.time_ns), world_from_camera=pose)
+    untriangulated = frame.ids[tracks.map.points.places(frame.ids) < 0]
+    moving = moving_tracks(tracks.map.keys[-1], frame, untriangulated, MOVING * width)
+    status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
+    return frame.without(moving), Outcome(
+        tracked,
         Status.TRACKING,
-        frame.world_from_camera,
-        local_map,
+        pose,
+        tracks.map,
         decisions=decisions,
         residual_px=residual_px,
         inliers=inliers,
         compared=localisation.compared,
     )
-    return frame, outcome
-
-
-def _without_outliers(
-    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, localisation: Localisation
-) -> tuple[TrackedFrame, NDArray[np.float32], NDArray[np.bool_]]:
-    """Returns the frame with its pose and the tracks that go on, residuals (N,) [px], and which tracks (N,) the pose
-    used; the status of outliers is updated."""
-    status, live, motion = (
-        localisation.tracked.status,
-        state.live,
-        required(localisation.motion, "the frame was not localised"),
-    )
-    place = np.searchsorted(live.ids, localisation.ids)
-    residual = np.full(len(status), np.nan, np.float32)
-    residual[place] = np.minimum(motion.distances * setup.camera.fx, MOST_SHOWN_PX)
-    inliers = np.zeros(len(status), bool)
-    inliers[place[motion.inliers]] = True
-    status[place[motion.distances > MISTRACKED * setup.noise.width]] = TrackStatus.REPROJECTION
-    frame = tracked_frame(setup.camera, live, localisation.tracked, image.time_ns)
-    frame = replace(frame, world_from_camera=motion.camera_from_world.inverse())
-    untriangulated = frame.ids[local_map.points.places(frame.ids) < 0]
-    moving = moving_tracks(local_map.keys[-1], frame, untriangulated, MOVING * setup.noise.width)
-    status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
-    return frame.without(moving), residual, inliers

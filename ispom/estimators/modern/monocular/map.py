@@ -4,12 +4,14 @@ marginalised."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.lens import corrected
-from ispom.estimators.modern.monocular.setup import INLIER
+from ispom.estimators.modern.lens import Lens, corrected
+from ispom.estimators.modern.monocular.setup import INLIER, Setup
+from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult, at_middle_row
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
@@ -19,6 +21,7 @@ from ispom.solvers.influence.window import WindowProblem
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust
 from ispom.solvers.window.prior import LENS, Prior
+from ispom.types import TrackStatus
 
 WIDTH_IN_MEDIANS = 3.0
 """Width of the loss, in median residuals: 3.5 standard deviations of normal errors, of whose information it keeps 98 %.
@@ -126,6 +129,42 @@ class Map:
     def without(self, ids: NDArray[np.int64]) -> Map:
         """Removes these points."""
         return replace(self, points=self.points.without(ids))
+
+
+@dataclass(frozen=True, eq=False)
+class TracksInMap:
+    """The live tracks, and the map whose points some of them observe."""
+
+    setup: Setup
+    live: LiveTracks
+    map: Map
+
+    @cached_property
+    def xyz(self) -> Array:
+        """(N, 3) points of the tracks; NaN for tracks without a point."""
+        return self.map.known(self.live.ids)
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The camera as corrected by the map."""
+        return Lens(self.setup.camera, self.map.extra)
+
+    @property
+    def count(self) -> int:
+        """Number of tracks with a point."""
+        return int(np.count_nonzero(np.isfinite(self.xyz[:, 0])))
+
+    def normalise(self, tracks: LiveTracks | TrackingResult, index: NDArray[np.int64]) -> Array:
+        """Returns the normalised, corrected coordinates (M, 2) of some tracks (M,), all at the time of the middle
+        row."""
+        uv = at_middle_row(self.setup.camera, tracks)[index]
+        return corrected(self.setup.camera.normalise(uv), self.map.extra)
+
+    def observations(self, tracked: TrackingResult) -> tuple[NDArray[np.int64], Array, Array]:
+        """Returns the points of the map that a new image observes, ids (M,) and positions (M, 3), and their normalised,
+        corrected coordinates (M, 2)."""
+        index = np.flatnonzero((tracked.status == TrackStatus.ALIVE) & np.isfinite(self.xyz[:, 0]))
+        return self.live.ids[index], self.xyz[index], self.normalise(tracked, index)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,11 @@ from ispom.estimators.modern.monocular.localise import (
     MIN_DESCRIBED,
     Localisation,
     align_with_map,
+    is_contradicted,
     localise_by_tracks,
-    localised_outcome,
+    without_outliers,
 )
-from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.match_keyframes import (
     MIN_INLIERS,
     KeyframeMatch,
@@ -61,27 +62,45 @@ class Relocalisation:
     """A relocalised frame, with the state and the map in which it is localised."""
 
     state: ModernMonocularState
+    """The state with the matched features as tracks."""
     map: Map
-    found: Localisation
+    localisation: Localisation
     segment: int
     """The segment of the matched keyframe."""
 
 
 def relocalise(
+    tracks: TracksInMap, state: ModernMonocularState, image: NewImage, localisation: Localisation
+) -> tuple[ModernMonocularState, Relocalisation | None, Decision]:
+    """Relocalises the frame in the last localised image and in keyframes, if that gives more inliers than its tracks
+    did, which do not contradict it.
+
+    Returns the state with the new descriptions, the relocalisation, and the number of points as a decision.
+    """
+    state, relocalisation = _relocalise_in_old_images(tracks.setup, state, tracks.map, image)
+    if relocalisation is not None and (
+        relocalisation.localisation.count <= localisation.count
+        or is_contradicted(tracks, localisation, relocalisation.localisation)
+    ):
+        relocalisation = None
+    described = 0 if relocalisation is None else len(relocalisation.state.live.ids) - len(state.live.ids)
+    return state, relocalisation, checks.DESCRIBED_POINTS.of(described, MIN_INLIERS)
+
+
+def _relocalise_in_old_images(
     setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage
 ) -> tuple[ModernMonocularState, Relocalisation | None]:
-    """Relocalises the frame in the last localised image and in keyframes; the returned state has the new
-    descriptions."""
+    """Relocalises the frame in the last localised image and in keyframes."""
     (last_ns, last), grey = state.recent[-1], state.live.grey
     if not setup.relocalise or grey is None or not has_contrast(image.grey, grey):
         return state, None
-    moved = tracks_with_speeds(setup.camera, state.live.uv, state.live.speed)
-    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moved, segment=state.segment)
+    moving = tracks_with_speeds(setup.camera, state.live.uv, state.live.speed)
+    newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moving, segment=state.segment)
     before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
     return _relocalise(setup, state, local_map, image, before, state.missed)
 
 
-def relocalise_after_loss(
+def _relocalise_after_loss(
     setup: Setup, state: ModernMonocularState, image: NewImage
 ) -> tuple[ModernMonocularState, Relocalisation | None]:
     """Relocalises a frame in the keyframes of earlier segments, before the new map exists."""
@@ -91,52 +110,39 @@ def relocalise_after_loss(
     if live.grey is None or not has_contrast(image.grey, live.grey):
         return state, None
     # Tracks since the loss, and guessed poses, belong to the map that was being initialised.
-    none = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
-    other = replace(state, live=none, settled=state.settled.extended(start.held if start.joined else ()))
+    no_tracks = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
+    earlier = replace(state, live=no_tracks, settled=state.settled.extended(start.held if start.joined else ()))
     image = replace(image, scene=np.zeros((0, 3)))
-    before, found = _relocalise(setup, other, start.lost, image, None, len(start.frames))
-    return replace(state, database=before.database), found
+    earlier, relocalisation = _relocalise(setup, earlier, start.lost, image, None, len(start.frames))
+    return replace(state, database=earlier.database), relocalisation
 
 
 def _relocalise(
     setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, before: Keyframe | None, turn: int
 ) -> tuple[ModernMonocularState, Relocalisation | None]:
-    now = setup.front_end.descriptor.detect_and_describe(image.grey, FEATURES)
-    database, found = match_keyframes(setup, state.database, local_map.extra, image, now, before, turn)
+    """Matches the frame with keyframes; localises it by the existing tracks, searched with the pose of the match, and
+    by the matched features."""
+    features = setup.front_end.descriptor.detect_and_describe(image.grey, FEATURES)
+    database, match = match_keyframes(setup, state.database, local_map.extra, image, features, before, turn)
     state = replace(state, database=database)
-    if found is None:
+    if match is None:
         return state, None
-    found = retriangulate(setup, database, local_map, found)
-    joint, grown, again = _localise_with_features(setup, state, local_map, image, found)
-    place, _ = found.views[-1]
-    return state, Relocalisation(joint, grown, again, place.segment) if again.count >= MIN_DESCRIBED else None
-
-
-def _localise_with_features(
-    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, match: KeyframeMatch
-) -> tuple[ModernMonocularState, Map, Localisation]:
-    """Localises by the existing tracks, searched with the pose, and by the matched features."""
-    existing, compared = _find_tracks(setup, state, local_map, image, match.world_from_camera)
-    joint, grown = with_matched_features_of(setup, state, local_map, match)
-    count = len(match.uv)
+    match = retriangulate(setup, database, local_map, match)
+    live, pose, count = state.live, match.world_from_camera, len(match.uv)
+    lost = TrackingResult(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), np.zeros_like(live.uv))
+    existing, compared = align_with_map(TracksInMap(setup, live, local_map), image, lost, pose)
     tracked = TrackingResult(
         np.concatenate([existing.uv, match.uv]),
         np.concatenate([existing.status, np.full(count, TrackStatus.ALIVE, np.uint8)]),
         np.concatenate([existing.speed, np.zeros((count, 2), np.float32)]),
     )
-    again = localise_by_tracks(setup, joint.live, grown, tracked, match.world_from_camera)
-    return joint, grown, replace(again, compared=np.concatenate([compared, np.zeros(count, bool)]))
-
-
-def _find_tracks(
-    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, world_from_camera: Pose
-) -> tuple[TrackingResult, NDArray[np.bool_]]:
-    """Searches the existing tracks by their patches with a pose; also returns which (N,) were compared."""
-    lost = np.full(len(state.live.ids), TrackStatus.LOST, np.uint8)
-    tracked = TrackingResult(state.live.uv, lost, np.zeros_like(state.live.uv))
-    return align_with_map(
-        setup, state.live, local_map, image, tracked, world_from_camera, local_map.known(state.live.ids)
-    )
+    matched, local_map = with_matched_features_of(setup, state, local_map, match)
+    localisation = localise_by_tracks(TracksInMap(setup, matched.live, local_map), tracked, pose)
+    if localisation.count < MIN_DESCRIBED:
+        return state, None
+    localisation = replace(localisation, compared=np.concatenate([compared, np.zeros(count, bool)]))
+    keyframe, _ = match.views[-1]
+    return state, Relocalisation(matched, local_map, localisation, keyframe.segment)
 
 
 def with_matched_features_of(
@@ -186,18 +192,20 @@ def continue_earlier_segment(
 ) -> tuple[ModernMonocularState, Outcome | None]:
     """Continues in the world of a segment before the loss, if the frame matches one of its keyframes.
 
-    Also returns the state used, as `track_map` does.
+    Also returns the state used, which has the matched features as tracks.
     """
-    state, again = relocalise_after_loss(setup, state, image)
-    if again is None:
+    state, relocalisation = _relocalise_after_loss(setup, state, image)
+    if relocalisation is None:
         return state, None
+    state, localisation = relocalisation.state, relocalisation.localisation
     decisions = (
-        checks.DESCRIBED_POINTS.of(len(again.state.live.ids), MIN_INLIERS),
-        checks.POSE_POINTS.of(again.found.count, MIN_DESCRIBED),
+        checks.DESCRIBED_POINTS.of(len(state.live.ids), MIN_INLIERS),
+        checks.POSE_POINTS.of(localisation.count, MIN_DESCRIBED),
     )
-    frame, outcome = localised_outcome(setup, again.state, again.map, image, again.found, decisions)
-    outcome = replace(outcome, restarted=True, segment=again.segment)
-    return again.state, add_keyframe(setup, outcome, again.map, frame, again.state.live.ids)
+    tracks = TracksInMap(setup, state.live, relocalisation.map)
+    frame, outcome = without_outliers(tracks, image, localisation, decisions)
+    outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
+    return state, add_keyframe(setup, state, outcome, frame)
 
 
 def recover(

@@ -16,11 +16,20 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.keyframe import ITERATIONS
 from ispom.estimators.modern.monocular.localise import Localisation, localise_by_tracks
-from ispom.estimators.modern.monocular.map import Map, optimise
+from ispom.estimators.modern.monocular.map import Map, TracksInMap, optimise
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.track import scene_points
-from ispom.estimators.modern.monocular.tracks import LiveTracks
-from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, at_middle, late_px, late_s, motion_at
+from ispom.estimators.modern.rolling import (
+    AHEAD,
+    LEAST,
+    PASSES,
+    SPAN_S,
+    RollingTracks,
+    at_middle,
+    late_px,
+    late_s,
+    motion_at,
+)
 from ispom.geometry import Array, Pose
 from ispom.solvers.localisation import fit_pose
 
@@ -44,74 +53,72 @@ def speeds_by_motion(
     return np.where(np.isfinite(way), way / late[:, None], 0.0).astype(np.float32)
 
 
-def correct_first_map(setup: Setup, local_map: Map, sights: tuple[Sight, ...]) -> Map:
+def correct_first_map(setup: Setup, local_map: Map, rolling_tracks: tuple[RollingTracks, ...]) -> Map:
     """Corrects all frames of a first map, which used the tracks' velocities, by its poses, and optimises it. Returns it
     unchanged for a global shutter."""
     if not setup.camera.line_delay_s:
         return local_map
-    return optimise(correct_frames(setup, local_map, sights), setup.noise.width, ITERATIONS)[0]
+    return optimise(correct_frames(setup, local_map, rolling_tracks), setup.noise.width, ITERATIONS)[0]
 
 
 def correct_by_motion(
-    setup: Setup, live: LiveTracks, local_map: Map, sights: tuple[Sight, ...], time_ns: int, localisation: Localisation
+    tracks: TracksInMap, recent: tuple[RollingTracks, ...], time_ns: int, localisation: Localisation
 ) -> tuple[Localisation, Map]:
-    """Localises a frame again with the motion of the poses, and corrects the map's last frames, of these sights, with
-    its pose. Returns both unchanged for a global shutter."""
+    """Localises a frame again with the motion of the poses, and corrects the map's last frames, of the `recent` tracks,
+    with its pose. Returns both unchanged for a global shutter."""
+    setup = tracks.setup
     if not setup.camera.line_delay_s:
-        return localisation, local_map
-    localisation = localise_by_motion(setup, live, local_map, time_ns, localisation)
-    if localisation.motion is None:
-        return localisation, local_map
-    newest = (time_ns, localisation.motion.camera_from_world.inverse())
-    if local_map.keys[-1].time_ns != sights[-1].time_ns:
-        return localisation, correct_frames(setup, local_map, sights, (newest,))
+        return localisation, tracks.map
+    localisation = localise_by_motion(tracks, time_ns, localisation)
+    if localisation.fit is None:
+        return localisation, tracks.map
+    newest = (time_ns, localisation.fit.camera_from_world.inverse())
+    if tracks.map.keys[-1].time_ns != recent[-1].time_ns:
+        return localisation, correct_frames(setup, tracks.map, recent, (newest,))
     for _ in range(PASSES):
-        right = optimise(correct_frames(setup, local_map, sights, (newest,)), setup.noise.width, ITERATIONS)[0]
-        again = replace(
-            localise_by_tracks(setup, live, right, localisation.tracked, newest[1]), compared=localisation.compared
-        )
-        again = localise_by_motion(setup, live, right, time_ns, again)
-        if again.motion is None or not again.agreeing:
+        local_map = optimise(correct_frames(setup, tracks.map, recent, (newest,)), setup.noise.width, ITERATIONS)[0]
+        corrected = replace(tracks, map=local_map)
+        again = localise_by_tracks(corrected, localisation.tracked, newest[1])
+        again = localise_by_motion(corrected, time_ns, replace(again, compared=localisation.compared))
+        if again.fit is None or not again.has_enough_inliers:
             break
-        local_map, localisation, newest = right, again, (time_ns, again.motion.camera_from_world.inverse())
-    return localisation, local_map
+        tracks, localisation, newest = corrected, again, (time_ns, again.fit.camera_from_world.inverse())
+    return localisation, tracks.map
 
 
-def localise_by_motion(
-    setup: Setup, live: LiveTracks, local_map: Map, time_ns: int, localisation: Localisation
-) -> Localisation:
+def localise_by_motion(tracks: TracksInMap, time_ns: int, localisation: Localisation) -> Localisation:
     """Localises a frame again, with its tracks moved to the time of the middle row; unchanged if there are too few
     poses."""
-    before = local_map.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
+    before = tracks.map.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
     if len(before) + 1 < LEAST:
         return localisation
-    lens = Lens(setup.camera, local_map.extra)
     for _ in range(PASSES):
-        if localisation.motion is None:
+        if localisation.fit is None:
             break
-        pose = localisation.motion.camera_from_world
+        pose, uv = localisation.fit.camera_from_world, localisation.tracked.uv
         motion = motion_at([*before, (time_ns, pose.inverse())], time_ns)
-        uv = localisation.tracked.uv
-        scene = scene_points(lens, uv, local_map.known(live.ids), pose.inverse())
-        tracked = replace(localisation.tracked, speed=speeds_by_motion(lens, uv, scene, pose, motion))
-        again = localise_by_tracks(setup, live, local_map, tracked, pose.inverse())
-        if not again.agreeing:
+        scene = scene_points(tracks.lens, uv, tracks.xyz, pose.inverse())
+        speed = speeds_by_motion(tracks.lens, uv, scene, pose, motion)
+        again = localise_by_tracks(tracks, replace(localisation.tracked, speed=speed), pose.inverse())
+        if not again.has_enough_inliers:
             break
         localisation = replace(again, compared=localisation.compared)
     return localisation
 
 
 def correct_frames(
-    setup: Setup, local_map: Map, sights: tuple[Sight, ...], newest: tuple[tuple[int, Pose], ...] = ()
+    setup: Setup, local_map: Map, rolling_tracks: tuple[RollingTracks, ...], newest: tuple[tuple[int, Pose], ...] = ()
 ) -> Map:
     """Corrects the frames of these sights, ordered by time, by the motion of the poses around each. `newest` are not in
     the map."""
-    poses = [*local_map.since(sights[0].time_ns - round(SPAN_S * 1e9)), *newest]
+    poses = [*local_map.since(rolling_tracks[0].time_ns - round(SPAN_S * 1e9)), *newest]
     known = dict(poses)
-    for sight in sights:
-        around = _neighbour_poses(poses, sight.time_ns) if sight.time_ns in known else []
+    for tracks in rolling_tracks:
+        around = _neighbour_poses(poses, tracks.time_ns) if tracks.time_ns in known else []
         if len(around) >= LEAST:
-            local_map = _correct_frame(setup, local_map, sight, known[sight.time_ns], motion_at(around, sight.time_ns))
+            local_map = _correct_frame(
+                setup, local_map, tracks, known[tracks.time_ns], motion_at(around, tracks.time_ns)
+            )
     return local_map
 
 
@@ -127,13 +134,13 @@ def _neighbour_poses(poses: list[tuple[int, Pose]], time_ns: int) -> list[tuple[
     return found
 
 
-def _correct_frame(setup: Setup, local_map: Map, sight: Sight, world_from_camera: Pose, motion: Array) -> Map:
+def _correct_frame(setup: Setup, local_map: Map, tracks: RollingTracks, world_from_camera: Pose, motion: Array) -> Map:
     """Replaces the coordinates of a keyframe, for the next optimisation, or localises another frame again."""
-    lens, xyz = Lens(setup.camera, local_map.extra), local_map.known(sight.ids)
-    pose, scene = world_from_camera.inverse(), scene_points(lens, sight.uv, xyz, world_from_camera)
-    uv = sight.uv - late_px(setup.camera, sight.uv, speeds_by_motion(lens, sight.uv, scene, pose, motion))
-    if any(k.time_ns == sight.time_ns for k in local_map.keys):
-        return local_map.with_updated_coordinates(sight.time_ns, sight.ids, setup.camera.normalise(uv))
+    lens, xyz = Lens(setup.camera, local_map.extra), local_map.known(tracks.ids)
+    pose, scene = world_from_camera.inverse(), scene_points(lens, tracks.uv, xyz, world_from_camera)
+    uv = tracks.uv - late_px(setup.camera, tracks.uv, speeds_by_motion(lens, tracks.uv, scene, pose, motion))
+    if any(k.time_ns == tracks.time_ns for k in local_map.keys):
+        return local_map.with_updated_coordinates(tracks.time_ns, tracks.ids, setup.camera.normalise(uv))
     has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.noise.width
     found = fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
-    return local_map if found is None else local_map.moved(sight.time_ns, found.camera_from_world.inverse())
+    return local_map if found is None else local_map.moved(tracks.time_ns, found.camera_from_world.inverse())

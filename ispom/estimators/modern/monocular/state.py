@@ -13,7 +13,7 @@ from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.tracks import LiveTracks, OutlierTracks, TrackingResult
-from ispom.estimators.modern.rolling import Sight
+from ispom.estimators.modern.rolling import RollingTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
@@ -51,7 +51,7 @@ class Start:
     the scale; otherwise a new segment begins there."""
     lost: Map | None = None
     """The map before the loss, without its keyframes and points: frames may still be relocalised in its keyframes."""
-    sights: tuple[Sight, ...] = ()
+    rolling_tracks: tuple[RollingTracks, ...] = ()
     """Tracks of the frames except the last one; none for a global shutter."""
     earlier: tuple[TrackedFrame, ...] = ()
     """Frames before the reference, of restarted initialisations: too few of their points survived for a map, but the
@@ -65,10 +65,10 @@ class Start:
         """Adds tracks that start in the reference, while that is the only frame."""
         return replace(self, frames=(self.frames[0].with_new(ids, x),))
 
-    def with_sight(self, sight: Sight) -> Start:
+    def with_rolling_tracks(self, last: RollingTracks) -> Start:
         """Adds the tracks of the last frame, and removes those of frames that are no longer stored."""
         kept = {f.time_ns for f in self.frames}
-        return replace(self, sights=tuple(s for s in (*self.sights, sight) if s.time_ns in kept))
+        return replace(self, rolling_tracks=tuple(t for t in (*self.rolling_tracks, last) if t.time_ns in kept))
 
     def with_updated_coordinates(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
         """Replaces the coordinates (M, 2) of tracks (M,) in the frame at this time, if there is one."""
@@ -144,7 +144,7 @@ class BeforeMap:
 @dataclass(frozen=True, eq=False)
 class ModernMonocularState:
     live: LiveTracks = LiveTracks()
-    sights: tuple[Sight, ...] = ()
+    rolling_tracks: tuple[RollingTracks, ...] = ()
     """Tracks of the frame before that of `live`, and of the frames of the first map; none for a global shutter."""
     start: Start | None = None
     """The initialisation, while there is no map."""

@@ -24,7 +24,7 @@ from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array, Pose
 from ispom.numerics.reductions import both, squares
 from ispom.numerics.twist import twist_of
-from ispom.types import Camera, Image, TrackStatus
+from ispom.types import Image, TrackStatus
 
 COASTING_S = 2.0
 """Time constant [s] of the decay: a vehicle's speed changes on that scale."""
@@ -65,23 +65,23 @@ def median_speed(local_map: Map) -> float:
 
 
 def track_features(
-    front_end: FrontEnd,
-    camera: Camera,
+    setup: Setup,
     live: LiveTracks,
     time_ns: int,
     grey: Image,
-    predicted: NDArray[np.float32] | None,
+    predicted: NDArray[np.float32] | None = None,
     others: MovedPoints = NO_POINTS,
 ) -> TrackingResult:
     """Tracks points from their predicted positions: `predicted` (N, 2) [px], or constant velocity.
 
     `others` are tracked in the same call, as building the images' pyramids takes most of the time.
 
-    Without a prediction, points are checked forward and backward; with one the check follows in `align_with_origins`.
+    Without a prediction, points are checked forward and backward; with one the check follows in `align_with_map`.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return TrackingResult(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
     bright = as_bright(grey, live.grey)
+    front_end, camera = setup.front_end, setup.camera
     tracker, expected = (front_end.tracker, live.uv + live.flow) if predicted is None else (front_end.guided, predicted)
     starts, goals = np.concatenate([live.uv, others.before]), np.concatenate([expected, others.now])
     uv, status = tracker.track(live.grey, bright, starts, goals)
@@ -97,24 +97,22 @@ def track_features(
     )
 
 
-def corrected_coordinates(
-    camera: Camera, live: LiveTracks, tracked: TrackingResult
-) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
-    """Returns coordinates of the last two images at the time of the middle row, corrected by the motion after them:
-    time, ids (K,), and normalised coordinates (K, 2). Empty for a global shutter.
+def with_corrected_coordinates(
+    setup: Setup, state: ModernMonocularState, tracked: TrackingResult
+) -> ModernMonocularState:
+    """Corrects the stored coordinates of the last two images by the motion after them, if the shutter is rolling.
 
-    For the image before the last one, these are the tracks new in it; for the last one, all others.
+    In the image before the last one, these are the tracks new in it; in the last one, all others.
     """
     if tracked.speeds is None:
-        return ()
+        return state
+    camera, live = setup.camera, state.live
     alive, moved = tracked.status == TrackStatus.ALIVE, live.flow.any(axis=1)
     first, last = alive & live.second & (live.origin_ns == live.before_ns), alive & moved
     old = live.origin_uv[first] - late_px(camera, live.origin_uv[first], tracked.speeds.before[first])
     uv = live.uv[last] - late_px(camera, live.uv[last], tracked.speeds.last[last])
-    return (
-        (live.before_ns, live.ids[first], camera.normalise(old)),
-        (live.time_ns, live.ids[last], camera.normalise(uv)),
-    )
+    state = state.with_updated_coordinates(live.before_ns, live.ids[first], camera.normalise(old))
+    return state.with_updated_coordinates(live.time_ns, live.ids[last], camera.normalise(uv))
 
 
 def predict_by_features(front_end: FrontEnd, live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
@@ -164,15 +162,11 @@ def track(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Image) 
     """Tracks all features into the new image; with a map, starts from the positions that the motion model predicts."""
     live = state.live
     if state.map is None:
-        nowhere = np.full((len(live.ids), 3), np.nan)
-        return NewImage(
-            time_ns, grey, None, track_features(setup.front_end, setup.camera, live, time_ns, grey, None), nowhere
-        )
+        tracked = track_features(setup, live, time_ns, grey)
+        return NewImage(time_ns, grey, None, tracked, np.full((len(live.ids), 3), np.nan))
     predicted, lens = predict_pose(state.recent, time_ns), Lens(setup.camera, state.map.extra)
     late = late_px(setup.camera, live.uv, live.speed)
     scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
     expected = project_points(lens, scene, predicted, live.uv - late) + late
-    tracked = track_features(
-        setup.front_end, setup.camera, live, time_ns, grey, expected, state.outlier_tracks.expected
-    )
+    tracked = track_features(setup, live, time_ns, grey, expected, state.outlier_tracks.expected)
     return NewImage(time_ns, grey, predicted, tracked, scene)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.rolling import Sight, Speeds, late_px
+from ispom.estimators.modern.rolling import RollingTracks, Speeds, late_px
 from ispom.estimators.modern.second_motion import LEAST
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.features.patches import align
@@ -81,9 +81,9 @@ class LiveTracks:
         )
 
     @property
-    def sight(self) -> Sight:
+    def rolling_tracks(self) -> RollingTracks:
         """The observations in the last image."""
-        return Sight(self.time_ns, self.ids, self.uv)
+        return RollingTracks(self.time_ns, self.ids, self.uv)
 
 
 @dataclass(frozen=True, eq=False)

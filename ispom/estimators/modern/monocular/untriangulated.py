@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from ispom.estimators.modern.lens import corrected
-from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.map import TracksInMap
 from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
-from ispom.estimators.modern.monocular.tracks import LiveTracks, TrackingResult, at_middle_row
+from ispom.estimators.modern.monocular.tracks import TrackingResult
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.numerics.robust import cauchy_cost, cauchy_weights
@@ -61,47 +61,39 @@ class UntriangulatedTracks:
 
 
 def refine_by_untriangulated(
-    setup: Setup,
-    live: LiveTracks,
-    local_map: Map,
-    tracked: TrackingResult,
-    places: Array,
-    motion: PoseFit,
-    points: tuple[Array, Array],
-    world_from_guess: Pose,
+    tracks: TracksInMap, tracked: TrackingResult, fit: PoseFit, points: tuple[Array, Array], world_from_guess: Pose
 ) -> tuple[PoseFit, UntriangulatedTracks | None]:
     """Returns the pose refined by tracks without a point, and these tracks, if they are more than its inliers;
     otherwise, or if they disagree, the unchanged pose.
 
-    `places` (N, 3) as `Map.known` of all tracks; `points` (M, 3), (M, 2) are the map's points and their observations,
-    by which the pose was estimated. The search starts from that pose and from the guess, as poorly constraining points
-    leave a valley: once they ended at 2 degrees from the right rotation, where all tracks together have another minimum
-    at 9.
+    `points` (M, 3), (M, 2) are the map's points and their observations, by which the pose was estimated. The search
+    starts from that pose and from the guess, as poorly constraining points leave a valley: once they ended at 2 degrees
+    from the right rotation, where all tracks together have another minimum at 9.
     """
-    alone = np.flatnonzero((tracked.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
-    if len(alone) <= motion.inliers.sum():
-        return motion, None
-    untriangulated = _untriangulated(setup, live, local_map, tracked, alone, points[0][motion.inliers])
+    setup = tracks.setup
+    alone = np.flatnonzero((tracked.status == TrackStatus.ALIVE) & np.isnan(tracks.xyz[:, 0]))
+    if len(alone) <= fit.inliers.sum():
+        return fit, None
+    untriangulated = _untriangulated(tracks, tracked, alone, points[0][fit.inliers])
     if untriangulated is None:
-        return motion, None
-    scale, limit, pose = WIDTH * setup.noise.width, INLIER * setup.noise.width, motion.camera_from_world
-    starts = (pose, world_from_guess.inverse())
-    fits = [fit_pose(*points, s, scale, limit, widest=scale, rays=untriangulated.rays) for s in starts]
-    found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, untriangulated, scale), default=None)
-    most = MAX_COST_INCREASE * local_map.noise.variance(setup.noise.sigma)
-    if found is None or _cost(found, scale) - _cost(motion, scale) > most:
-        return motion, None
-    before, after = (
-        _on_epipolar_lines(setup, untriangulated.rays, pose).mean() for pose in (pose, found.camera_from_world)
-    )
-    return (found, untriangulated) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
+        return fit, None
+    rays, width, limit = untriangulated.rays, WIDTH * setup.noise.width, INLIER * setup.noise.width
+    starts = (fit.camera_from_world, world_from_guess.inverse())
+    fits = [fit_pose(*points, start, width, limit, widest=width, rays=rays) for start in starts]
+    joint = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, untriangulated, width), default=None)
+    most = MAX_COST_INCREASE * tracks.map.noise.variance(setup.noise.sigma)
+    if joint is None or _cost(joint, width) - _cost(fit, width) > most:
+        return fit, None
+    before, after = (_on_epipolar_lines(setup, rays, f.camera_from_world).mean() for f in (fit, joint))
+    return (joint, untriangulated) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (fit, None)
 
 
 def _untriangulated(
-    setup: Setup, live: LiveTracks, local_map: Map, tracked: TrackingResult, alone: NDArray[np.int64], points: Array
+    tracks: TracksInMap, tracked: TrackingResult, alone: NDArray[np.int64], points: Array
 ) -> UntriangulatedTracks | None:
     """Returns those of the tracks `alone` (K,) that agreed with the epipolar lines of the last keyframe in the last
     image: moving objects, such as clouds, mostly did not. `points` (N, 3) are the observed points of the map."""
+    live, local_map = tracks.live, tracks.map
     keys, before = [k for k in local_map.keys if k.time_ns < live.time_ns], local_map.pose_at(live.time_ns)
     if not keys or before is None:
         return None
@@ -113,11 +105,8 @@ def _untriangulated(
         return None
     mine, nearest = alone[mine], MIN_DEPTH_SHARE * float(depths.min())
     first = corrected(key.x[its], local_map.extra)
-    last, now = (
-        corrected(setup.camera.normalise(at_middle_row(setup.camera, of)[mine]), local_map.extra)
-        for of in (live, tracked)
-    )
-    good = _on_epipolar_lines(setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
+    last, now = tracks.normalise(live, mine), tracks.normalise(tracked, mine)
+    good = _on_epipolar_lines(tracks.setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
     if good.mean() < LEAST_SHARE:
         return None
     return UntriangulatedTracks(Rays.of(world_from_key, first[good], nearest, now[good]), key.time_ns, world_from_key)
