@@ -97,7 +97,7 @@ def test_what_is_seen_around_a_place_is_where_it_is_from_there() -> None:
     sights = [facades.seen_from(pose, rng) for pose in poses]
     exact = [replace(s, xyz=np.column_stack([s.x, np.ones(len(s.x))]).astype(np.float32)) for s in sights]
     nodes = tuple(
-        Node(i, max(i - 1, 0), pose, np.zeros((6, 6)), 0.0, STEP_M * i, Similarity(1.0, pose), sight, seen=i != 5)
+        Node(i, max(i - 1, 0), pose, np.zeros((6, 6)), 0.0, STEP_M * i, Similarity(1.0, pose), sight, connected=i != 5)
         for i, (pose, sight) in enumerate(zip(poses, exact, strict=True))
     )
     found = surroundings(nodes, nodes[4])
@@ -269,16 +269,16 @@ def test_how_sure_a_pose_is_follows_its_window_as_that_is_adjusted() -> None:
 
 
 def test_all_poses_are_told_again_a_bounded_number_at_a_time() -> None:
-    loops, told = Loops(left=450, told=450, end=450), list[int]()
-    while loops.left:
+    loops, told = Loops(uncorrected=450, corrected_to=450, end=450), list[int]()
+    while loops.uncorrected:
         loops, some = next_range(loops, 450)
         assert len(some) <= AT_ONCE
         told += some
     assert sorted(told) == list(range(450))
     # A loop in the middle of it: all are told once more, from where it was on, and around, as more poses come.
-    loops, some = next_range(Loops(left=450, told=450, end=450), 450)
-    loops, told, poses = replace(loops, left=460, end=460), [], 460
-    while loops.left:
+    loops, some = next_range(Loops(uncorrected=450, corrected_to=450, end=450), 450)
+    loops, told, poses = replace(loops, uncorrected=460, end=460), [], 460
+    while loops.uncorrected:
         loops, some = next_range(loops, poses)
         told += some
         poses += 1

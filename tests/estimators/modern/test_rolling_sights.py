@@ -71,7 +71,7 @@ def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -
 def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
     """By three places that turn as fast as their tracks say."""
     view, rng = camera(READOUT_S), np.random.default_rng(1)
-    setup = ModernMonocularConfig().build(Rig.single(view))._setup
+    setup, lens = ModernMonocularConfig().build(Rig.single(view))._setup, Lens(view, np.zeros(2))
     xyz = np.column_stack([rng.uniform((-2, -1.5), (2, 1.5), (60, 2)), rng.uniform(5, 9, 60)])
     places, seen = list[Keyframe](), list[np.ndarray]()
     for k, speed in enumerate(np.array([[150.0, 80.0], [-90.0, 120.0], [60.0, -150.0]])):
@@ -83,11 +83,11 @@ def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
         places.append(replace(place, moving=moving))
         seen.append(rolled)
     seen[0][0] = seen[1][0] = np.nan  # by the last one alone
-    found = _triangulate(setup, np.zeros(2), places, seen, setup.noise.width)
+    found = _triangulate(lens, places, seen, setup.noise.width)
     known = np.isfinite(found[:, 0])
     assert known[1:].all() and not known[0]
     np.testing.assert_allclose(found[1:], xyz[1:], rtol=2e-3, atol=2e-3)
     blind = [replace(place, moving=None) for place in places]
-    bent = _triangulate(setup, np.zeros(2), blind, seen, setup.noise.width)
+    bent = _triangulate(lens, blind, seen, setup.noise.width)
     assert np.nanmedian(np.linalg.norm(bent - xyz, axis=1)) > 0.1
-    assert at_middle_row_of(setup, blind[0], seen[0]) is seen[0]
+    assert at_middle_row_of(lens.camera, blind[0], seen[0]) is seen[0]

@@ -36,65 +36,69 @@ def with_depths(camera: LoopCamera, nodes: tuple[Node, ...]) -> tuple[Node, ...]
     newest, before = nodes[-1], _before(nodes)
     if not before:
         return nodes
-    found = {newest.time_ns: _met(camera, newest, before)}
+    found = {newest.time_ns: _triangulated(camera, newest, before)}
     if len(before) == OTHERS:
-        found[before[-1].time_ns] = _met(camera, before[-1], [newest, *before[:-1]])
-    elif not np.isfinite(before[0].sight.xyz).any():
-        found[before[0].time_ns] = _met(camera, before[0], [newest])
-    return tuple(replace(n, sight=found[n.time_ns]) if n.time_ns in found else n for n in nodes)
+        found[before[-1].time_ns] = _triangulated(camera, before[-1], [newest, *before[:-1]])
+    elif not np.isfinite(before[0].described.xyz).any():
+        found[before[0].time_ns] = _triangulated(camera, before[0], [newest])
+    return tuple(replace(n, described=found[n.time_ns]) if n.time_ns in found else n for n in nodes)
 
 
 def _before(nodes: tuple[Node, ...]) -> list[Node]:
     """Returns up to OTHERS nodes before the newest one, nearest first, with odometry chained from the steps between
     them."""
     last, found = nodes[-1], list[Node]()
-    while len(found) < OTHERS and last.seen and last.parent_ns != last.time_ns:
+    while len(found) < OTHERS and last.connected and last.parent_ns != last.time_ns:
         parent = node_at(nodes, last.parent_ns)
         last = replace(parent, odometry=last.odometry @ step_between(parent, last)[0].pose.inverse())
         found.append(last)
     return found
 
 
-def surroundings(nodes: tuple[Node, ...], place: Node) -> DescribedPoints:
+def surroundings(nodes: tuple[Node, ...], candidate: Node) -> DescribedPoints:
     """Returns the points with depth of a node and of up to AROUND nodes before and after it, in the node's camera."""
-    at = next(i for i, n in enumerate(nodes) if n.time_ns == place.time_ns)
-    others, last = _before(nodes[: at + 1])[:AROUND], place
+    at = next(i for i, n in enumerate(nodes) if n.time_ns == candidate.time_ns)
+    others, last = _before(nodes[: at + 1])[:AROUND], candidate
     for node in nodes[at + 1 : at + 1 + AROUND]:
-        if not node.seen or node.parent_ns != last.time_ns:
+        if not node.connected or node.parent_ns != last.time_ns:
             break
         last = replace(node, odometry=last.odometry @ step_between(last, node)[0].pose)
         others.append(last)
-    shown = [n.sight.with_depth() for n in (place, *others)]
-    ways = [place.odometry.inverse() @ n.odometry for n in (place, *others)]
+    shown = [n.described.with_depth() for n in (candidate, *others)]
+    xyz = [
+        (candidate.odometry.inverse() @ n.odometry).apply(s.xyz.astype(float))
+        for n, s in zip((candidate, *others), shown, strict=True)
+    ]
     return replace(
-        place.sight,
+        candidate.described,
         x=np.concatenate([s.x for s in shown]),
         descriptors=np.concatenate([s.descriptors for s in shown]),
-        xyz=np.concatenate([w.apply(s.xyz.astype(float)) for w, s in zip(ways, shown, strict=True)]).astype(np.float32),
+        xyz=np.concatenate(xyz).astype(np.float32),
     )
 
 
-def _met(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
+def _triangulated(camera: LoopCamera, node: Node, others: list[Node]) -> DescribedPoints:
     """Triangulates a node's features with other nodes; features without a good result keep their points."""
-    sight = node.sight
-    seen = [sight.x.astype(float), *(_seen(camera, node, other) for other in others)]
-    stacked = np.stack(seen)
+    described = node.described
+    stacked = np.stack([described.x.astype(float), *(_matched(camera, node, other) for other in others)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [n.odometry.inverse() for n in (node, *others)]
-    turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
-    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), Noise(camera.sigma))
+    rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+    found = intersect(
+        rotations, translations, cameras, owners, stacked[cameras, owners], len(described.x), Noise(camera.sigma)
+    )
     good = (found.depth > 0) & (found.worst < INLIER * camera.sigma) & (found.significance > MIN_SIGNIFICANCE)
-    xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), sight.xyz)
-    return replace(sight, xyz=xyz.astype(np.float32))
+    xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), described.xyz)
+    return replace(described, xyz=xyz.astype(np.float32))
 
 
-def _seen(camera: LoopCamera, node: Node, other: Node) -> Array:
+def _matched(camera: LoopCamera, node: Node, other: Node) -> Array:
     """Returns the normalised coordinates (N, 2), in another node, of a node's features: their best matches on the
     epipolar lines, or NaN."""
-    here, there = node.sight.features(camera.fx), other.sight.features(camera.fx)
+    here, there = node.described.features(camera.fx), other.described.features(camera.fx)
     motion = other.odometry.inverse() @ node.odometry
-    allowed = on_epipolar_lines(motion, node.sight.x, other.sight.x, MAX_OFF * camera.sigma)
+    allowed = on_epipolar_lines(motion, node.described.x, other.described.x, MAX_OFF * camera.sigma)
     pairs, _ = camera.matcher.match_where(here, there, allowed)
     out = np.full((len(here), 2), np.nan)
-    out[pairs[:, 0]] = other.sight.x[pairs[:, 1]]
+    out[pairs[:, 0]] = other.described.x[pairs[:, 1]]
     return out

@@ -42,10 +42,10 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
     """Returns the times of the earlier nodes that a new node may observe again, those with the most similar appearance
     first."""
     found = list[tuple[float, int]]()
-    for place in nodes[: -LEAST_NODES + 1]:
-        apart = np.linalg.norm((place.corrected.inverse() @ node.corrected).pose.translation)
-        if place.segment != node.segment or apart <= place.sight.depth + _slack(place, node, drift):
-            found.append((-float((place.sight.looks * node.sight.looks).sum()), place.time_ns))
+    for candidate in nodes[: -LEAST_NODES + 1]:
+        apart = np.linalg.norm((candidate.corrected.inverse() @ node.corrected).pose.translation)
+        if candidate.segment != node.segment or apart <= candidate.described.depth + _slack(candidate, node, drift):
+            found.append((-float((candidate.described.looks * node.described.looks).sum()), candidate.time_ns))
     return tuple(time_ns for _, time_ns in sorted(found)[:COMPARED])
 
 
@@ -82,38 +82,38 @@ def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, dr
     MAJORITY of each other. A vague loop agrees with several that contradict each other: through one, a loop with an
     error of 3 m and 29 points entered the graph together with four right ones."""
     at, newest = {n.time_ns: n for n in nodes}, nodes[-1]
-    same = [one for one in proposed if _same(at, newest, one, loop, drift)]
+    same = [one for one in proposed if _agree(at, newest, one, loop, drift)]
     least = MAJORITY * len(same)
-    return tuple(one for one in same if sum(_same(at, newest, other, one, drift) for other in same) >= least)
+    return tuple(one for one in same if sum(_agree(at, newest, other, one, drift) for other in same) >= least)
 
 
-def _same(at: dict[int, Node], newest: Node, one: Loop, loop: Loop, drift: float) -> bool:
+def _agree(at: dict[int, Node], newest: Node, one: Loop, loop: Loop, drift: float) -> bool:
     """Checks that two loops agree about the pose of the newest node."""
 
-    def told(one: Loop) -> Similarity:
+    def newest_by(one: Loop) -> Similarity:
         first, then = at[one.first_ns], at[one.then_ns]
         return first.corrected @ one.first_from_then @ then.corrected.inverse() @ newest.corrected
 
-    off = told(one).inverse() @ told(loop)
-    near = AGREEING_DEPTHS * at[one.first_ns].sight.depth
+    off = newest_by(one).inverse() @ newest_by(loop)
+    near = AGREEING_DEPTHS * at[one.first_ns].described.depth
     near += drift * abs(at[loop.then_ns].path - at[one.then_ns].path)
     turned = float(np.degrees(rotation_angle_rad(off.pose.rotation)))
     return bool(
         np.linalg.norm(off.pose.translation) <= near
         and turned <= AGREEING_DEG
-        and _unlikely(at, one, loop) <= MOST_UNLIKELY
+        and _squared_distance(at, one, loop) <= MOST_UNLIKELY
     )
 
 
-def _unlikely(at: dict[int, Node], one: Loop, loop: Loop) -> float:
+def _squared_distance(at: dict[int, Node], one: Loop, loop: Loop) -> float:
     """Returns the squared Mahalanobis distance between two loops; 0 for the same loop."""
     if one is loop:
         return 0.0
     here, there = _odometry(at[loop.first_ns], at[one.first_ns]), _odometry(at[one.then_ns], at[loop.then_ns])
-    told = joined(joined(here, Edge(0, 0, one.first_from_then, one.covariance)), there)
-    off = told.first_from_then.inverse() @ loop.first_from_then
+    expected = joined(joined(here, Edge(0, 0, one.first_from_then, one.covariance)), there)
+    off = expected.first_from_then.inverse() @ loop.first_from_then
     error = np.concatenate([off.pose.translation, off.pose.rotvec, [np.log(off.scale)]])
-    return float(error @ np.linalg.solve(told.covariance + loop.covariance, error))
+    return float(error @ np.linalg.solve(expected.covariance + loop.covariance, error))
 
 
 def _odometry(a: Node, b: Node) -> Edge:

@@ -61,7 +61,7 @@ class KeyFrameSeen:
     window: Mapping[int, Pose]
     """world_from_camera of the keyframes in the window, or in the last window of this keyframe; includes the keyframe
     itself, oldest first."""
-    sight: Callable[[], DescribedPoints]
+    describe: Callable[[], DescribedPoints]
     """Returns the described points of the keyframe; called only if they are needed."""
     joined: bool = True
     """Whether an observation connects it to the keyframes before; otherwise its pose is a guess across the gap."""
@@ -92,9 +92,10 @@ class Loops:
     waiting: tuple[int, ...] = ()
     """Times of the candidates with which the newest node has not been compared yet."""
     known: Known | None = None
-    left: int = 0
-    """Number of poses still to be corrected, counted backwards from the one before `told`, and around to the end."""
-    told: int = 0
+    uncorrected: int = 0
+    """Number of poses still to be corrected, counted backwards from the one before `corrected_to`, and around to
+    the end."""
+    corrected_to: int = 0
     joins: int | None = None
     """The earlier segment that a loop joined with that of the newest node at the last frame."""
     end: int = 0
@@ -116,16 +117,16 @@ def seen_again(
     if not loops.waiting:
         return loops, ()
     then = loops.nodes[-1]
-    places = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
-    ways = _relative_poses(camera, loops.nodes, places, then)
+    compared = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
+    relative_poses = _relative_poses(camera, loops.nodes, compared, then)
     loops = replace(loops, waiting=loops.waiting[AT_A_TIME:])
-    found = [(p, way) for p, way in ways if possible(p, then, way.first_from_then, drift)]
-    points = LOOP_POINTS.of(max((way.count for _, way in found or ways), default=0), FEWEST)
+    found = [(p, relative) for p, relative in relative_poses if possible(p, then, relative.first_from_then, drift)]
+    points = LOOP_POINTS.of(max((relative.count for _, relative in found or relative_poses), default=0), FEWEST)
     if not found:
-        why = "the odometry cannot have drifted that far" if ways else ""
+        why = "the odometry cannot have drifted that far" if relative_poses else ""
         return loops, (replace(points, passed=False, consequence=why),)
-    first, way = max(found, key=lambda one: one[1].count)
-    loop = Loop(first.time_ns, then.time_ns, way.first_from_then, way.covariance)
+    first, relative = max(found, key=lambda one: one[1].count)
+    loop = Loop(first.time_ns, then.time_ns, relative.first_from_then, relative.covariance)
     loops = replace(loops, proposed=(*loops.proposed, loop), waiting=())
     same = agreeing(loops.nodes, loops.proposed, loop, drift)
     views = LOOP_VIEWS.of(len(same), max(VIEWS, np.ceil(MAJORITY * len(loops.proposed))))
@@ -135,16 +136,16 @@ def seen_again(
 
 
 def _relative_poses(
-    camera: LoopCamera, nodes: tuple[Node, ...], places: list[Node], then: Node
+    camera: LoopCamera, nodes: tuple[Node, ...], compared: list[Node], then: Node
 ) -> list[tuple[Node, RelativePose]]:
     """Returns the relative poses to the candidates that match a node. For one camera, which knows the depth of a third
     of its features, points of the nodes around a candidate are matched too."""
     found = list[tuple[Node, RelativePose]]()
-    for place in places:
-        shown = place.sight if camera.baseline else surroundings(nodes, place)
-        way = relative_pose(camera, shown, then.sight, together=not camera.baseline)
-        if way is not None:
-            found.append((place, way))
+    for candidate in compared:
+        shown = candidate.described if camera.baseline else surroundings(nodes, candidate)
+        relative = relative_pose(camera, shown, then.described, together=not camera.baseline)
+        if relative is not None:
+            found.append((candidate, relative))
     return found
 
 
@@ -156,7 +157,7 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
     if not nodes:
         first = Similarity(1.0, key.world_from_camera)
         node = Node(
-            key.time_ns, key.time_ns, key.world_from_camera, unsure, key.scale_variance, 0.0, first, key.sight()
+            key.time_ns, key.time_ns, key.world_from_camera, unsure, key.scale_variance, 0.0, first, key.describe()
         )
         return replace(loops, nodes=(node,))
     before = [t for t in key.window if t < key.time_ns]
@@ -165,7 +166,7 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
     between = parent.odometry.inverse() @ key.world_from_camera
     length = float(np.linalg.norm(between.translation))
     turn = float(np.degrees(rotation_angle_rad(between.rotation)))
-    near = length < APART_DEPTHS * parent.sight.depth and turn < APART_DEG
+    near = length < APART_DEPTHS * parent.described.depth and turn < APART_DEG
     if near and parent is nodes[-1] and key.joined:
         return replace(loops, nodes=nodes, known=known)
     node = Node(
@@ -176,7 +177,7 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
         key.scale_variance,
         nodes[-1].path + length,
         parent.corrected @ Similarity(1.0, between),
-        key.sight(),
+        key.describe(),
         key.joined,
         _segment(nodes, parent, key),
         step=between,
@@ -217,10 +218,19 @@ def _closed(
     found = optimise(tuple(n.corrected for n in nodes), edges_of(nodes, closed), scaled=not paired)
     nodes = tuple(replace(n, corrected=c) for n, c in zip(nodes, found.nodes, strict=True))
     shift = np.linalg.norm(nodes[-1].corrected.pose.translation - newest.corrected.pose.translation)
-    way = newest.path - node_at(nodes, same[-1].first_ns).path
-    shifted = LOOP_SHIFT.of(float(shift) / max(way, 1e-9), drift)
-    known, told = Known(nodes[-1], found.covariance), loops.told if loops.left else poses
-    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told, joins=joins, end=poses)
+    path = newest.path - node_at(nodes, same[-1].first_ns).path
+    shifted = LOOP_SHIFT.of(float(shift) / max(path, 1e-9), drift)
+    known, corrected_to = Known(nodes[-1], found.covariance), loops.corrected_to if loops.uncorrected else poses
+    loops = replace(
+        loops,
+        nodes=nodes,
+        closed=closed,
+        known=known,
+        uncorrected=poses,
+        corrected_to=corrected_to,
+        joins=joins,
+        end=poses,
+    )
     return loops, (*decisions, shifted)
 
 
@@ -230,5 +240,5 @@ def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scal
     node, at_node = known.node, known.covariance
     now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)
     between, grown = step_between(node, now)
-    way = adjoint_sim3(between)
-    return way @ at_node @ way.T + grown
+    adjoint = adjoint_sim3(between)
+    return adjoint @ at_node @ adjoint.T + grown

@@ -41,8 +41,8 @@ class Node:
     """Length of the path up to this node."""
     corrected: Similarity
     """world_from_node with loops."""
-    sight: DescribedPoints
-    seen: bool = True
+    described: DescribedPoints
+    connected: bool = True
     """Whether an observation connects it to its parent; otherwise the step is a guess across a gap."""
     segment: int = 0
     """The segment of its pose; the earlier one once a loop has joined two segments."""
@@ -95,16 +95,16 @@ def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: 
     """
     at = dict[int, Node]()
     for node in nodes:
-        told, parent = node, at.get(node.parent_ns)
+        updated, parent = node, at.get(node.parent_ns)
         if (pose := odometry.get(node.time_ns)) is not None:
             step = node.step
-            if parent is not None and node.seen and parent.time_ns in odometry:
+            if parent is not None and node.connected and parent.time_ns in odometry:
                 step = parent.odometry.inverse() @ pose
             corrected = node.corrected if since_ns is not None else node.correction @ Similarity(1.0, pose)
-            told = replace(node, odometry=pose, step=step, corrected=corrected)
+            updated = replace(node, odometry=pose, step=step, corrected=corrected)
         if since_ns is not None and node.time_ns > since_ns and parent is not None:
-            told = replace(told, corrected=parent.corrected @ step_between(parent, told)[0])
-        at[node.time_ns] = told
+            updated = replace(updated, corrected=parent.corrected @ step_between(parent, updated)[0])
+        at[node.time_ns] = updated
     return tuple(at.values())
 
 
@@ -117,10 +117,15 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
         return nodes, loops
     gone = nodes[most_crowded([n.path for n in nodes[: MAX_NODES - RECENT]])]
     parent = node_at(nodes, gone.parent_ns)
-    way, covariance = step_between(parent, gone)
-    down = Edge(0, 1, way, covariance)
+    between, covariance = step_between(parent, gone)
+    down = Edge(0, 1, between, covariance)
     kept = tuple(
-        replace(n, parent_ns=parent.time_ns, seen=n.seen and gone.seen, step=way.pose @ step_between(gone, n)[0].pose)
+        replace(
+            n,
+            parent_ns=parent.time_ns,
+            connected=n.connected and gone.connected,
+            step=between.pose @ step_between(gone, n)[0].pose,
+        )
         if n.parent_ns == gone.time_ns
         else n
         for n in nodes
@@ -151,14 +156,14 @@ def joined_segments(nodes: tuple[Node, ...], loop: Loop, contradicted: bool) -> 
     first, then = node_at(nodes, loop.first_ns), node_at(nodes, loop.then_ns)
     moved = first.corrected @ loop.first_from_then @ then.corrected.inverse() if contradicted else Similarity()
     return tuple(
-        replace(n, corrected=moved @ n.corrected, segment=first.segment, guessed=n.seen or not contradicted)
+        replace(n, corrected=moved @ n.corrected, segment=first.segment, guessed=n.connected or not contradicted)
         if n.segment == then.segment
         else n
         for n in nodes
     )
 
 
-def _way(parent: Node, node: Node) -> tuple[Similarity, Array]:
+def _weighted_step(parent: Node, node: Node) -> tuple[Similarity, Array]:
     step, covariance = step_between(parent, node)
     if node.guessed:
         return step, covariance
@@ -168,6 +173,7 @@ def _way(parent: Node, node: Node) -> tuple[Similarity, Array]:
 def edges_of(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[Edge, ...]:
     """Returns the edges of the odometry and of the loops."""
     index = {n.time_ns: i for i, n in enumerate(nodes)}
-    ways = (Edge(index[n.parent_ns], i, *_way(nodes[index[n.parent_ns]], n)) for i, n in enumerate(nodes) if i)
+    parents = [index[n.parent_ns] for n in nodes]
+    steps = (Edge(p, i, *_weighted_step(nodes[p], nodes[i])) for i, p in enumerate(parents) if i)
     found = (Edge(index[x.first_ns], index[x.then_ns], x.first_from_then, x.covariance, True) for x in loops)
-    return (*ways, *found)
+    return (*steps, *found)

@@ -29,7 +29,7 @@ class Correction:
     @staticmethod
     def of(loops: Loops) -> Correction:
         nodes = loops.nodes
-        parents = [False, *(n.seen and n.parent_ns == b.time_ns for b, n in pairwise(nodes))]
+        parents = [False, *(n.connected and n.parent_ns == b.time_ns for b, n in pairwise(nodes))]
         return Correction(
             np.array([n.time_ns for n in nodes], np.int64), tuple(n.correction for n in nodes), tuple(parents)
         )
@@ -52,11 +52,11 @@ class Correction:
 def next_range(loops: Loops, poses: int) -> tuple[Loops, range]:
     """Returns the loops with less left to correct, and the indices of the poses to correct now, newest first; `poses`
     is their number."""
-    if not loops.left:
+    if not loops.uncorrected:
         return loops, range(0)
-    stop = min(loops.told, poses) or min(loops.end, poses)
-    start = max(stop - min(AT_ONCE, loops.left), 0)
-    return replace(loops, told=start, left=loops.left - (stop - start)), range(start, stop)
+    stop = min(loops.corrected_to, poses) or min(loops.end, poses)
+    start = max(stop - min(AT_ONCE, loops.uncorrected), 0)
+    return replace(loops, corrected_to=start, uncorrected=loops.uncorrected - (stop - start)), range(start, stop)
 
 
 def corrected_step(

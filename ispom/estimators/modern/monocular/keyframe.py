@@ -81,51 +81,41 @@ class ExtendedMap:
     decisions: tuple[Decision, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class WithKeyframe:
-    """The map with one more keyframe, before the optimisation."""
-
-    map: Map
-    moving: NDArray[np.int64]
-    """Untriangulated tracks that do not observe a static point."""
-
-
-def with_keyframe(setup: Setup, local_map: Map, frame: TrackedFrame) -> WithKeyframe:
-    """Adds the keyframe and new points with enough parallax; existing poses and points are unchanged."""
+def with_keyframe(setup: Setup, local_map: Map, frame: TrackedFrame) -> tuple[Map, NDArray[np.int64]]:
+    """Adds the keyframe and new points with enough parallax, without optimisation. Also returns the ids of tracks
+    without a point that do not observe a static point."""
     width, local_map = setup.noise.width, replace(local_map, keys=(*local_map.keys, frame))
-    open_ids = frame.ids[~np.isfinite(local_map.known(frame.ids)[:, 0])]
-    new = triangulate(local_map, open_ids, setup.noise)
+    ids = frame.ids[~np.isfinite(local_map.known(frame.ids)[:, 0])]
+    new = triangulate(local_map, ids, setup.noise)
     wide = (new.parallax_rad > setup.point_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
     good = wide & (new.depth > 0) & (new.worst < INLIER * width)
-    points = local_map.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
+    points = local_map.points.merged(ScenePoints(ids[good], new.xyz_in_world[good]))
     moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * width)
-    return WithKeyframe(replace(local_map, points=points), open_ids[moving])
+    return replace(local_map, points=points), ids[moving]
 
 
 def extend_map(setup: Setup, local_map: Map, frame: TrackedFrame) -> ExtendedMap:
     """Adds the keyframe and new points with enough parallax, and runs windowed bundle adjustment."""
     known, width, f = local_map.points.ids, setup.noise.width, setup.camera.fx
-    grown = with_keyframe(setup, local_map, frame)
-    local_map, bundle, before = optimise(grown.map.with_loss(width), width, ITERATIONS)
+    local_map, moving = with_keyframe(setup, local_map, frame)
+    local_map, bundle, before = optimise(local_map.with_loss(width), width, ITERATIONS)
     local_map = replace(local_map, noise=local_map.noise.after(bundle, local_map.loss))
     outliers = before.ids[places(local_map.points.ids, before.ids) < 0]
-    dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(local_map.keys)} keyframes, {len(before.ids)} points, {len(bundle.distances)} observations"
-    off, why = (
-        f * local_map.noise.sigma(setup.noise.sigma),
-        f"{local_map.noise.describe(f)}, loss {f * local_map.loss:.2f} px wide",
-    )
-    cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
-    went = (
-        cost,
-        *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
-        checks.OUTLIERS.of(len(outliers), len(before.ids)),
-        checks.NOISE.of(off, setup.noise_px.sigma, why),
-    )
+    noise_px = f * local_map.noise.sigma(setup.noise.sigma)
+    noise = f"{local_map.noise.describe(f)}, loss {f * local_map.loss:.2f} px wide"
     times_ns = tuple(k.time_ns for k in local_map.keys)
     uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, local_map.loss)
     scale, drift = _measure_scale(local_map, known, setup.noise, uncertainty)
-    return ExtendedMap(local_map, dropped, uncertainty, scale, (*went, *drift, *_report_lens(setup, local_map)))
+    decisions = (
+        checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size),
+        *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
+        checks.OUTLIERS.of(len(outliers), len(before.ids)),
+        checks.NOISE.of(noise_px, setup.noise_px.sigma, noise),
+        *drift,
+        *_report_lens(setup, local_map),
+    )
+    return ExtendedMap(local_map, np.concatenate([moving, outliers]), uncertainty, scale, decisions)
 
 
 def _report_lens(setup: Setup, local_map: Map) -> tuple[Decision, ...]:
@@ -176,7 +166,7 @@ def keep_frame_before_gap(setup: Setup, state: ModernMonocularState, time_ns: in
         return state
     frame = TrackedFrame(last_ns, live.ids, setup.camera.normalise(at_middle_row(setup.camera, live)), last)
     others = tuple(b for b in local_map.relative_frames if b.time_ns != last_ns)
-    local_map = with_keyframe(setup, replace(local_map, relative_frames=others), frame).map
+    local_map, _ = with_keyframe(setup, replace(local_map, relative_frames=others), frame)
     local_map, settled = shorten_window(local_map, live.ids, setup.key_frames)
     moved = tracks_with_speeds(setup.camera, live.uv, live.speed)
     database = state.database.with_keyframe(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.errors import required
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
+from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.keyframe import (
     add_keyframe,
@@ -118,12 +119,13 @@ def _relocalise_after_loss(
 
 
 def _relocalise(
-    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, before: Keyframe | None, turn: int
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, last: Keyframe | None, turn: int
 ) -> tuple[ModernMonocularState, Relocalisation | None]:
     """Matches the frame with keyframes; localises it by the existing tracks, searched with the pose of the match, and
     by the matched features."""
+    lens = Lens(setup.camera, local_map.extra)
     features = setup.front_end.descriptor.detect_and_describe(image.grey, FEATURES)
-    database, match = match_keyframes(setup, state.database, local_map.extra, image, features, before, turn)
+    database, match = match_keyframes(setup, state.database, lens, image, features, last, turn)
     state = replace(state, database=database)
     if match is None:
         return state, None
@@ -154,15 +156,16 @@ def with_matched_features_of(
     """
     live, count = state.live, len(match.uv)
     ids = live.next_id + np.arange(count, dtype=np.int64)
-    place, _ = match.views[-1]
     if not {p.time_ns for p, _ in match.views} & {k.time_ns for k in local_map.keys}:
         state = replace(state, settled=state.settled.extended(local_map.trajectory()))
         local_map = _window_of_keyframes(setup, local_map, match)
-    seen = {p.time_ns: at_middle_row_of(setup, p, uv) for p, uv in match.views}
-    keys = tuple(_with_observations(setup, k, ids, seen[k.time_ns]) if k.time_ns in seen else k for k in local_map.keys)
+    observed = {k.time_ns: at_middle_row_of(setup.camera, k, uv) for k, uv in match.views}
+    keys = tuple(
+        _with_observations(setup, k, ids, observed[k.time_ns]) if k.time_ns in observed else k for k in local_map.keys
+    )
     local_map = replace(local_map, keys=keys, points=local_map.points.merged(ScenePoints(ids, match.xyz)))
-    _, before = match.views[-1]
-    live = live.with_new(before.astype(np.float32), place.time_ns)
+    keyframe, uv = match.views[-1]
+    live = live.with_new(uv.astype(np.float32), keyframe.time_ns)
     return replace(state, live=live), local_map
 
 
@@ -175,15 +178,15 @@ def _with_observations(setup: Setup, key: TrackedFrame, ids: NDArray[np.int64], 
 def _window_of_keyframes(setup: Setup, local_map: Map, match: KeyframeMatch) -> Map:
     """Returns a window of the matched keyframes, without points."""
     none = np.zeros(0, np.int64), np.zeros((0, 2))
-    places = sorted((p for p, _ in match.views), key=lambda p: p.time_ns)
-    poses = tuple(p.camera_from_world.inverse() for p in places)
-    keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
-    known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
-    near = places[-1].camera_from_world.apply(match.xyz)
+    keyframes = sorted((k for k, _ in match.views), key=lambda k: k.time_ns)
+    poses = tuple(k.camera_from_world.inverse() for k in keyframes)
+    keys = tuple(TrackedFrame(k.time_ns, *none, pose) for k, pose in zip(keyframes, poses, strict=True))
+    covariance = np.zeros((6, 6)) if keyframes[0].covariance is None else keyframes[0].covariance
+    in_camera = keyframes[-1].camera_from_world.apply(match.xyz)
     # In the units of the cost, a loss as wide as initially corresponds to errors of `noise`.
     sigma = setup.noise.sigma
-    widened, depth = local_map.loss / sigma, float(np.median(near[:, 2]))
-    prior = prior_of_keyframes(poses, local_map.extra_sigma, widened**2 * known, widened * sigma, depth)
+    widened, depth = local_map.loss / sigma, float(np.median(in_camera[:, 2]))
+    prior = prior_of_keyframes(poses, local_map.extra_sigma, widened**2 * covariance, widened * sigma, depth)
     return replace(local_map, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())
 
 
@@ -218,19 +221,20 @@ def recover(
     before = TrackedFrame(
         last_ns, state.live.ids, setup.camera.normalise(at_middle_row(setup.camera, state.live)), last
     )
-    turn = check_rotation_only(before, frame, setup.noise.width)
+    rotation_only = check_rotation_only(before, frame, setup.noise.width)
     # The limit is that of a keyframe: later, too few tracks may be left to measure the rotation.
     leaving = before.common(frame) < setup.min_share * len(before.ids)
-    if turn is not None and (leaving or state.missed >= PATIENCE):
-        because, held = turn
-        return new_start(setup, state, frame, tracked, held, held, (*failed, _starts_new_map(because)))
+    if rotation_only is not None and (leaving or state.missed >= PATIENCE):
+        test, held = rotation_only
+        frame = replace(frame, world_from_camera=held)
+        return new_start(setup, state, tracked, frame, held, (*failed, _starts_new_map(test)))
     # A dark or covered lens cannot start a map.
     if state.missed < PATIENCE or not has_contrast(image.grey, state.live.grey):
         waiting = replace(failed[-1], consequence="the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
         return Outcome(tracked, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
-    failed = (*failed[:-1], _starts_new_map(failed[-1]))
-    return new_start(setup, state, frame, tracked, predict_pose(state.recent, image.time_ns), None, failed)
+    frame = replace(frame, world_from_camera=predict_pose(state.recent, image.time_ns))
+    return new_start(setup, state, tracked, frame, None, (*failed[:-1], _starts_new_map(failed[-1])))
 
 
 def _starts_new_map(because: Decision) -> Decision:
@@ -253,16 +257,14 @@ def check_rotation_only(before: TrackedFrame, frame: TrackedFrame, width: float)
 def new_start(
     setup: Setup,
     state: ModernMonocularState,
-    frame: TrackedFrame,
     tracked: TrackingResult,
-    base: Pose,
+    frame: TrackedFrame,
     held: Pose | None,
-    because: tuple[Decision, ...],
+    decisions: tuple[Decision, ...],
 ) -> Outcome:
-    """Starts a new map at `base`, in the old world and if possible in its scale; `held` is the pose reported now."""
-    local_map, frame = required(state.map, "there is no map to leave"), replace(frame, world_from_camera=base)
-    coasting = None if held is not None else partial(predict_pose, state.recent)
-    covariance = predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+    """Starts a new map at the pose of the frame, in the old world and if possible in its scale; `held` is the pose
+    reported now."""
+    local_map, base = required(state.map, "there is no map to leave"), frame.pose
     joined = held is not None and local_map.points.count(frame.ids) >= MIN_SHARED
     start = Start(
         (frame,),
@@ -270,10 +272,10 @@ def new_start(
         speed=median_speed(local_map),
         points=local_map.points,
         extra_sigma=setup.extra_sigma,
-        covariance=covariance,
-        coasting=coasting,
+        covariance=predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base),
+        coasting=None if held is not None else partial(predict_pose, state.recent),
         joined=joined,
         lost=replace(local_map, keys=(), points=ScenePoints(), prior=None, relative_frames=()),
     )
     settled = tuple(local_map.trajectory())
-    return Outcome(tracked, Status.LOST, held, start=start, decisions=because, settled=settled, restarted=not joined)
+    return Outcome(tracked, Status.LOST, held, start=start, decisions=decisions, settled=settled, restarted=not joined)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.localise import moving_tracks
 from ispom.estimators.modern.monocular.map import Map
@@ -28,9 +29,8 @@ from ispom.estimators.modern.second_motion import (
     second_motion_decision,
 )
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Decision, Status, Tracks, TrackStatus
+from ispom.types import Decision, Status, TrackStatus
 
 SEARCH_PAUSE = 5
 """Number of images without a search after one that found no motion: tracks that slide along contours would be tested at
@@ -70,31 +70,25 @@ def check_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outco
         test, moving = find_other_motion(local_map, frame, int(agreeing.sum()), setup.noise.width)
     if test is not None and test.passed:
         tracks = replace(tracks, rest=SEARCH_PAUSE)
-    other = tracks.tracks(moving)
     outcome = replace(
         outcome,
         decisions=outcome.decisions if test is None else (*outcome.decisions, test),
         outlier_tracks=tracks.explained(moving).joined(live, outcome.tracked, setup.max_tracks),
-        other_motion=other,
+        other_motion=tracks.tracks(moving),
     )
     if len(moving) and setup.follow == "largest":
-        return _follow_larger(setup, state, outcome, image, local_map, pose, other, agreeing)
+        return _follow_larger(setup, state, outcome, image, agreeing)
     return outcome
 
 
 def _follow_larger(
-    setup: Setup,
-    state: ModernMonocularState,
-    outcome: Outcome,
-    image: NewImage,
-    local_map: Map,
-    pose: Pose,
-    other: Tracks,
-    agreeing: NDArray[np.bool_],
+    setup: Setup, state: ModernMonocularState, outcome: Outcome, image: NewImage, agreeing: NDArray[np.bool_]
 ) -> Outcome:
     """Starts a new map if the other motion covers more of the image than the inliers of the pose do, which are the
     live tracks of the mask `agreeing` (N,)."""
-    live, tracked = state.live, outcome.tracked
+    live, tracked, pose = state.live, outcome.tracked, outcome.pose
+    local_map = required(outcome.map, "the frame has no map")
+    other = required(outcome.other_motion, "no other motion was searched")
     test = preferred(
         setup.follow,
         Moving(other.ids, other.uv, local_map.known(other.ids)),
@@ -104,11 +98,11 @@ def _follow_larger(
     decisions = (*outcome.decisions, test)
     if not test.passed:
         return replace(outcome, decisions=decisions)
-    frame = tracked_frame(setup.camera, live, tracked, image.time_ns)
-    begun = new_start(setup, state, frame, tracked, pose, None, decisions)
+    frame = replace(tracked_frame(setup.camera, live, tracked, image.time_ns), world_from_camera=pose)
+    outcome = new_start(setup, state, tracked, frame, None, decisions)
     # Keyframes were static in another world than the one followed now.
-    start = None if begun.start is None else replace(begun.start, lost=None)
-    return replace(begun, start=start, status=Status.INITIALISING, other_motion=other)
+    start = replace(required(outcome.start, "a new map has a start"), lost=None)
+    return replace(outcome, start=start, status=Status.INITIALISING, other_motion=other)
 
 
 def find_other_motion(
