@@ -143,9 +143,9 @@ def _align_by_image(
 
 def align_patches(
     lens: Lens,
-    place: Keyframe,
+    keyframe: Keyframe,
     seen: Array,
-    place_from_camera: Pose,
+    keyframe_from_camera: Pose,
     near: Array,
     image: Image,
     expected: Array,
@@ -156,11 +156,13 @@ def align_patches(
     `near` (N, 3) are their points in the image's camera, `reduction` is the image's size relative to the camera's.
     Returns the positions (N, 2) [px], and which (N,) match.
     """
-    turn, way = place_from_camera.rotation[None], place_from_camera.translation[None]
+    turn, way = keyframe_from_camera.rotation[None], keyframe_from_camera.translation[None]
     warps, bends = warps_of(lens.camera, turn, way, near, slopes(near))
-    warps, bends = place.reduction / reduction * warps, bends / reduction
+    warps, bends = keyframe.reduction / reduction * warps, bends / reduction
     start = (expected + 0.5) * reduction - 0.5
-    found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends, taper_px=TAPER_PX)
+    found, score = align(
+        keyframe.images[0], keyframe.reduced(seen), image, start, warps, bends=bends, taper_px=TAPER_PX
+    )
     found = (found + 0.5) / reduction - 0.5
     return found, (score > MIN_CORRELATION) & (np.linalg.norm(found - expected, axis=1) < MAX_SHIFT_PX)
 

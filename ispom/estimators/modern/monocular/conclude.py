@@ -253,7 +253,7 @@ def _seen_keyframe(
     setup: Setup, after: ModernMonocularState, local_map: Map, outcome: Outcome, grey: Image, joined: bool
 ) -> KeyFrameSeen:
     """Returns the newest keyframe of the map."""
-    window = dict(sorted((*outcome.settled, *local_map.trajectory()), key=lambda told: told[0]))
+    window = dict(sorted((*outcome.settled, *local_map.trajectory()), key=lambda item: item[0]))
     newest, pose = local_map.keys[-1], local_map.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
     describe = partial(

@@ -82,7 +82,7 @@ class MapUncertainty:
         ids: NDArray[np.int64],
         xyz: Array,
         seen: Array,
-        motion: PoseFit,
+        fit: PoseFit,
         scale: float,
         untriangulated: UntriangulatedTracks | None = None,
     ) -> Array:
@@ -91,19 +91,19 @@ class MapUncertainty:
         `scale`: width of the loss used for the pose, normalised; `untriangulated`: the tracks without a point that were
         also used. Returns the covariance of the last keyframe if that observes none of the points.
         """
-        place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        use, pose = motion.inliers & (self.ids[place] == ids), motion.camera_from_world
+        index = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        use, pose = fit.inliers & (self.ids[index] == ids), fit.camera_from_world
         if not use.any():
             return self.pose
-        place, in_camera, n = place[use], pose.apply(xyz[use]), int(use.sum())
+        index, in_camera, n = index[use], pose.apply(xyz[use]), int(use.sum())
         by_place, by_pose, by_extra = _derivatives(in_camera)
         errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
         weighted = by_pose * cauchy_weights((errors**2).sum(axis=1), scale)[:, None, None]
         design, scores = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
         gain = np.swapaxes(weighted, 1, 2) @ (by_place @ pose.rotation)
-        follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)
+        follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[index].reshape(3 * n, -1)
         follow[:, -LENS:] += design.T @ by_extra.reshape(2 * n, LENS)
-        fixed, by_tracks = by_pose.reshape(2 * n, POSE).T @ design, self.by_tracks[place]
+        fixed, by_tracks = by_pose.reshape(2 * n, POSE).T @ design, self.by_tracks[index]
         if untriangulated is not None:
             more_fixed, more = untriangulated.scores(pose, scale)
             fixed, scores = fixed + more_fixed, np.concatenate([scores, more])

@@ -90,10 +90,10 @@ class Map:
 
     def known(self, ids: NDArray[np.int64]) -> Array:
         """Returns the points (N, 3) of these tracks, NaN for untriangulated ones."""
-        place = self.points.places(ids)
+        index = self.points.places(ids)
         if not len(self.points.ids):
             return np.full((len(ids), 3), np.nan)
-        return np.where((place >= 0)[:, None], self.points.xyz[place], np.nan)
+        return np.where((index >= 0)[:, None], self.points.xyz[index], np.nan)
 
     def with_relative_frame(self, time_ns: int, world_from_camera: Pose) -> Map:
         key_from_camera = self.poses[-1].inverse() @ world_from_camera
@@ -191,9 +191,9 @@ def observations_of(keys: tuple[TrackedFrame, ...], ids: NDArray[np.int64]) -> T
     wanted = ScenePoints(ids, np.zeros((len(ids), 3)))
     cameras, owners, seen = [], [], []
     for c, key in enumerate(keys):
-        place = wanted.places(key.ids)
-        use = place >= 0
-        owners.append(place[use])
+        index = wanted.places(key.ids)
+        use = index >= 0
+        owners.append(index[use])
         cameras.append(np.full(len(owners[-1]), c, np.int64))
         seen.append(key.x[use])
     owner = np.concatenate(owners)
@@ -245,14 +245,14 @@ def optimise(
     worst = np.zeros(len(before.ids))
     np.maximum.at(worst, window.owners, found.distances)
     xyz = local_map.points.xyz.copy()
-    place = local_map.points.places(before.ids)
-    xyz[place] = window.points
+    index = local_map.points.places(before.ids)
+    xyz[index] = window.points
     keys = tuple(
         replace(k, world_from_camera=Pose(r.T, -r.T @ t))
         for k, r, t in zip(local_map.keys, window.rotations, window.translations, strict=True)
     )
     kept = np.ones(len(xyz), bool)
-    kept[place[worst > INLIER * width]] = False
+    kept[index[worst > INLIER * width]] = False
     after = replace(local_map, extra=window.extra, keys=keys, points=ScenePoints(local_map.points.ids[kept], xyz[kept]))
     return after, found, before
 

@@ -109,7 +109,7 @@ def localise_by_motion(tracks: TracksInMap, time_ns: int, localisation: Localisa
 def correct_frames(
     setup: Setup, local_map: Map, rolling_tracks: tuple[RollingTracks, ...], newest: tuple[tuple[int, Pose], ...] = ()
 ) -> Map:
-    """Corrects the frames of these sights, ordered by time, by the motion of the poses around each. `newest` are not in
+    """Corrects the frames of these tracks, ordered by time, by the motion of the poses around each. `newest` are not in
     the map."""
     poses = [*local_map.since(rolling_tracks[0].time_ns - round(SPAN_S * 1e9)), *newest]
     known = dict(poses)

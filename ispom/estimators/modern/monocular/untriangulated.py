@@ -117,11 +117,11 @@ def _cost(found: PoseFit, scale: float) -> float:
     return 2 * scale**2 * cauchy_cost(found.distances**2, scale)
 
 
-def _joint_cost(found: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
+def _joint_cost(fit: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
     """Adds the cost of the tracks without a point, whose errors are of two images."""
-    errors, _ = untriangulated.rays.errors(found.camera_from_world)
-    beside = np.minimum((errors**2).sum(axis=1), BEHIND_ERROR**2)
-    return _cost(found, scale) + 2 * scale**2 * cauchy_cost(beside, np.sqrt(2) * scale)
+    errors, _ = untriangulated.rays.errors(fit.camera_from_world)
+    squares = np.minimum((errors**2).sum(axis=1), BEHIND_ERROR**2)
+    return _cost(fit, scale) + 2 * scale**2 * cauchy_cost(squares, np.sqrt(2) * scale)
 
 
 def _on_epipolar_lines(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
