@@ -287,7 +287,7 @@ def resampling(source: Camera, target: Camera, source_from_target: Array) -> tup
     """Returns the maps x, y (H, W) of cv2.remap that make the image of `target` from that of `source` at the same
     place, rotated by (3, 3); -1 where `source` does not see the direction."""
     grid = np.stack(np.meshgrid(np.arange(target.width), np.arange(target.height)), axis=-1).reshape(-1, 2)
-    rays, valid = target.unproject(grid)
+    rays, valid = target.unproject(grid.astype(float))
     uv = np.where(valid[:, None], source.project(rays @ source_from_target.T), -1.0)
     x, y = np.nan_to_num(uv, nan=-1.0).astype(np.float32).T.reshape(2, target.height, target.width)
     return x, y

@@ -161,7 +161,8 @@ def test_the_uncertainty_of_a_baseline_is_that_of_a_linear_fit() -> None:
     ends = 1e-4 * np.eye(6 * KNOTS + 3 * points + 1)[6:]
     jacobian = np.column_stack([(residuals(end) - residuals(-end)) / 2e-4 for end in ends])
     scale = 1 / np.linalg.norm(jacobian, axis=0)
-    linear = NOISE_PX * scale[-1] / abs(np.linalg.qr(jacobian * scale, mode="r")[-1, -1])
+    root = np.asarray(np.linalg.qr(jacobian * scale, mode="r"))
+    linear = NOISE_PX * scale[-1] / abs(root[-1, -1])
     (sigma,) = uncertainties(world, RIG, seen, BASELINE, Change())
     assert sigma == pytest.approx(linear, rel=0.3)
 
