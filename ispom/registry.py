@@ -30,7 +30,7 @@ def named(reference: str, package: str | None = None) -> Any:
 class _Items(Mapping[str, Item]):
     """Values by name. One that is given as MODULE:NAME is imported when it is first asked for."""
 
-    def __init__(self, items: Mapping[str, Item | str]) -> None:
+    def __init__(self, items: Mapping[str, Any]) -> None:
         self._items = dict(items)
 
     def __getitem__(self, name: str) -> Item:
@@ -62,9 +62,8 @@ class Registry(Generic[Item]):
         """`word` is what messages call the kind, `hint` ends the message about an unknown name. `built_in` may name
         each value as MODULE:NAME: it is imported when it is first used."""
         self.group, self.word = group, word
-        self.built_in = dict[str, Item | str](
-            built_in if isinstance(built_in, Mapping) else {item.name: item for item in built_in}
-        )
+        listed: Any = built_in if isinstance(built_in, Mapping) else {item.name: item for item in built_in}
+        self.built_in = dict[str, Any](listed)
         self._kind, self._hint = kind, hint
         self._added: list[Item] = []
         self._items: Mapping[str, Item] | None = None
