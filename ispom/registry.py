@@ -30,7 +30,7 @@ def named(reference: str, package: str | None = None) -> Any:
 class _Items(Mapping[str, Item]):
     """Values by name. One that is given as MODULE:NAME is imported when it is first asked for."""
 
-    def __init__(self, items: Mapping[str, Item | str], kind: type[Item]) -> None:
+    def __init__(self, items: Mapping[str, Any], kind: type[Item]) -> None:
         self._items, self._kind = dict(items), kind
 
     def __getitem__(self, name: str) -> Item:
@@ -64,9 +64,8 @@ class Registry(Generic[Item]):
         each value as MODULE:NAME, or a function that returns it: it is imported when it is first used, and the
         function is called again after a value was added to any registry, for it may depend on that."""
         self.group, self.word = group, word
-        self.built_in = dict[str, Item | str](
-            built_in if isinstance(built_in, Mapping) else {item.name: item for item in built_in}
-        )
+        listed: Any = built_in if isinstance(built_in, Mapping) else {item.name: item for item in built_in}
+        self.built_in = dict[str, Any](listed)
         self._kind, self._hint = kind, hint
         self._added: list[Item] = []
         self._items: Mapping[str, Item] | None = None

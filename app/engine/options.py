@@ -21,7 +21,10 @@ def _field(name: str) -> str:
     return name.replace(".", "_").replace("-", "_")
 
 
-Name = str if TYPE_CHECKING else Literal[names()]
+if TYPE_CHECKING:
+    Name = str
+else:
+    Name = Literal[names()]
 
 
 @dataclass(frozen=True, kw_only=True)
