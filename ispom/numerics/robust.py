@@ -32,19 +32,28 @@ class Noise:
         return Noise(scale * self.sigma, self.factor)
 
 
-def cauchy_weights(squares: Array, width: float) -> Array:
-    """Returns the weights (N,) of Cauchy's loss, log(1 + r^2 / width^2) / 2, at squared residuals (N,)."""
+def robust_loss(squares: Array) -> tuple[Array, Array]:
+    """Returns the losses (N,) and weights (N,) of squared residuals (N,), in units of the squared width.
+
+    It is Cauchy's, log(1 + r^2), the one robust loss of the library: a residual of one width has half the weight of a
+    small one.
+    """
+    return np.log1p(squares), 1 / (1 + squares)
+
+
+def robust_weights(squares: Array, width: float) -> Array:
+    """Returns the weights (N,) of the robust loss at squared residuals (N,)."""
     return 1 / (1 + squares / width**2)
 
 
-def cauchy_cost(squares: Array, width: float) -> float:
-    """Returns the sum of Cauchy's loss over squared residuals (N,), in units of `width` squared."""
+def robust_cost(squares: Array, width: float) -> float:
+    """Returns the sum of the robust loss over squared residuals (N,), in units of `width` squared."""
     return 0.5 * float(np.log1p(squares / width**2).sum())
 
 
 @part
 def weighted_information(square, information):
-    """Returns Cauchy's weight at a squared residual, times `information`, which is 1 / width^2 of the loss."""
+    """Returns the robust weight at a squared residual, times `information`, which is 1 / width^2 of the loss."""
     return information / (1.0 + square * information)
 
 

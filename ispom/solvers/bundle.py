@@ -43,7 +43,7 @@ def adjust(
     """Optimises all points and all cameras but the first `fixed` (two fix the gauge, including the scale).
 
     Observation k (of K) is the normalised coordinates x[k] (2,) of point point_index[k] in camera camera_index[k];
-    `scale` is that of the Cauchy loss in the same unit. Points behind a camera have no weight.
+    `scale` is that of the robust loss in the same unit. Points behind a camera have no weight.
     """
     order = np.lexsort((camera_index, point_index))
     found = window.adjust(

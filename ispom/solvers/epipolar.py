@@ -13,7 +13,7 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, read_only
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.numerics.vectors import matrix, plus, scaled, times, vector
 
 LEAST_INVERSE_DEPTH = 1e-6
@@ -51,13 +51,13 @@ class Rays:
         return errors, by_twist
 
     def normal(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
-        """Returns the normal equations (6, 6) and (6,) with Cauchy weights, in units of `scale`.
+        """Returns the normal equations (6, 6) and (6,) with robust weights, in units of `scale`.
 
         An observation in each of two images contributes to an error, so its variance is twice that of one.
         """
         errors, by_twist = self.errors(camera_from_world)
         variance = 2 * scale**2
-        weights = cauchy_weights((errors**2).sum(axis=1), variance**0.5) / variance
+        weights = robust_weights((errors**2).sum(axis=1), variance**0.5) / variance
         weighted = (weights[:, None, None] * by_twist).reshape(-1, 6)
         return weighted.T @ by_twist.reshape(-1, 6), np.where(np.isfinite(errors), errors, 0.0).ravel() @ weighted
 

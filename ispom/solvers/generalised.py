@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, skew, so3_exp
-from ispom.numerics.robust import cauchy_weights
-from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, cauchy, normal_equations
+from ispom.numerics.robust import robust_loss, robust_weights
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, normal_equations
 from ispom.solvers.least_squares import adjust as adjusted
 from ispom.types import Rig
 
@@ -208,14 +208,14 @@ def errors_of(window: Window, cameras: Cameras, seen: Observations) -> Errors:
 def resect(window: Window, cameras: Cameras, seen: Observations, frame: int, width_px: float) -> tuple[Window, Array]:
     """Localises one frame by known points of all cameras: generalised resection.
 
-    Gauss-Newton with the Cauchy loss, at first as wide as the errors. Returns the window with the new pose, and the
+    Gauss-Newton with the robust loss, at first as wide as the errors. Returns the window with the new pose, and the
     errors (N,) [px].
     """
     for _ in range(MAX_ITERATIONS):
         errors = errors_of(window, cameras, seen)
         squares = (errors.px**2).sum(axis=1)
         width = max(width_px, float(np.median(np.sqrt(squares)))) if len(squares) else width_px
-        weights = cauchy_weights(squares, width) * errors.ahead
+        weights = robust_weights(squares, width) * errors.ahead
         jacobian = errors.by_frame
         information = np.einsum("n,nab,nac->bc", weights, jacobian, jacobian)
         information += 1e-9 * (np.trace(information) + 1.0) * np.eye(6)
@@ -301,7 +301,7 @@ class ImagePoints(Family[Window]):
     seen: Observations
     cameras: Cameras
     widths: Array
-    loss: Loss = cauchy
+    loss: Loss = robust_loss
 
     def residuals(self, values: Window) -> Array:
         at = Projected.of(values, self.cameras, self.seen)

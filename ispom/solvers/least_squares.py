@@ -40,11 +40,6 @@ def quadratic(squares: Array) -> tuple[Array, Array]:
     return squares, np.ones_like(squares)
 
 
-def cauchy(squares: Array) -> tuple[Array, Array]:
-    """Cauchy's loss: a residual of one width has half the weight of a small one."""
-    return np.log1p(squares), 1 / (1 + squares)
-
-
 def huber(limit: float) -> Loss:
     """Returns Huber's loss, which is linear beyond `limit` widths."""
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.levenberg_marquardt import minimise
-from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.numerics.robust import robust_cost, robust_weights
 from ispom.solvers.lines import KnownDirections, direction_steps
 
 SAMPLES, SAMPLE_SIZE = 500, 5
@@ -126,7 +126,7 @@ def line_residuals(views: LineViews) -> Array:
 
 
 def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, width: float, fixed: int) -> LineViews:
-    """Optimises all poses but the first `fixed`, and all inverse depths, by Levenberg-Marquardt with Cauchy's loss.
+    """Optimises all poses but the first `fixed`, and all inverse depths, by Levenberg-Marquardt with the robust loss.
 
     `directions`: segments of known direction in each view. `sigma`: standard deviation of an observed end, normalised;
     `width` of the loss, in standard deviations. With one fixed pose the distance between the first two views is kept.
@@ -135,16 +135,16 @@ def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, 
     n, k, a = views.line, views.view, views.anchor[views.line]
 
     def cost(v: LineViews) -> float:
-        total = cauchy_cost((line_residuals(v) / sigma).ravel() ** 2, width)
+        total = robust_cost((line_residuals(v) / sigma).ravel() ** 2, width)
         for pose, known in zip(v.poses, directions, strict=True):
             if len(known.seen):
-                total += cauchy_cost((direction_steps(pose.rotation, known)[0] / known.sigma) ** 2, width)
+                total += robust_cost((direction_steps(pose.rotation, known)[0] / known.sigma) ** 2, width)
         return total
 
     def stepped(v: LineViews, damping: float) -> LineViews:
         p = _projected(v)
         residual, by_ends = p.residual / sigma, p.by_ends / sigma
-        weight = cauchy_weights(residual**2, width)
+        weight = robust_weights(residual**2, width)
         rho = v.rho[n][:, None, :, None]
         own = np.concatenate([rho * by_ends, np.cross(p.q[:, None], by_ends)], axis=3).sum(axis=2)
         back = -np.einsum("mefi,mij->mefj", by_ends, p.rotation)
@@ -161,7 +161,7 @@ def adjusted(views: LineViews, directions: list[KnownDirections], sigma: float, 
             if len(known.seen):
                 r, by = direction_steps(pose.rotation, known)
                 r, by = r / known.sigma, by / known.sigma[:, None]
-                w = cauchy_weights(r**2, width)
+                w = robust_weights(r**2, width)
                 normal[i, i, 3:, 3:] += (by * w[:, None]).T @ by
                 side[i, 3:] -= by.T @ (w * r)
         lines = len(v.rho)

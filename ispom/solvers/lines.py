@@ -235,7 +235,7 @@ def refined_pose(
 ) -> tuple[Pose, Array]:
     """Returns camera_from_world by robust Gauss-Newton, and the information (6, 6) of its left twist.
 
-    `width`: of the Cauchy loss, in standard deviations.
+    `width`: of the robust loss, in standard deviations.
     """
     pose, lines = start, known.seen.lines
     normal = np.eye(6)

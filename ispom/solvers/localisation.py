@@ -18,7 +18,7 @@ from ispom.kernels import kernel, part
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.reductions import median
 from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
-from ispom.numerics.robust import cauchy_cost, weighted_information
+from ispom.numerics.robust import robust_cost, weighted_information
 from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
 from ispom.solvers.epipolar import Rays
@@ -64,7 +64,7 @@ def fit_pose(
 ) -> PoseFit | None:
     """Returns camera_from_world from known points; None with fewer than 6 points within `threshold` at the end.
 
-    Gauss-Newton from `guess` with the Cauchy loss, whose width falls from the median error, at most `widest`, to
+    Gauss-Newton from `guess` with the robust loss, whose width falls from the median error, at most `widest`, to
     `scale`. A small `widest` is for a good guess, as from a sample, where most points may be outliers.
 
     Args:
@@ -146,7 +146,7 @@ def locate(
     again = fit_pose(xyz, seen, sampled.camera_from_world, *args, widest=policy.sample_limit)
 
     def cost(fit: PoseFit) -> float:
-        return cauchy_cost(np.minimum(fit.distances, policy.limit) ** 2, policy.width)
+        return robust_cost(np.minimum(fit.distances, policy.limit) ** 2, policy.width)
 
     return min((fit for fit in (found, again) if fit is not None), key=cost, default=None)
 

@@ -227,7 +227,7 @@ def row_evidence(
     """Returns the evidence on the corrections from row differences between the two images.
 
     `lower` (N,): y in the right image minus y in the left one, normalised; NaN if unknown. `factors` (N, E): the result
-    of `by_row`. `extra` (E,) and `covariance` (E, E): the corrections' estimate without this evidence. Cauchy loss of
+    of `by_row`. `extra` (E,) and `covariance` (E, E): the corrections' estimate without this evidence. robust loss of
     scale `scale`. Points and poses are held: they hardly depend on the right rows, as the left ones determine them.
     """
     good = np.isfinite(lower) & np.isfinite(factors).all(1)

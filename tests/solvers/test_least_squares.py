@@ -13,6 +13,7 @@ from ispom.calibration.adjust.problem import Observations, Unknowns, board_probl
 from ispom.calibration.adjust.solve import with_views
 from ispom.calibration.targets.layouts import parse_target
 from ispom.calibration.tracked.scene import LensPrior, Scene, scene_problem
+from ispom.numerics.robust import robust_loss
 from ispom.simulation.filmed_board import LEFT, board_poses
 from ispom.solvers.least_squares import (
     Derivatives,
@@ -21,7 +22,6 @@ from ispom.solvers.least_squares import (
     Prior,
     Problem,
     adjust,
-    cauchy,
     cost,
     huber,
     normal_equations,
@@ -55,7 +55,7 @@ PROBLEMS = pytest.mark.parametrize("made", [of_board, of_scene])
 
 
 @PROBLEMS
-@pytest.mark.parametrize("loss", [quadratic, cauchy, huber(1.0)])
+@pytest.mark.parametrize("loss", [quadratic, robust_loss, huber(1.0)])
 def test_gradients_are_those_of_the_cost(made: Any, loss: Loss) -> None:
     problem, values = made(loss)
     equations, rng = normal_equations(problem, values), np.random.default_rng(2)
@@ -112,7 +112,7 @@ class Distances(Family[np.ndarray]):
 
     measured: np.ndarray
     widths: np.ndarray
-    loss: Loss = cauchy
+    loss: Loss = robust_loss
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
         return (np.linalg.norm(np.diff(values, axis=0), axis=1) - self.measured)[:, None]
@@ -135,7 +135,7 @@ def test_a_new_term_is_one_family() -> None:
 
     def residuals(x: np.ndarray) -> np.ndarray:
         v = x.reshape(5, 3)
-        robust = np.sqrt(cauchy((distances.residuals(v)[:, 0] / distances.widths) ** 2)[0])
+        robust = np.sqrt(robust_loss((distances.residuals(v)[:, 0] / distances.widths) ** 2)[0])
         return np.concatenate([near.away(v) / near.widths, robust])
 
     assert found.cost == pytest.approx(least_squares(residuals, found.values.ravel(), xtol=1e-14).cost, rel=1e-9)

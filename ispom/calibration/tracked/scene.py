@@ -1,7 +1,7 @@
 """Keyframes, points and their one lens (focal length, principal point, k1, k2), and their bundle adjustment.
 
 Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which separate rotations from the
-focal length, are as good as any other. The loss is Cauchy's.
+focal length, are as good as any other. The loss is the robust one.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ispom.cameras import project_with_derivatives
 from ispom.geometry import Array, skew
+from ispom.numerics.robust import robust_loss
 from ispom.numerics.twist import moved
-from ispom.solvers.least_squares import Derivatives, Family, Loss, Prior, Problem, adjust, cauchy
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Prior, Problem, adjust
 from ispom.types import Camera
 
 LENS, POSE = 5, 6
@@ -144,7 +145,7 @@ class ImagePoints(Family[Scene]):
     """(K, 11) which of the shared unknowns the lens and the view's pose are."""
     widths: Array
     points_known: bool = False
-    loss: Loss = cauchy
+    loss: Loss = robust_loss
 
     def residuals(self, values: Scene) -> Array:
         return values.residuals_px(self.seen)

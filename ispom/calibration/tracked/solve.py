@@ -18,7 +18,8 @@ from ispom.calibration.tracked.reconstruct import add_keyframes, count_first_vie
 from ispom.calibration.tracked.scene import LENS, POSE, LensPrior, Observations, Scene, adjust_scene, scene_problem
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
-from ispom.solvers.least_squares import cauchy, normal_equations
+from ispom.numerics.robust import robust_loss
+from ispom.solvers.least_squares import normal_equations
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -226,7 +227,7 @@ def sandwich_covariance(scene: Scene, seen: Observations, prior: LensPrior, widt
     reduced = equations.eliminated(LEAST_DAMPING)
     inverse = np.linalg.inv(reduced.matrix)[:LENS]
     influences = reduced.scores(equations) @ inverse.T
-    weights = cauchy((scene.errors_px(seen) / width_px) ** 2)[1]
+    weights = robust_loss((scene.errors_px(seen) / width_px) ** 2)[1]
     # Across an error the loss curves by the weight, along it by w (2 w - 1): the mean of both is w^2.
     curvature = float((weights**2).mean() / weights.mean())
     of_prior = inverse[:, :LENS] / prior.sigma

@@ -124,7 +124,7 @@ class TrackNoise:
     @cached_property
     def robust(self) -> float:
         """Variance factor of the robust loss: the covariance of an M-estimator, E[psi^2] / E[psi']^2 (Huber 1981,
-        section 7.6), over that of the inverse weighted normal equations with the noise variance. It assumes Cauchy's
+        section 7.6), over that of the inverse weighted normal equations with the noise variance. It assumes the robust
         loss and normal errors; gross outliers have almost no weight."""
         d = self.images + 1
         variance = self.spread**2 / chdtri(d, 0.5)

@@ -9,7 +9,7 @@ The steps, in the order of the paper and of this file:
 5. Scale transfer (Fig. 4): |T23| of one triple is |T12| of the next one.
 6. The frames between keyframes are interpolated and refined; local bundle adjustment is optional (6.4, line D).
 
-Differences from the print: poses come from AP3P in RANSAC, refined with a Cauchy loss, not from decomposing a
+Differences from the print: poses come from AP3P in RANSAC, refined with a robust loss, not from decomposing a
 projection matrix; frames between keyframes are refined one by one with fixed points, not by bundle adjustment; each
 frame also gets a pose at once, from the points of the last triple. A frame that no keyframe follows within MAX_WAITING
 frames keeps it.

@@ -37,7 +37,7 @@ from ispom.estimators.survey.photometric import correlations, sample, square_pat
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.numerics.reductions import lengths, median
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
 from ispom.types import Check, Decision, Frame, Image, ImageLines, Rig, as_grey, by_key
@@ -297,13 +297,13 @@ def egomotion(x: Array, flow: Array, width: float) -> Motion:
         information = np.einsum("dnj,dnk->djk", weighted, turning) + 1e-9 * np.eye(3)
         rotations = np.linalg.solve(information, np.einsum("dnj,dn->dj", weighted, along)[..., None])[..., 0]
         squares = (along - np.einsum("dnj,dj->dn", turning, rotations)) ** 2
-        weights = cauchy_weights(squares, 3 * width)
+        weights = robust_weights(squares, 3 * width)
     costs = np.log1p(squares / width**2).mean(axis=1)
     starts = np.argsort(costs, kind="stable")[:STARTS]
     refined = [_refined(every, b_every, flow, directions[i], rotations[i], width) for i in starts]
     best = min(refined, key=lambda found: float(np.log1p((found.residuals / width) ** 2).mean()))
     towards = np.einsum("ni,nij,j->n", best.translation_flow, every, best.direction)  # positive depth: the same sense
-    clear = cauchy_weights(best.residuals**2, width) * np.tanh(towards / width**2)
+    clear = robust_weights(best.residuals**2, width) * np.tanh(towards / width**2)
     return best if clear.sum() >= 0 else replace(best, direction=-best.direction)
 
 
@@ -318,7 +318,7 @@ def rotation_alone(x: Array, flow: Array, width: float) -> tuple[Array, Array]:
     for _ in range(ITERATIONS):
         information = np.einsum("nij,n,nik->jk", b, weights, b) + 1e-12 * np.eye(3)
         rotation = np.linalg.solve(information, np.einsum("nij,n,ni->j", b, weights, flow))
-        weights = cauchy_weights(((flow - b @ rotation) ** 2).sum(axis=1), width)
+        weights = robust_weights(((flow - b @ rotation) ** 2).sum(axis=1), width)
     return rotation, flow - b @ rotation
 
 
@@ -341,7 +341,7 @@ def _refined(a: Array, b: Array, flow: Array, direction: Array, rotation: Array,
         turned = np.einsum("ni,nij,kj->nk", normal, a, tangent) / length[:, None]  # angle of the line by the direction
         along = (unit * left).sum(axis=1)
         jacobian = np.concatenate([-along[:, None] * turned, -np.einsum("ni,nij->nj", normal, b)], axis=1)
-        weight = cauchy_weights(residual**2, width)
+        weight = robust_weights(residual**2, width)
         information = np.einsum("ni,n,nj->ij", jacobian, weight, jacobian)
         gradient = np.einsum("ni,n,n->i", jacobian, weight, residual)
         step = -np.linalg.solve(information + damping * np.diag(np.diag(information)) + 1e-15 * np.eye(5), gradient)

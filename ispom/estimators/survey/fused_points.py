@@ -18,7 +18,7 @@ from ispom.sensors.fusion import Node
 from ispom.types import LensCorrection
 
 LOSS = 3.0
-"""Width of the Cauchy loss of an observation [standard deviations]."""
+"""Width of the robust loss of an observation [standard deviations]."""
 INVERSE_DEPTH = 1.0
 """Standard deviation of an inverse depth that nothing has shown yet [1/m]: of points a metre away or farther."""
 FEWEST_VIEWS = 2

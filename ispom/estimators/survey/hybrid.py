@@ -68,7 +68,7 @@ MIN_DISPARITY_PX, MAX_DEVIATION_PX = 0.5, 0.5
 LEAST_DEVIATION_PX = 0.1
 """Of a disparity: matching says less where texture is strong, but rectification is no better than this."""
 LOSS_PX = 0.7
-"""Width of the Cauchy loss of a reprojection error, about twice the deviation of a corner."""
+"""Width of the robust loss of a reprojection error, about twice the deviation of a corner."""
 MAX_KEYFRAMES = 5
 """Keyframes whose patches are kept; corners of an older one that are still seen get their patch from a new one."""
 

@@ -55,7 +55,7 @@ BETWEEN = 4
 LEAST_SHARE = 0.6
 """Share of the corners that the first map must explain."""
 LOSS_PX = 0.5
-"""Width of the Cauchy loss in adjustments: the deviation of an aligned corner is about half of it."""
+"""Width of the robust loss in adjustments: the deviation of an aligned corner is about half of it."""
 NEW_POINT_PX = 1.0
 """Largest reprojection error of a new point in both of its images."""
 

@@ -42,7 +42,7 @@ from ispom.features.interfaces import Features
 from ispom.features.orb import ORB, ORB_MATCHER
 from ispom.features.sift import SIFT, SIFT_MATCHER
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad, so3_exp, so3_log
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range, checked
 from ispom.solvers.multiview.essential import inlier_distances
@@ -453,10 +453,10 @@ def _frames(a: Array, b: Array) -> Array:
 
 
 def least_squares_rotation(a: Array, b: Array, start: Array, width: float) -> tuple[Array, Array]:
-    """Returns the rotation (3, 3) b_from_a of unit rays (N, 3), and distances (N,): Kabsch, with Cauchy weights."""
+    """Returns the rotation (3, 3) b_from_a of unit rays (N, 3), and distances (N,): Kabsch, with robust weights."""
     rotation = start
     for _ in range(ITERATIONS):
-        weights = cauchy_weights(((a @ rotation.T - b) ** 2).sum(axis=1), width)
+        weights = robust_weights(((a @ rotation.T - b) ** 2).sum(axis=1), width)
         u, _, vt = np.linalg.svd((weights[:, None] * b).T @ a)
         rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return rotation, np.linalg.norm(a @ rotation.T - b, axis=1)

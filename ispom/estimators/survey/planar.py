@@ -25,7 +25,7 @@ from ispom.features.klt import Klt
 from ispom.features.row_search import RowSearch
 from ispom.features.shi_tomasi import detect_corners
 from ispom.geometry import Array, Pose
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
@@ -34,7 +34,7 @@ from ispom.types import Check, Frame, Image, Landmarks, Rig, Tracks, TrackStatus
 ITERATIONS = 15
 """Of Gauss-Newton; from the last motion it needs about five."""
 LOSS_PX = 1.0
-"""Width of the Cauchy loss: about twice the deviation of tracked corners."""
+"""Width of the robust loss: about twice the deviation of tracked corners."""
 INLIER_PX = 3.0
 """An image point farther than this from its prediction is an outlier: three widths of the loss."""
 NOTHING = np.zeros(0, np.int64), np.zeros((0, 2), np.float32), np.zeros((0, 3))
@@ -176,7 +176,7 @@ def planar_pose(motion: Array) -> Pose:
 def fit_planar_motion(xyz: Array, x: Array, start: Array, width: float) -> tuple[Array, Array]:
     """Returns the motion (3,) that carries points (N, 3) [m] onto normalised image points (N, 2), and distances (N,).
 
-    Gauss-Newton from `start` (3,), with Cauchy weights of `width`, wider at first. Points behind the camera have no
+    Gauss-Newton from `start` (3,), with robust weights of `width`, wider at first. Points behind the camera have no
     weight, and the distance infinity.
     """
     motion = np.array(start, float)
@@ -186,7 +186,7 @@ def fit_planar_motion(xyz: Array, x: Array, start: Array, width: float) -> tuple
             break
         squares = (residuals**2).sum(1)
         wide = max(width, float(np.sqrt(np.median(squares[ahead])))) if i < ITERATIONS // 2 else width
-        weights = np.where(ahead, cauchy_weights(squares, wide), 0.0)
+        weights = np.where(ahead, robust_weights(squares, wide), 0.0)
         normal = np.einsum("n,nij,nik->jk", weights, jacobian, jacobian)
         gradient = np.einsum("n,nij,ni->j", weights, jacobian, residuals)
         motion = motion - np.linalg.lstsq(normal, gradient, rcond=None)[0]

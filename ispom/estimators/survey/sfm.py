@@ -34,7 +34,7 @@ MIN_IMAGES = 3
 MIN_POINTS = 20
 """Fewer points than this do not hold the poses: they stay as they were."""
 LOSS_PX = 1.0
-"""Width of the Cauchy loss of the adjustment: about twice the deviation of a tracked corner."""
+"""Width of the robust loss of the adjustment: about twice the deviation of a tracked corner."""
 
 SHARED = Check(
     "shared",

@@ -40,9 +40,9 @@ from ispom.estimators.survey.common import OneKind, Result, tracks_between
 from ispom.geometry import Array, Pose, rotation_angle_rad, skew
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.reprojection import reprojected
-from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.numerics.robust import robust_cost, robust_loss, robust_weights
 from ispom.settings import Range, checked
-from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, adjust, cauchy
+from ispom.solvers.least_squares import Derivatives, Family, Loss, Problem, adjust
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Check,
@@ -314,13 +314,13 @@ class TagPoses(OneKind[Memory]):
             q = pose.apply(xyz)
             seen, _, by = reprojected(q)
             error = x - seen
-            weight = cauchy_weights((error**2).sum(axis=1), width)
+            weight = robust_weights((error**2).sum(axis=1), width)
             normal = np.einsum("n,nik,nil->kl", weight, by, by)
             normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(6)
             return Pose.exp(np.linalg.solve(normal, np.einsum("n,nik,ni->k", weight, by, error))) @ pose
 
         def cost(pose: Pose) -> float:
-            return cauchy_cost(self._errors(pose, xyz, x) ** 2, width)
+            return robust_cost(self._errors(pose, xyz, x) ** 2, width)
 
         return minimise(guess, cost, stepped, ITERATIONS, TOLERANCE).values
 
@@ -463,7 +463,7 @@ class Corners(Family[Poses]):
     x: Array
     """(P, 4, 2) observed, normalised."""
     widths: Array
-    loss: Loss = cauchy
+    loss: Loss = robust_loss
 
     def residuals(self, values: Poses) -> Array:
         q = self._in_camera(values)[0].reshape(-1, 3)

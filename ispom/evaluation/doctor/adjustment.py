@@ -18,7 +18,7 @@ from .scene import Observations, Predicted, Scene, predicted
 
 AS_STATED = Change()
 LOSS_PX = 0.5
-"""Width of the Cauchy loss: corners are tracked to about a third of it."""
+"""Width of the robust loss: corners are tracked to about a third of it."""
 WIDE_PX = (8.0, 2.0)
 """Widths of the loss before it, from that of the errors that a wrong calibration makes downwards."""
 ITERATIONS = 8
@@ -64,7 +64,7 @@ def adjust(
     """Returns the scene and the change of the calibration (in `names` only, from `first` on) that fit best, and their
     cost.
 
-    Levenberg and Marquardt with a Cauchy loss; the first pose is fixed, and damping holds the scale where nothing else
+    Levenberg and Marquardt with a robust loss; the first pose is fixed, and damping holds the scale where nothing else
     does.
     """
     start = _Fit(scene, np.array([first.value(name) for name in names]))
@@ -142,7 +142,7 @@ class _ImagePoints(Family[_Fit]):
     """(N,) all the same."""
 
     def loss(self, squares: Array) -> tuple[Array, Array]:
-        """Cauchy's, which grows no more beyond FARTHEST."""
+        """The robust loss, which grows no more beyond FARTHEST."""
         return np.log1p(np.minimum(squares, (FARTHEST / self.widths) ** 2)), 1 / (1 + squares)
 
     def residuals(self, values: _Fit) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, skew, so3_exp
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
 
 
 def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
-    """Refines a relative pose by Gauss-Newton over its five degrees of freedom, with Cauchy weights of this scale."""
+    """Refines a relative pose by Gauss-Newton over its five degrees of freedom, with robust weights of this scale."""
     h1, h2 = _homogeneous(x1), _homogeneous(x2)
     for _ in range(iterations):
         t, rotation = pose.translation, pose.rotation
@@ -84,7 +84,7 @@ def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: 
         by_rotation = np.cross(x2r, np.cross(h2, t))
         by_translation = np.cross(x2r, h2) @ tangent.T
         jacobian = np.concatenate([by_rotation, by_translation], axis=1) / norm[:, None]
-        weight = cauchy_weights(residual**2, scale)
+        weight = robust_weights(residual**2, scale)
         normal = jacobian.T @ (weight[:, None] * jacobian)
         delta = -np.linalg.solve(normal + 1e-12 * np.eye(5), jacobian.T @ (weight * residual))
         moved = t + delta[3:] @ tangent

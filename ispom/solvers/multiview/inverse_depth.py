@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.numerics.robust import Noise, cauchy_weights
+from ispom.numerics.robust import Noise, robust_weights
 
 ITERATIONS = 6
 """Number of iterations of weights and depths."""
@@ -41,7 +41,7 @@ def intersect(
 
     Views are camera_from_world: (C, 3, 3), (C, 3). Observation k is normalised coordinates seen[k] (2,) of point
     owners[k] in view cameras[k], sorted by point; `noise` is that of a coordinate. Solves weighted linear equations in
-    one unknown repeatedly, with the last depths and Cauchy weights of LOSS_FACTOR loss widths.
+    one unknown repeatedly, with the last depths and robust weights of LOSS_FACTOR loss widths.
     """
     begin = np.searchsorted(owners, owners)
     origin, ray = cameras[begin], np.column_stack([seen[begin], np.ones(len(begin))])
@@ -57,7 +57,7 @@ def intersect(
         near = rho[owner][:, None]
         z = np.maximum(q[:, 2:] + near * t[:, 2:], 1e-3)
         slope, value = slopes / z, offset / z
-        weights = cauchy_weights((value + slope * near) ** 2, LOSS_FACTOR * noise.width)
+        weights = robust_weights((value + slope * near) ** 2, LOSS_FACTOR * noise.width)
         weighted = np.where(near != 0, weights, 1.0) * slope
         information = 1e-12 + np.bincount(owner, (weighted * slope).sum(axis=1), count)
         rho = -np.bincount(owner, (weighted * value).sum(axis=1), count) / information

@@ -6,7 +6,7 @@ import numpy as np
 
 from ispom.geometry import Array
 from ispom.numerics.reductions import lengths, median, squares
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.solvers.rigid import horn
 
 TURN_LOSS = 3.0
@@ -22,7 +22,7 @@ def rotate(rotation: Array, x: Array) -> Array:
 def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, weights: Array | None = None) -> Array:
     """Finds the rotation second_from_first (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba.
 
-    Rays that move otherwise (near points of a moving camera) get low Cauchy weights; `scale` is the width of the loss
+    Rays that move otherwise (near points of a moving camera) get low robust weights; `scale` is the width of the loss
     in normalised units. `weights` (N,) are prior weights of the rays, equal by default.
     """
     rays1, rays2 = _rays(x1), _rays(x2)
@@ -33,7 +33,7 @@ def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, w
         w = np.sqrt(weight)[:, None]
         # Mirrored copies keep the centroids at the origin, so that Horn's method fits the rotation alone.
         rotation, _ = horn(np.concatenate([w * rays1, -w * rays1]), np.concatenate([w * rays2, -w * rays2]))
-        weight = given * cauchy_weights(squares(rotate(rotation, x1) - x2), scale)
+        weight = given * robust_weights(squares(rotate(rotation, x1) - x2), scale)
     return rotation
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ispom.geometry import Array, so3_exp
 from ispom.numerics.area import weighted_median
 from ispom.numerics.levenberg_marquardt import minimise
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.solvers.multiview.rotation import dominant_rotation
 
 FOCAL_FACTORS = (1.0, 0.7, 1.4)
@@ -52,7 +52,7 @@ class TurnAndZoom:
 def turn_and_zoom(x1: Array, x2: Array, scale: float, weights: Array | None = None) -> TurnAndZoom:
     """Finds the motion of least weighted median distance for normalised coordinates (N, 2), N >= 3, in two images.
 
-    Runs robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length from
+    Runs robust least squares (of width `scale` in normalised units) over rotation, zoom and focal length from
     several starts; each point has its weight (N,).
     """
     weights = np.ones(len(x1)) if weights is None else weights
@@ -73,7 +73,7 @@ def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Arr
     def stepped(values: TurnAndZoom, damping: float) -> TurnAndZoom:
         at = values.moved(x1)
         error = x2 - at
-        weight = weights * cauchy_weights((error**2).sum(axis=1), scale)
+        weight = weights * robust_weights((error**2).sum(axis=1), scale)
         by = _derivatives(values, x1, at)
         normal = np.einsum("n,nik,nil->kl", weight, by, by)
         normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(5)

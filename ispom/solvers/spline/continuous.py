@@ -3,7 +3,7 @@
 Bundle adjustment in continuous time (Furgale et al. 2012): a metric stereo pair and a video camera whose frames need
 not coincide share one spline. Points are inverse depths (Civera et al. 2008) in fixed coordinate frames, so far points
 and those of unknown depth converge as well as near ones. The pose of the video camera in the rig and its time offset
-can be unknowns, too. Uses Levenberg-Marquardt and the Cauchy loss.
+can be unknowns, too. Uses Levenberg-Marquardt and the robust loss.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, inverse_factored, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.lie import logs
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
 from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
@@ -94,7 +94,7 @@ class Solution:
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
         scores = point_scores(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
         scores -= self._score_changes(scores @ parameters)
-        weights, slopes = cauchy_weights(self.errors**2, p.loss), np.ones(len(scores))
+        weights, slopes = robust_weights(self.errors**2, p.loss), np.ones(len(scores))
         for camera, images in ((VIDEO, 2), (LEFT, 3)):
             its = o.camera == camera
             slopes[o.owner[its]] = slope(weights[its], images)

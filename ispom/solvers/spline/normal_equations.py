@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
 from ispom.numerics.vectors import cross, damped, dot, inverse, store, symmetric, vector
-from ispom.solvers.spline.observation import MIN_DEPTH, RIG, cauchy_weight, empty_rows, linearise, placed
+from ispom.solvers.spline.observation import MIN_DEPTH, RIG, empty_rows, linearise, placed, robust_weight
 
 
 class Knots(NamedTuple):
@@ -121,7 +121,7 @@ def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, re
         rig, camera = placed(observed, o)
         if camera[2] > MIN_DEPTH:
             e, count = observed.exposures[o], linearise(rows, observed, o, rig, camera)
-            weight = cauchy_weight(rows, count, loss)
+            weight = robust_weight(rows, count, loss)
             if len(moved):
                 for i in range(count):
                     rows.errors[i] = -observed.inverse_sigma[o, i] * moved[o, i]

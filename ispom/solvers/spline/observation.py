@@ -144,7 +144,7 @@ def _fill_row(rows, i, observed, o, rig, by_camera, by_depth):
 
 
 @part
-def cauchy_weight(rows, count, loss):
+def robust_weight(rows, count, loss):
     square = 0.0
     for i in range(count):
         square += rows.errors[i] * rows.errors[i]

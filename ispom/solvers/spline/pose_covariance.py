@@ -15,10 +15,10 @@ from ispom.solvers.spline.observation import (
     MIN_DEPTH,
     RIG,
     Observed,
-    cauchy_weight,
     empty_rows,
     linearise,
     placed,
+    robust_weight,
 )
 from ispom.solvers.spline.problem import AnchoredPoints
 from ispom.solvers.window.covariance import cells, cluster_inflation, inverse_curvature, sum_by_group
@@ -149,7 +149,7 @@ def _equations(observed, loss, second_order, follow, moved):
     for m in range(count):
         rig, camera = placed(observed, m)
         if camera[2] > MIN_DEPTH:
-            weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
+            weight = robust_weight(rows, linearise(rows, observed, m, rig, camera), loss)
             for k in range(3):
                 for i in range(2):
                     by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]

@@ -125,7 +125,7 @@ class SplineProblem:
     smoothness: tuple[float, float] = (100.0, 50.0)
     """Prior standard deviations of angular [rad/s^2] and linear [m/s^2] acceleration."""
     loss: float = 2.0
-    """Scale of the Cauchy loss, in standard deviations of an observation."""
+    """Scale of the robust loss, in standard deviations of an observation."""
     bands: RowBands = RowBands()
 
     def sampled(self) -> Sampled:

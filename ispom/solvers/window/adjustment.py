@@ -1,6 +1,6 @@
 """Windowed bundle adjustment over one camera or a rectified pair, with priors and other residual families.
 
-Uses the Schur complement over the points (Triggs et al. 2000), the Cauchy loss and Levenberg's damping; marginalisation
+Uses the Schur complement over the points (Triggs et al. 2000), the robust loss and Levenberg's damping; marginalisation
 is as in Leutenegger et al. 2015, section 3.5. It can also estimate corrections of the camera's or pair's calibration.
 """
 
@@ -41,7 +41,7 @@ class Adjusted:
 
 
 def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float = 1e-3) -> Adjusted:
-    """Minimises the Cauchy loss of scale `scale` (normalised units) over free poses, points and corrections.
+    """Minimises the robust loss of scale `scale` (normalised units) over free poses, points and corrections.
 
     Ends early when a step lowers the cost by less than the share `tolerance`. Deterministic.
     """

@@ -105,9 +105,9 @@ right x. The same for its lens corrections, which stretch the left x and y, foll
 def reduce_points(scale, damping, second_order, reduced, eliminated, observed):
     """Adds the normal equations of poses and corrections to `reduced`, the points eliminated; fills `eliminated`.
 
-    Second derivatives are w J'J - `second_order` (w J'e) (w J'e)', with J the derivatives of an error e and w Cauchy's
-    weight: those of the loss itself for OWN_CURVATURE, where points that keep less than LEAST_SHARE are skipped; those
-    with fixed weights for FIXED_WEIGHTS.
+    Second derivatives are w J'J - `second_order` (w J'e) (w J'e)', with J the derivatives of an error e and w the
+    robust weight: those of the loss itself for OWN_CURVATURE, where points that keep less than LEAST_SHARE are skipped;
+    those with fixed weights for FIXED_WEIGHTS.
     """
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
     wide = FACTORS + eliminated.mixed_extra.shape[2]

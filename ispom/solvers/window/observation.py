@@ -125,7 +125,7 @@ def fill_factors(out, n, first, q, observed, k):
 
 @part
 def linearised(q, seen, baseline, extra, per):
-    """Returns the derivatives of an observation's cost, with Cauchy's weight; `per` is 1 / scale^2.
+    """Returns the derivatives of an observation's cost, with the robust weight; `per` is 1 / scale^2.
 
     These are the second derivatives (6) by q, the gradient (3) by q, the mixed derivatives (3) by q and the first
     correction, the second derivative by the first correction, and the gradient by the first correction.

@@ -57,7 +57,7 @@ def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Further linear observations `seen` = `design` @ corrections, normalised and Cauchy-weighted."""
+    """Further linear observations `seen` = `design` @ corrections, normalised and robustly weighted."""
 
     design: Array
     """(N, E) Jacobian."""

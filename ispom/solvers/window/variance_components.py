@@ -29,7 +29,7 @@ MIN_NORM = 1e-9
 
 
 class ResidualForms(NamedTuple):
-    """Sums over tracks, each with the mean of Cauchy's weights of its observations."""
+    """Sums over tracks, each with the mean of the robust weights of its observations."""
 
     expected: Array
     """(3, 3) expectations of the forms (rows) for the covariances (columns)."""

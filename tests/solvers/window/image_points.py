@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.geometry import Array
+from ispom.numerics.robust import robust_loss
 from ispom.numerics.twist import moved
-from ispom.solvers.least_squares import Derivatives, Family, Problem, cauchy
+from ispom.solvers.least_squares import Derivatives, Family, Problem
 from ispom.solvers.right_camera import without_lens
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
@@ -20,7 +21,7 @@ class ImagePoints(Family[Window]):
 
     widths: Array
     """(K,) width of the loss."""
-    loss = staticmethod(cauchy)
+    loss = staticmethod(robust_loss)
 
     def residuals(self, values: Window) -> Array:
         q, seen = _in_camera(values), _seen(values)

@@ -76,7 +76,7 @@ class ModernIntegratedConfig:
     """Images whose longer side exceeds this [px] are halved, as by the methods that this one depends on; noise is in
     pixels of the halved images."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
-    """Width of the Cauchy loss, in these standard deviations."""
+    """Width of the robust loss, in these standard deviations."""
     iterations: Annotated[int, Range(1, 30)] = 4
     """Largest number of iterations per optimisation."""
     follow_stereo: bool = True

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.monocular.untriangulated import UntriangulatedTracks
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.covariance import WindowCovariance, inverse_curvature
@@ -98,7 +98,7 @@ class MapUncertainty:
         index, in_camera, n = index[use], pose.apply(xyz[use]), int(use.sum())
         by_place, by_pose, by_extra = _derivatives(in_camera)
         errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
-        weighted = by_pose * cauchy_weights((errors**2).sum(axis=1), scale)[:, None, None]
+        weighted = by_pose * robust_weights((errors**2).sum(axis=1), scale)[:, None, None]
         design, scores = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
         gain = np.swapaxes(weighted, 1, 2) @ (by_place @ pose.rotation)
         follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[index].reshape(3 * n, -1)

@@ -19,7 +19,7 @@ from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
 from ispom.estimators.modern.monocular.tracks import TrackingResult
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
-from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.numerics.robust import robust_cost, robust_weights
 from ispom.solvers.epipolar import Rays
 from ispom.solvers.localisation import PoseFit, fit_pose
 from ispom.solvers.window.prior import POSE
@@ -55,7 +55,7 @@ class UntriangulatedTracks:
         errors, by_twist = self.rays.errors(camera_from_world)
         used = np.isfinite(errors[:, 0])
         errors, by_twist = errors[used], by_twist[used]
-        weighted = by_twist * (cauchy_weights((errors**2).sum(axis=1), np.sqrt(2) * scale) / 2)[:, None, None]
+        weighted = by_twist * (robust_weights((errors**2).sum(axis=1), np.sqrt(2) * scale) / 2)[:, None, None]
         fixed = weighted.reshape(-1, POSE).T @ by_twist.reshape(-1, POSE)
         return fixed, (errors[:, None] @ weighted)[:, 0]
 
@@ -114,14 +114,14 @@ def _untriangulated(
 
 def _cost(found: PoseFit, scale: float) -> float:
     """Returns the sum of the points' squared errors under the loss of width `scale`."""
-    return 2 * scale**2 * cauchy_cost(found.distances**2, scale)
+    return 2 * scale**2 * robust_cost(found.distances**2, scale)
 
 
 def _joint_cost(fit: PoseFit, untriangulated: UntriangulatedTracks, scale: float) -> float:
     """Adds the cost of the tracks without a point, whose errors are of two images."""
     errors, _ = untriangulated.rays.errors(fit.camera_from_world)
     squares = np.minimum((errors**2).sum(axis=1), BEHIND_ERROR**2)
-    return _cost(fit, scale) + 2 * scale**2 * cauchy_cost(squares, np.sqrt(2) * scale)
+    return _cost(fit, scale) + 2 * scale**2 * robust_cost(squares, np.sqrt(2) * scale)
 
 
 def _on_epipolar_lines(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:

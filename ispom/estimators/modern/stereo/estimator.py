@@ -70,7 +70,7 @@ class ModernStereoConfig:
     settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
     """Time constant after which the calibration may have changed by its prior standard deviation."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
-    """Scale of the Cauchy loss, and noise of a track in covariances until residuals determine it."""
+    """Scale of the robust loss, and noise of a track in covariances until residuals determine it."""
     max_error_px: Annotated[float, Range(0.5, 20), WorthTrying((2,))] = 2.5
     """Tracks with a larger reprojection error are outliers and end."""
     min_parallax_px: Annotated[float, Range(0.5, 100), WorthTrying((0.5,))] = 25.0

@@ -27,7 +27,7 @@ from ispom.estimators.modern.stereo.state import KeyFrame, StereoMap
 from ispom.estimators.modern.stereo.window import packed, split_at_oldest
 from ispom.geometry import Array, Pose
 from ispom.numerics.levenberg_marquardt import minimise
-from ispom.numerics.robust import cauchy_cost, cauchy_weights
+from ispom.numerics.robust import robust_cost, robust_weights
 from ispom.numerics.twist import twist_of
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, PAIR
 from ispom.solvers.window.adjustment import as_inverse_depths
@@ -135,7 +135,7 @@ def _newest(setup: Setup, world: StereoMap, known: Array) -> Array:
 def _cost(setup: Setup, world: StereoMap, expected: list[MotionPrior]) -> float:
     """Returns the cost whose normal equations are `_Joint`; the cost of observations beyond the limit is constant."""
     window, _, _ = packed(setup, world)
-    cost = cauchy_cost(np.minimum(window.squared_errors, setup.limit**2), setup.noise.width)
+    cost = robust_cost(np.minimum(window.squared_errors, setup.limit**2), setup.noise.width)
     cost += _MotionFamily(expected, world.variance_factor(setup.noise)).cost(world)
     return cost + sum(term.cost(window) for term in window.terms)
 
@@ -224,7 +224,7 @@ class _Joint:
             by_twist, by_point, error = pair_reprojected(near, made.observed.seen[of], setup.baseline_m)
             by_unknown = [by_twist, late_s * by_twist, 0.5 * late_s**2 * by_twist, _by_pair(made, of)]
             squares = (error**2).sum(axis=1)
-            root = np.sqrt(cauchy_weights(squares, setup.noise.width) * (squares < setup.limit**2))[:, None, None]
+            root = np.sqrt(robust_weights(squares, setup.noise.width) * (squares < setup.limit**2))[:, None, None]
             root /= setup.noise.width
             jacobian, error = root * np.concatenate(by_unknown, axis=2), root[:, 0] * error
             here, point = np.concatenate([MOTION_UNKNOWNS * c + np.arange(MOTION_UNKNOWNS), pair]), made.owners[of]

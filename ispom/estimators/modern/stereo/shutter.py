@@ -12,7 +12,7 @@ import numpy as np
 from ispom.estimators.modern.rolling import at_middle, at_rows, late_s
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
-from ispom.numerics.robust import cauchy_weights
+from ispom.numerics.robust import robust_weights
 from ispom.solvers.localisation import PoseFit
 from ispom.types import Camera
 
@@ -74,13 +74,13 @@ def refined_motion(
     """Refines the motion (12,) of a frame by one step of least squares over motion and pose, with a prior.
 
     The points (N, 3) of the world were observed in rows of times `late_s` (N,); `middle` (N, 3) are the observations at
-    the middle row by `motion`, `width` that of the Cauchy loss, normalised. The returned fit has less information, by
+    the middle row by `motion`, `width` that of the robust loss, normalised. The returned fit has less information, by
     the uncertainty of the motion.
     """
     near = fit.camera_from_world.apply(xyz)
     keep = fit.inliers & (near[:, 2] > 1e-6)
     by_twist, _, error = pair_reprojected(near[keep], middle[keep], baseline_m)
-    weight, late = cauchy_weights((error**2).sum(axis=1), width) / width**2, late_s[keep, None, None]
+    weight, late = robust_weights((error**2).sum(axis=1), width) / width**2, late_s[keep, None, None]
     unknowns = np.concatenate([by_twist, late * by_twist, 0.5 * late**2 * by_twist], axis=2)
     weighted = unknowns * weight[:, None, None]
     hessian = np.einsum("nki,nkj->ij", weighted, unknowns)
