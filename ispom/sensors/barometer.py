@@ -123,7 +123,7 @@ class BarometerKind(SensorKind):
             place, noise = frames.point_in_body(barometer), frames.loss.noise(np.eye(1) * barometer.height_noise_m**2)
             keys = [POSE.key(now), OFFSET.key(now)]
 
-            def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Any) -> Any:
                 body = Pose.from_matrix(values.atPose3(keys[0]).matrix())
                 if jacobians is not None:
                     up = body.rotation[2]

@@ -135,8 +135,8 @@ class SensorKind:
     def measurements(self, found: Readings, frames_ns: NDArray[np.int64], name: str) -> Iterator[Measurement]:
         """Yields what a sensor of this name measured within the time of the frames (M,), in the order of time."""
         for i in np.flatnonzero(found.within(frames_ns)).tolist():
-            values = {key: column[i].item() for key, column in found.values.items()}
-            yield self.measurement(int(found.times_ns[i]), **values, sensor=name)
+            values: dict[str, Any] = {key: column[i].item() for key, column in found.values.items()}
+            yield self.measurement(int(found.times_ns[i]), **values, **{"sensor": name})
 
     def doubts(self, where: str, found: Readings) -> tuple[Doubt, ...]:
         """Returns doubts about the values; `where` begins their sentences."""

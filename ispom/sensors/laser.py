@@ -198,7 +198,8 @@ class LaserKind(SensorKind):
         return replace(memory or Scans(), waiting=measurement)
 
     def observed(self, memory: Any, at: NodeContext) -> tuple[Link | None, Any]:
-        scan = None if memory is None else memory.waiting
+        memory = memory or Scans()
+        scan = memory.waiting
         if at.last is None or scan is None or not len(scan.points):
             return None, Scans()
         if not at.started and "wheel" in at.kinds:

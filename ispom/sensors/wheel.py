@@ -182,8 +182,9 @@ class WheelKind(SensorKind):
 
     def factors(self, before: Node | None, now: Node, frames: GraphFrames) -> list[Factor]:
         link = now.relative.get(self.name)
-        usable = before is not None and link is not None and link.trusted
-        return [frames.relative_pose(self.name, link, before, now)] if usable else []
+        if before is None or link is None or not link.trusted:
+            return []
+        return [frames.relative_pose(self.name, link, before, now)]
 
 
 KIND = WheelKind()

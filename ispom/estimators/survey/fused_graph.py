@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ispom.estimators.survey.fused_values import Noise, Prior
 from ispom.estimators.survey.fused_window import Uncertainty, WindowGraph
-from ispom.geometry import Array, Pose, skew, so3_log
+from ispom.geometry import Pose, skew, so3_log
 from ispom.sensors.fusion import CAUCHY, ORDER, POSE, SCALE, Factor, Node
 from ispom.types import Rig
 
@@ -105,7 +105,7 @@ class Graph(WindowGraph):
         length, seconds = np.exp(now.log_scale) * np.linalg.norm(moved.translation), now.time_ns - before.time_ns
         covariance = self.noise.covariance(float(length), seconds * 1e-9)[np.ix_(ORDER, ORDER)]
 
-        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Any) -> Any:
             first, second = (Pose.from_matrix(values.atPose3(key).matrix()) @ body_from_camera for key in keys[:2])
             estimate, scale = first.inverse() @ second, np.exp(values.atVector(keys[2])[0])
             if jacobians is not None:
@@ -130,7 +130,7 @@ class Graph(WindowGraph):
         side = turned[:, known].T @ prior.vector / np.sqrt(sizes[known])
         keys, change = [each.key(prior.at[0]) for each in self.variables], self.change_from(prior.at)
 
-        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Any) -> Any:
             if jacobians is not None:
                 for n, each in enumerate(self.variables):
                     begin = int(self.starts[each.letter])

@@ -98,7 +98,14 @@ class Collector:
             if observation is not None and kind.measures is not None:
                 observed[kind.measures][name] = observation
         after = replace(state, number=state.number + 1, memory=memory, fresh=False)
-        node = Node(state.number, time_ns, camera=camera, visual=visual, **observed)
+        node = Node(
+            state.number,
+            time_ns,
+            camera=camera,
+            visual=visual,
+            relative=observed["relative"],
+            absolute=observed["absolute"],
+        )
         if last is None:
             return after, node
         fresh = state.fresh or (camera is not None and last.camera is None and visual is None)

@@ -223,8 +223,8 @@ def _total(
     equations: Mapping[str, tuple[csr_matrix, Array]], without: str = "", known: Array | None = None
 ) -> tuple[Array, Array]:
     """Returns information and vector of all sensors, or of all but one; then `known` takes the place of the prior."""
-    shape = next(iter(equations.values()))[0].shape
-    information, vector = np.zeros(shape), np.zeros(shape[0])
+    unknowns = len(next(iter(equations.values()))[1])
+    information, vector = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
     if known is not None:
         information[: len(known), : len(known)] = known
     for sensor, (matrix, side) in equations.items():
