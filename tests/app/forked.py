@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import tyro
+from ispom_app.cli.commands import COMMANDS
 from ispom_app.cli.main import main as ispom
 from ispom_app.engine.events import blank
 from ispom_app.engine.model.map_memory import MapCollectors
@@ -22,7 +22,6 @@ from ispom_app.engine.run_folder.results import in_frame
 from ispom_app.engine.run_folder.run_folder import LANDMARKS, STEPS, RunFolder, trajectory_file
 from ispom_app.engine.run_folder.step_log import StepLog
 from ispom_app.features.branches.commands import DeleteBranch, Fork, ShowBranch
-from ispom_app.features.headless.options import Run
 from ispom_app.session import commands as do
 from ispom_app.session.branches.state import Branches
 from ispom_app.session.current_run import CurrentRun
@@ -95,7 +94,7 @@ def worth_forking(folder: Path, method: str) -> list[int]:
 @contextmanager
 def played(arguments: list[str], methods: tuple[str, ...], folder: Path) -> Iterator[Session]:
     """A session, as the page has it, over what the arguments of `ispom run` say; run to its end."""
-    options = tyro.cli(Run, args=arguments)
+    options = COMMANDS.get("run").read(arguments)
     session = Session(
         SessionSetup(
             lambda _: options.open(options.source),
@@ -140,7 +139,7 @@ def fork_by_command(run: Path, at: int, out: Path) -> Path:
 
 def main(arguments: list[str]) -> int:
     """Prints, for each fork, what of its files differs from the parent's."""
-    options = tyro.cli(Run, args=arguments)
+    options = COMMANDS.get("run").read(arguments)
     methods = in_order(options.methods) or default_methods(options.open(options.source).rig)
     methods_run, differing_rows = with_dependencies(methods), 0
     with tempfile.TemporaryDirectory() as name:

@@ -30,6 +30,8 @@ FARTHEST = 100.0
 RIDGE = 1e-8
 """Damping of the normal equations of a fitted scene, whose scale may be free. With 1e-6 of a point's largest
 information, its distance would be known too well, and so would a baseline."""
+UNOBSERVED = 1e-9
+"""Information of every unknown of a fitted scene: a pose without observations has no other."""
 
 
 def costs(residuals: Array, loss_px: float = LOSS_PX) -> Array:
@@ -175,7 +177,7 @@ class _Fitted:
         self.poses, self.cost = problem.shared - len(names), 2 * least_squares.cost(problem, fit)
         equations = normal_equations(problem, fit)
         reduced = equations.eliminated(RIDGE)
-        self.matrix = reduced.matrix
+        self.matrix = reduced.matrix + UNOBSERVED * np.eye(problem.shared)
         self.gradient = reduced.gradient(equations.shared_gradient, equations.block_gradients)
         self.scores = reduced.scores(equations)
         self.tracks = np.count_nonzero(equations.blocks.any(axis=(1, 2)))

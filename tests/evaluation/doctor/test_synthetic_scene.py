@@ -167,6 +167,19 @@ def test_the_uncertainty_of_a_baseline_is_that_of_a_linear_fit() -> None:
     assert sigma == pytest.approx(linear, rel=0.3)
 
 
+def test_a_pose_without_observations_changes_nothing_that_is_known_of_a_baseline() -> None:
+    first = start()
+    known = uncertainties(first.scene, RIG, first.seen, BASELINE, Change())
+    world = first.scene
+    longer = Scene(
+        np.append(world.times_s, world.times_s[-1] + 1),
+        np.concatenate([world.rotations, world.rotations[-1:]]),
+        np.concatenate([world.positions, world.positions[-1:]]),
+        world.points,
+    )
+    np.testing.assert_allclose(uncertainties(longer, RIG, first.seen, BASELINE, Change()), known, rtol=1e-3)
+
+
 @pytest.mark.parametrize(("sigma", "silent"), [(1.0, False), (4.0, True)])
 def test_a_baseline_that_the_tracks_do_not_know_is_not_cleared(sigma: float, silent: bool) -> None:
     suspect = next(each for each in CALIBRATION if each.key == "baseline")

@@ -16,8 +16,10 @@ const OUTAGE = 3; // times the usual interval between two measurements of a sens
 
 // The labels of the letters in the axis's kinds: those of frames here, those of sensors by the axis.
 const FRAMES = { v: "Video frames", s: "Stereo frames", c: "Frames of cameras" };
+const WORDS = { v: "video", s: "stereo", c: "cameras" };
 const labelsOf = ({ sensors }) => ({ ...FRAMES, ...sensors });
-export const labelOf = (axis, kind) => labelsOf(axis)[kind];
+const labelOf = (axis, kind) => labelsOf(axis)[kind];
+export const wordOf = (axis, kind) => WORDS[kind] ?? labelOf(axis, kind); // of one frame or measurement
 const clocks = (axis) => Object.keys(labelsOf(axis)).filter((kind) => axis.kinds.includes(kind));
 
 // Stretches [first, last] of frames without any measurement of a sensor that has them at other times.

@@ -1,6 +1,6 @@
 // The time dock's rows over one time axis: what happened in the run, the plots, and the cursor. The server sends each frame
 // once; pictures are drawn when something was added, while a run grows once in a while, and else only the cursor moves.
-import { drawAxis, heightOf, labelOf, laneAt } from "./axis_picture.js";
+import { drawAxis, heightOf, laneAt, wordOf } from "./axis_picture.js";
 import { makeLoopEdges } from "./loop_edges.js";
 import { makePlots } from "./quantity_plots.js";
 import { GUTTER, nearestFrame, PAD, placeOf } from "./time_scale.js";
@@ -125,7 +125,7 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
     lane,
-    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${labelOf(axis, axis.kinds[index])}`,
+    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${wordOf(axis, axis.kinds[index])}`,
     index >= axis.computed ? "not computed yet" : "",
     ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),
