@@ -14,7 +14,8 @@ UNUSED = (
     "scipy.sparse.linalg",
     "rich",
     "ispom.evaluation.doctor",
-    "ispom.calibration",
+    "ispom.calibration.tracked",
+    "ispom.calibration.adjust",
 )
 """What a run does not use that has no terminal, no loop, a calibration, and few frames."""
 OTHERS = ("ispom.estimators.modern.integrated", "ispom.estimators.paper", "ispom.estimators.survey.")

@@ -67,7 +67,8 @@ def test_the_built_in_methods_in_their_order() -> None:
 
 def test_each_module_of_the_survey_that_has_a_method_is_listed() -> None:
     modules = [import_module(f"{survey.__name__}.{module.name}") for module in pkgutil.iter_modules(survey.__path__)]
-    found = {each.METHOD.name: f"{each.__name__}:METHOD" for each in modules if hasattr(each, "METHOD")}
+    places = {module.METHOD: f"{module.__name__}:METHOD" for module in modules if hasattr(module, "METHOD")}
+    found = {(each if isinstance(each, Method) else each()).name: place for each, place in places.items()}
     assert found == SURVEY and sorted(SURVEY) == list(SURVEY)
 
 
