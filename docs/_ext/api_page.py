@@ -5,8 +5,10 @@ from __future__ import annotations
 import inspect
 
 GROUPS = {
+    "In a notebook": ("ispom.notebook",),
     "Sequences and data": ("ispom.sequences", "ispom.types"),
     "Methods and runs": ("ispom.estimator", "ispom.methods", "ispom.ensemble", "ispom.settings", "ispom.errors"),
+    "Sensors": ("ispom.sensors",),
     "Features": ("ispom.features",),
     "Geometry and solvers": ("ispom.geometry", "ispom.cameras", "ispom.solvers"),
     "Evaluation": ("ispom.evaluation",),
@@ -43,9 +45,10 @@ def pages() -> dict[str, str]:
             continue
         directives = []
         for name in mine:
-            kind = "class" if inspect.isclass(getattr(ispom, name)) else "function"
-            members = "\n   :members:\n   :undoc-members:" if kind == "class" else ""
-            directives.append(f".. auto{kind}:: ispom.{name}{members}")
+            value = getattr(ispom, name)
+            kind = "class" if inspect.isclass(value) else "function" if callable(value) else "data"
+            options = {"class": "\n   :members:\n   :undoc-members:", "data": "\n   :no-value:"}.get(kind, "")
+            directives.append(f".. auto{kind}:: ispom.{name}{options}")
             del left[name]
         text += [f"## {title}", "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
     return {"reference/python_api.md": "\n\n".join(text)}
