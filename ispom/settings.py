@@ -7,7 +7,7 @@ import inspect
 import math
 import textwrap
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
 from numbers import Integral, Real
@@ -63,18 +63,26 @@ class Setting:
         return _field_docs(self.config).get(self.name, "")
 
 
-@cache
 def settings(config: type) -> tuple[Setting, ...]:
-    """The fields of a config dataclass, in order, with their ranges."""
+    """The fields of a config dataclass, in order, with their ranges. Choices are those of now: a notebook may have
+    registered another one."""
+    return tuple(
+        s if choices is None else replace(s, type=Literal[choices.names()]) for s, choices in _declared(config)
+    )
+
+
+@cache
+def _declared(config: type) -> tuple[tuple[Setting, Choices | None], ...]:
+    """Returns the fields of a config dataclass, in order, and the Choices of each."""
     hints, result = get_type_hints(config, include_extras=True), []
     for f in fields(config):
-        kind, limits, worth = hints[f.name], None, WorthTrying()
+        kind, limits, worth, choices = hints[f.name], None, WorthTrying(), None
         if get_origin(kind) is Annotated:
             kind, *extras = get_args(kind)
             limits = next((e for e in extras if isinstance(e, Range)), None)
             worth = next((e for e in extras if isinstance(e, WorthTrying)), worth)
-            kind = next((Literal[e.names()] for e in extras if isinstance(e, Choices)), kind)
-        result.append(Setting(f.name, kind, limits, config, worth))
+            choices = next((e for e in extras if isinstance(e, Choices)), None)
+        result.append((Setting(f.name, kind, limits, config, worth), choices))
     return tuple(result)
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from ispom.errors import InputError
+from ispom.features.front_ends import KLT, REGISTRY
 from ispom.methods import Config, method
+from ispom.notebook.register import register
+from ispom.settings import settings
 from tests import doubles
 
 
@@ -36,3 +42,22 @@ def test_numbers_of_numpy_are_numbers() -> None:
 def test_settings_are_those_of_a_method(given: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(given))):
         Config(given)
+
+
+def test_choices_are_those_of_now() -> None:
+    """A front end of a notebook is registered after its settings were listed."""
+    config, names = method("monocular").config, REGISTRY.names()
+    assert choices(config) == names
+    own = replace(KLT, name="own")
+    register(own)
+    try:
+        assert choices(config) == (*names, "own")
+        assert config(features="own").build(doubles.rig())
+    finally:
+        REGISTRY.remove(own)
+    assert choices(config) == names
+
+
+def choices(config: type) -> tuple[str, ...]:
+    (setting,) = (each for each in settings(config) if each.name == "features")
+    return get_args(setting.type)
