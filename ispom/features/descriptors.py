@@ -25,8 +25,10 @@ ROWS_AT_ONCE = 512
 """Number of descriptors compared at a time with all of the other image; a full table would take some 70 MB."""
 PADDING_PX = 48
 """Width [px] of the border added by repeating the last pixels: at least half of the widest patch."""
-CANDIDATES_PER_POINT = 4
-"""Number of keypoints detected per point needed, from which well-distributed points are chosen."""
+CANDIDATES_PER_POINT = 16
+"""Number of keypoints detected per point needed, from which well-distributed points are chosen. The strongest keypoints
+repeat corners on the eight levels of a pyramid, and lie where contrast is high: of a texture whose other half has a
+third of the contrast, ORB has no point there with 4 or 8, and nearly half of its share with 16."""
 GUIDED_RADIUS = 0.05
 """Radius of a guided search, relative to the longer side of the image: 32 px at 640."""
 MAX_REFINEMENT_PX = 3.0

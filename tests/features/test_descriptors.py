@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from ispom.features import descriptors
 from ispom.features.descriptors import match_near
+from ispom.features.front_ends import front_end
 from ispom.features.interfaces import Features
 from ispom.features.sift import SIFT_MATCHER
 
@@ -56,3 +58,14 @@ def test_near_where_it_is_expected_the_most_similar_is_taken_once(monkeypatch: p
         assert sorted(map(tuple, found.tolist())) == wanted
     assert len(match_near(MATCHER, a, b, expected - 10, 5.0)) == 0
     assert len(match_near(MATCHER, a, features(0, 0), expected, 5.0)) == 0
+
+
+@pytest.mark.parametrize("name", ["sift", "orb", "surf"])
+def test_points_are_found_where_the_contrast_is_low_too(name: str) -> None:
+    """ORB had none there: corners of high contrast, each on several levels of its pyramid, were all its candidates."""
+    noise = np.random.default_rng(0).normal(size=(480, 640))
+    texture = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2))
+    contrast = np.where(np.arange(640) < 320, 40, 12)
+    image = np.clip(128 + contrast * texture / texture.std(), 0, 255).astype(np.uint8)
+    found = front_end(name).detector.detect(image, 600, np.zeros((0, 2), np.float32), 8.0)
+    assert len(found) > 450 and (found[:, 0] > 320).sum() > 100
