@@ -27,6 +27,8 @@ from tests import doubles
         ({"max_tracks": 10**400}, "max_tracks"),
         ({"max_tracks": -(10**400)}, "max_tracks"),
         ({"loops": "no"}, "loops"),
+        ({"features": "freak"}, "features"),
+        ({"features": None}, "features"),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_build(values: dict[str, object], name: str) -> None:

@@ -38,6 +38,8 @@ class ShiTomasi:
 
     spread: bool = True
     """Whether corners are spread over the image; else the strongest ones are detected, anywhere in the image."""
+    crowd: float = 1.0
+    """Most corners in a part of the image, relative to an equal share, where they are spread."""
 
     def detect(
         self, grey: Image, count: int, occupied: NDArray[np.float32], min_distance_px: float
@@ -46,7 +48,7 @@ class ShiTomasi:
         if not grey.size:
             return np.zeros((0, 2), np.float32)
         if self.spread:
-            return detect_spread(grey, count, occupied, min_distance_px)
+            return detect_spread(grey, count, occupied, min_distance_px, crowd=self.crowd)
         return detect_corners(grey, count - len(occupied), occupied, min_distance_px)
 
 
@@ -57,15 +59,13 @@ def detect_spread(
     min_distance_px: float,
     border_px: int = 8,
     crowd: float = 1.0,
-    half: Image | None = None,
 ) -> NDArray[np.float32]:
     """New corners (M, 2) [px], so that with those `taken` (N, 2) no bucket holds more than `crowd` times its share of
     `count`: all about as many at 1, the strongest wherever they are where it is large.
 
-    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to a taken one. `half`: the
-    halved image, if it was computed before.
+    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to a taken one.
     """
-    factor, searched = factor_of(grey), halved(grey) if half is None else half
+    factor, searched = factor_of(grey), halved(grey)
     score = np.asarray(cv2.cornerMinEigenVal(searched, 3, ksize=3), np.float32)
     return factor * spread_peaks(
         searched, score, MIN_QUALITY, count, np.asarray(taken, np.float64) / factor, min_distance_px / factor,

@@ -61,11 +61,3 @@ def test_an_image_that_stands_has_the_corners_of_one_that_lies(times: int) -> No
     found = detect_spread(lying, COUNT, NONE, 6.0, crowd=2.0)
     upright = detect_spread(np.ascontiguousarray(lying.T), COUNT, NONE, 6.0, crowd=2.0)
     assert {(u, v) for u, v in found.tolist()} == {(u, v) for v, u in upright.tolist()}
-
-
-def test_a_halved_image_that_is_there_is_used() -> None:
-    wide = blocks(np.full((8, 12), 80.0))
-    halves = wide[::2, ::2]
-    assert not np.array_equal(
-        detect_spread(wide, COUNT, NONE, 8.0), detect_spread(wide, COUNT, NONE, 8.0, half=np.ascontiguousarray(halves))
-    )

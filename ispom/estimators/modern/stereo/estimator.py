@@ -18,16 +18,17 @@ from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
 from ispom.estimators.modern.stereo.map import extend_map
 from ispom.estimators.modern.stereo.other_motion import with_other_motion
-from ispom.estimators.modern.stereo.pair import Setup, StereoImages, TrackingResult
+from ispom.estimators.modern.stereo.pair import PAIR_KLT, Setup, StereoImages, TrackingResult, pair_front_end
 from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.estimators.modern.stereo.recover import count_loss, relocalise
 from ispom.estimators.modern.stereo.report import as_step, next_state
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import track
+from ispom.features.front_ends import front_ends
 from ispom.features.images import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
-from ispom.settings import Range, WorthTrying, checked
+from ispom.settings import Choices, Range, WorthTrying, checked
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
@@ -42,6 +43,9 @@ class ModernStereoConfig:
     """Number of points that are tracked at a time."""
     window: Annotated[int, Range(3, 20), WorthTrying((2,))] = 8
     """Number of keyframes that are optimised together; older ones become a prior."""
+    features: Annotated[str, Choices(front_ends)] = PAIR_KLT.name
+    """Detects, tracks and describes features: klt (corners), patches, sift, surf, orb, or any other front end. All are
+    then aligned with the keyframe's patches."""
     max_width_px: Annotated[int, Range(320, 8192), WorthTrying((0.5,))] = MAX_SIDE_PX
     """Images whose longer side exceeds this are halved first; settings and checks are in pixels of the halved image."""
     relocalise: bool = True
@@ -244,6 +248,7 @@ class ModernStereo:
             iterations=c.iterations,
             relocalise=c.relocalise,
             follow=c.follow,
+            front_end=pair_front_end(c.features),
             make_families=(partial(height_prior, sigma_m=c.height_sigma_m),) if c.height_sigma_m else (),
         )
 

@@ -10,7 +10,7 @@ from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.pair import PairPoints, Setup, StereoImages, TrackingResult
 from ispom.estimators.modern.stereo.state import ModernStereoState, StereoMap
 from ispom.features.row_search import PointSearch
-from ispom.features.shi_tomasi import at_subpixel, detect_spread
+from ispom.features.shi_tomasi import at_subpixel
 from ispom.geometry import Array
 from ispom.numerics.places import common
 from ispom.numerics.reductions import lengths, median
@@ -18,9 +18,6 @@ from ispom.types import Decision, TrackStatus
 
 CORNER_DISTANCE_PX = 8.0
 """Least distance [px] of a new corner from other points: patches of 11 pixels would show nearly the same."""
-CROWD = 2.0
-"""Most points in a part of the image, relative to an equal share. Without a limit the strongest corners cluster, mostly
-far ahead, and common errors, such as one edge's disparity, do not average out. With equal shares many are weak."""
 CANDIDATES = 1.8
 """Number of corners detected, relative to those needed: nearly half have a match that is less accurate than most."""
 MAX_OVER_MEDIAN = 1.3
@@ -60,7 +57,7 @@ def keyframe_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[
 def corners(setup: Setup, images: StereoImages, points: PairPoints, share: float = 1.0) -> NDArray[np.float32]:
     """Detects corners (N, 2) [px] in the left image, which complete the points to `share` times `max_tracks`."""
     count = int(share * setup.max_tracks)
-    found = detect_spread(images.left, count, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=images.halves[0])
+    found = setup.front_end.detector.detect(images.left, count, points.uv, CORNER_DISTANCE_PX)
     return at_subpixel(images.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
 
 

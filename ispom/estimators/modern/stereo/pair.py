@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,14 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.second_motion import Follow
-from ispom.features.front_ends import KLT
+from ispom.features.front_ends import KLT, front_end
 from ispom.features.images import as_bright, factor_of, halved
 from ispom.features.interfaces import FrontEnd
+from ispom.features.klt import Klt
+from ispom.features.shi_tomasi import ShiTomasi
 from ispom.geometry import Array, Pose
 from ispom.numerics.robust import Noise
 from ispom.solvers.localisation import PoseFit
 from ispom.solvers.window.problem import PoseFamily
 from ispom.types import Camera, Frame, Image, TrackStatus, as_grey
+
+CROWD = 2.0
+"""Most points in a part of the image, relative to an equal share. Without a limit the strongest corners cluster, mostly
+far ahead, and common errors, such as one edge's disparity, do not average out. With equal shares many are weak."""
+PAIR_KLT = replace(KLT, detector=ShiTomasi(crowd=CROWD), guided=Klt(levels=2, max_forward_backward_px=np.inf))
+"""The default front end: `klt`, for a method that searches the keyframe's patches first (track.search_patches). Its
+guided tracker has no backward check, as the keyframe's patch checks the result."""
+
+
+def pair_front_end(name: str) -> FrontEnd:
+    """Returns the front end of this name, `klt` as it suits pairs. Raises InputError where there is none."""
+    return PAIR_KLT if name == PAIR_KLT.name else front_end(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +62,7 @@ class Setup:
     follow: Follow
     make_families: tuple[Callable[[Setup, Any], PoseFamily], ...] = ()
     """Each makes a further residual family of the window, from the keyframes of a state.StereoMap."""
-    front_end: FrontEnd = KLT
-    """Its descriptors are used for relocalisation and loops."""
+    front_end: FrontEnd = PAIR_KLT
 
     @cached_property
     def left_from_rig(self) -> Pose:
@@ -59,6 +72,11 @@ class Setup:
     def families(self, world: Any) -> tuple[PoseFamily, ...]:
         """Returns the window's further residual families, from the keyframes of a state.StereoMap."""
         return tuple(make(self, world) for make in self.make_families)
+
+    @property
+    def searches_patches(self) -> bool:
+        """Returns whether points are found by the keyframe's patches, before the front end tracks them."""
+        return self.front_end == PAIR_KLT
 
     @property
     def rolls(self) -> bool:

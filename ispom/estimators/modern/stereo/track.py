@@ -29,9 +29,6 @@ from ispom.types import Check, Decision, Image, TrackStatus
 
 MIN_INLIER_SHARE = 0.3
 """Share of the last frame's points that must be inliers; with fewer, the next attempt is made."""
-UNGUIDED, GUIDED = Klt(levels=5), Klt(levels=2, max_forward_backward_px=np.inf)
-"""Tracking without and with predictions. The latter has no backward check, as the keyframe's patch checks the
-result."""
 MIN_CORRELATION = 0.7
 """Least normalised correlation of a match with its patch; below it the match is wrong."""
 MAX_SHIFT_PX = 1.5
@@ -97,10 +94,10 @@ def find_at_predictions(
         return state, latest
     is_guided = last.motion_s > 0
     expected = Expected.of(setup, state, predicted, steady(last.rate))
-    tracked = search_patches(setup, state, images, expected) if is_guided else None
+    tracked = search_patches(setup, state, images, expected) if is_guided and setup.searches_patches else None
     as_predicted = tracked is not None
     if tracked is None:
-        tracked = _tracked_by_klt(setup, state, images.left, expected if is_guided else None)
+        tracked = _tracked_from_last(setup, state, images.left, expected if is_guided else None)
         tracked = realigned(setup, state, images.left, tracked, expected)
     tracked = match_right(setup, state, images, tracked, predicted, is_guided)
     tracked = localise(setup, state, images, tracked, predicted)
@@ -116,7 +113,7 @@ def find_at_last_positions(
     if not len(state.last.points):
         return state, TrackingResult.nothing()
     expected = Expected.of(setup, state, predicted, steady(state.last.rate))
-    tracked = _tracked_by_klt(setup, state, images.left, None)
+    tracked = _tracked_from_last(setup, state, images.left, None)
     tracked = realigned(setup, state, images.left, tracked, expected)
     tracked = match_right(setup, state, images, tracked, predicted)
     return state, localise(setup, state, images, tracked, predicted)
@@ -245,18 +242,21 @@ def realigned(
     return replace(tracked, uv=uv, status=status)
 
 
-def _tracked_by_klt(setup: Setup, state: ModernStereoState, left: Image, expected: Expected | None) -> TrackingResult:
-    """Tracks the points from the last left image, starting at their expected or at their last positions."""
+def _tracked_from_last(
+    setup: Setup, state: ModernStereoState, left: Image, expected: Expected | None
+) -> TrackingResult:
+    """Tracks the points by the front end from the last left image, starting at their expected or at their last
+    positions."""
     last, world = state.last, state.map
     before, uv = required(last.left, "no frame was localised yet"), last.points.uv
     if expected is None:
         # Tracking from predictions may have failed because the exposure changed.
-        uv, status = UNGUIDED.track(before, as_bright(left, before), uv)
+        uv, status = setup.front_end.tracker.track(before, as_bright(left, before), uv)
     else:
         start = world.left(setup.camera).project(expected.near).astype(np.float32)
         behind = ~np.isfinite(start).all(1)
         start[behind] = uv[behind]
-        uv, status = GUIDED.track(before, left, uv, start)
+        uv, status = setup.front_end.guided.track(before, left, uv, start)
     return TrackingResult.in_left(uv, status, world.places(last.points.ids))
 
 
