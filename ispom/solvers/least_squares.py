@@ -231,10 +231,8 @@ def adjust(
         if curved:
             ends = [problem.moved(values, s * shared, s * blocks) for s in (-CURVATURE_STEP, CURVATURE_STEP)]
             second = [
-                np.nan_to_num(
-                    (each.residuals(ends[0]) - 2 * each.residuals(values) + each.residuals(ends[1])) / CURVATURE_STEP**2
-                )
-                for each in problem.families
+                np.nan_to_num((each.residuals(ends[0]) - 2 * now + each.residuals(ends[1])) / CURVATURE_STEP**2)
+                for each, now in zip(problem.families, linearised.residuals, strict=True)
             ]
             _, pull, block_pull = linearised.gradients(second)
             more, more_blocks = eliminated.solve(pull, block_pull)
