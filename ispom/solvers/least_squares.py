@@ -187,8 +187,9 @@ class NormalEquations:
         """Eliminates the blocks. `damping` raises all diagonals by this share of them: those of the shared unknowns
         before the elimination, or after it with `narrow`."""
         own = np.eye(self.blocks.shape[1])
-        inverse = np.linalg.inv(self.blocks * (1 + damping * own) + 1e-12 * own)
-        root = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
+        # By the factors of the blocks: the inverse of a nearly singular one is positive but for its rounding.
+        root = np.linalg.inv(np.linalg.cholesky(self.blocks * (1 + damping * own) + 1e-12 * own))
+        inverse = np.swapaxes(root, 1, 2) @ root
         half = (root @ self.mixed).reshape(self.block_gradients.size, len(self.shared))
         matrix = self.shared - half.T @ half  # a symmetric product: half the work
         diagonal = np.diag(matrix if narrow else self.shared)

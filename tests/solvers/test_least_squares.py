@@ -19,6 +19,7 @@ from ispom.solvers.least_squares import (
     Derivatives,
     Family,
     Loss,
+    NormalEquations,
     Prior,
     Problem,
     adjust,
@@ -157,3 +158,13 @@ def test_covariances_of_blocks_are_those_of_all_unknowns_together() -> None:
     for n, block in enumerate(reduced.block_covariances(covariance)):
         expected = whole[6 * n : 6 * n + 6, 6 * n : 6 * n + 6]
         np.testing.assert_allclose(block, expected, atol=1e-6 * abs(expected).max())
+
+
+def test_blocks_that_are_singular_but_for_their_damping_are_eliminated() -> None:
+    """As of points on whose distance the residuals say nothing, a few of which stopped a film's self-calibration."""
+    rng, count = np.random.default_rng(0), 500
+    slopes = rng.normal(size=(count, 2, 3)) * np.array([[1.5e3], [1.0]])
+    blocks, mixed = np.swapaxes(slopes, 1, 2) @ slopes, np.swapaxes(slopes, 1, 2) @ rng.normal(size=(count, 2, 4))
+    equations = NormalEquations(1e9 * np.eye(4), mixed, blocks, np.zeros((count, 4)), np.zeros(4), np.zeros((count, 3)))
+    reduced = equations.eliminated(1e-12)
+    assert np.linalg.eigvalsh(reduced.inverse).min() >= 0 and np.isfinite(reduced.matrix).all()
