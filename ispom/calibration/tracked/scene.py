@@ -171,7 +171,7 @@ def adjust_scene(
 ) -> tuple[Scene, float]:
     """Adjusts lens, views up to the last observed one, and the points observed at least twice.
 
-    Returns the scene of least cost, and that cost. `curved` as in `least_squares.adjust`.
+    Returns the scene of least cost, and that cost. `curved` as in `least_squares.adjust`, until the lens has settled.
     """
     often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
     width_px = np.broadcast_to(width_px, len(often))[often]
@@ -180,7 +180,8 @@ def adjust_scene(
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
     problem = scene_problem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
-    found = adjust(problem, part, iterations, tolerance, curved=curved)
+    sought = int((prior.sigma > 0).sum()) if curved else 0
+    found = adjust(problem, part, iterations, tolerance, curved=curved, sought=sought)
     rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
     rotations[:views], translations[:views] = found.values.rotations, found.values.translations
     places[points] = found.values.points
