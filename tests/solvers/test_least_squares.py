@@ -29,7 +29,6 @@ from ispom.solvers.least_squares import (
     huber,
     normal_equations,
     quadratic,
-    remaining_change,
 )
 from tests.calibration.corners import seen_by
 from tests.calibration.tracked.scenes import tracks
@@ -184,8 +183,3 @@ def test_an_adjustment_ends_where_what_is_asked_for_has_settled() -> None:
     np.testing.assert_allclose(sigmas, np.sqrt(np.diag(np.linalg.inv(equations.matrix)))[:4], rtol=1e-6)
     ends = [vector_of(found.values.cameras[0])[:4] for found in (settled, whole)]
     assert (np.abs(ends[0] - ends[1]) < 2 * SETTLED * sigmas).all()
-
-
-def test_a_way_is_extrapolated_by_its_last_two_steps() -> None:
-    step = np.array([0.5, -0.5, 0.0, 0.1, -0.2])
-    np.testing.assert_allclose(remaining_change(2 * step, step), step, atol=1e-15)

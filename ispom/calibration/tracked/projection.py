@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispom.cameras import LEAST_DEPTH
 from ispom.kernels import kernel, part
-
-LEAST_DEPTH = 1e-9
-"""Points of a smaller third coordinate are behind the camera."""
 
 
 @part
