@@ -35,11 +35,13 @@ def minimise(
     highest: float = 1e3,
     first: float = FIRST_DAMPING,
     lowest: float = LOWEST_DAMPING,
+    settled: Callable[[], bool] = lambda: False,
 ) -> Minimum[T]:
     """Minimises `cost` from `start` in at most `iterations` steps; `stepped(values, damping)` computes one.
 
     A step that does not lower the cost is rejected. The damping starts at `first` and stays above `lowest`. Ends early
-    when a step lowers the cost by less than the share `tolerance`, or when the damping would exceed `highest`.
+    when a step lowers the cost by less than the share `tolerance`, when `settled` is true after one that lowered it, or
+    when the damping would exceed `highest`.
     Nocedal & Wright, Numerical Optimization, 10.3. Deterministic.
     """
     values, damping, done = start, first, 0
@@ -51,7 +53,7 @@ def minimise(
         if trial_cost < now:
             gain = (now - trial_cost) / max(now, 1e-300)  # a prior can make the cost negative
             values, now, damping = trial, trial_cost, max(damping / DAMPING_DIVISOR, lowest)
-            if gain < tolerance:
+            if settled() or gain < tolerance:
                 break
         else:
             damping *= DAMPING_FACTOR

@@ -28,6 +28,11 @@ CURVATURE_STEP = 0.1
 """Share of a step over which the residuals' second derivative along it is computed by finite differences."""
 FINE_FIRST, FINE_LOWEST = 1e-7, 1e-12
 """First and least damping along curved valleys, along which the cost curves 1e-9 times as much as across, or less."""
+SETTLED = 0.1
+"""Share of a standard deviation: an unknown that is nearer to the minimum has settled. With a robust loss the steps
+shrink by a half or less, and the last of several dozens would change little but the cost of single residuals."""
+MOST_SHARE = 0.9
+"""Ratio of successive steps above which they have not converged."""
 HIGHEST_DAMPING = 1e8
 """Damping at which no step is expected to lower the cost."""
 
@@ -147,13 +152,22 @@ class Eliminated:
         """Returns the step (G,) and (N, D) to the least cost."""
         inner = (self.inverse @ block_gradients[..., None])[..., 0]
         gradient = self.gradient(shared_gradient, block_gradients)
-        scale = 1 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-30))
-        scaled = self.matrix * np.outer(scale, scale)
-        try:
-            shared = -scale * np.linalg.solve(scaled, scale * gradient)
-        except np.linalg.LinAlgError:
-            shared = -scale * np.linalg.lstsq(scaled, scale * gradient, rcond=1e-15)[0]
+        shared = -self._solved(gradient[:, None])[:, 0]
         return shared, -inner - (self.inverse @ (self.mixed @ shared)[..., None])[..., 0]
+
+    def sigmas(self, count: int) -> Array:
+        """Returns the standard deviations (count,) of the first shared unknowns."""
+        first = np.eye(len(self.matrix), count)
+        return np.sqrt(np.maximum((first * self._solved(first)).sum(0), 0.0))
+
+    def _solved(self, right: Array) -> Array:
+        """Returns the inverse of the matrix times the right side (G, R)."""
+        scale = 1 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-30))[:, None]
+        scaled = self.matrix * scale * scale.T
+        try:
+            return scale * np.linalg.solve(scaled, scale * right)
+        except np.linalg.LinAlgError:
+            return scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-15)[0]
 
     def block_covariances(self, shared: Array) -> Array:
         """Returns the covariances (N, D, D) of the blocks, from that of the shared unknowns (G, G)."""
@@ -187,8 +201,9 @@ class NormalEquations:
         """Eliminates the blocks. `damping` raises all diagonals by this share of them: those of the shared unknowns
         before the elimination, or after it with `narrow`."""
         own = np.eye(self.blocks.shape[1])
-        inverse = np.linalg.inv(self.blocks * (1 + damping * own) + 1e-12 * own)
-        root = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
+        # By the factors of the blocks: the inverse of a nearly singular one is positive but for its rounding.
+        root = np.linalg.inv(np.linalg.cholesky(self.blocks * (1 + damping * own) + 1e-12 * own))
+        inverse = np.swapaxes(root, 1, 2) @ root
         half = (root @ self.mixed).reshape(self.block_gradients.size, len(self.shared))
         matrix = self.shared - half.T @ half  # a symmetric product: half the work
         diagonal = np.diag(matrix if narrow else self.shared)
@@ -210,16 +225,24 @@ def cost(problem: Problem[T], values: T) -> float:
 
 
 def adjust(
-    problem: Problem[T], start: T, iterations: int, tolerance: float, narrow: bool = False, curved: bool = False
+    problem: Problem[T],
+    start: T,
+    iterations: int,
+    tolerance: float,
+    narrow: bool = False,
+    curved: bool = False,
+    sought: int = 0,
 ) -> Minimum[T]:
     """Minimises the cost from `start` on by Levenberg-Marquardt.
 
     `narrow` is for correlated unknowns, as where the scale is nearly free: they are damped less. `curved` is for
     narrow, bent valleys of the cost, as where focal length, depths and rotations are correlated: a straight step soon
     leaves them and is rejected. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) corrects a step by the
-    residuals' second derivative along it, with the same equations.
+    residuals' second derivative along it, with the same equations. `sought` of the shared unknowns, the first ones, may
+    be all that is asked for: it ends, too, when these have settled.
     """
     linearised_at: list = [None, None, None]
+    course = _Course(sought)
 
     def stepped(values: T, damping: float) -> T:
         if linearised_at[0] is not values:  # a rejected step is followed by another one from the same values
@@ -231,20 +254,54 @@ def adjust(
         if curved:
             ends = [problem.moved(values, s * shared, s * blocks) for s in (-CURVATURE_STEP, CURVATURE_STEP)]
             second = [
-                np.nan_to_num(
-                    (each.residuals(ends[0]) - 2 * each.residuals(values) + each.residuals(ends[1])) / CURVATURE_STEP**2
-                )
-                for each in problem.families
+                np.nan_to_num((each.residuals(ends[0]) - 2 * now + each.residuals(ends[1])) / CURVATURE_STEP**2)
+                for each, now in zip(problem.families, linearised.residuals, strict=True)
             ]
             _, pull, block_pull = linearised.gradients(second)
             more, more_blocks = eliminated.solve(pull, block_pull)
             shared, blocks = shared + 0.5 * more, blocks + 0.5 * more_blocks
+        course.tried(shared, eliminated)
         return problem.moved(values, shared, blocks)
 
     first, lowest = (FINE_FIRST, FINE_LOWEST) if curved else (FIRST_DAMPING, LOWEST_DAMPING)
     return minimise(
-        start, lambda values: cost(problem, values), stepped, iterations, tolerance, HIGHEST_DAMPING, first, lowest
+        start,
+        lambda values: cost(problem, values),
+        stepped,
+        iterations,
+        tolerance,
+        HIGHEST_DAMPING,
+        first,
+        lowest,
+        course.settled,
     )
+
+
+def remaining_change(last: Array, step: Array) -> Array:
+    """Extrapolates values (N,) after two steps by a geometric series.
+
+    Steps that do not shrink show that the values have not converged, not by how much.
+    """
+    share = np.clip(step / np.where(last == 0, np.inf, last), -MOST_SHARE, MOST_SHARE)
+    return step * share / (1 - share)
+
+
+class _Course:
+    """The steps of the unknowns that are asked for."""
+
+    def __init__(self, sought: int) -> None:
+        self.sought = sought
+        self.last, self.step, self.sigma = np.full(sought, np.nan), np.full(sought, np.nan), np.zeros(sought)
+
+    def tried(self, shared: Array, eliminated: Eliminated) -> None:
+        """Keeps a step (G,) that may be taken."""
+        if self.sought:
+            self.step, self.sigma = shared[: self.sought], eliminated.sigmas(self.sought)
+
+    def settled(self) -> bool:
+        """Takes that step; returns whether what remains of the way is small for each unknown's standard deviation."""
+        last, self.last = self.last, self.step
+        return self.sought > 0 and bool((np.abs(remaining_change(last, self.step)) < SETTLED * self.sigma).all())
 
 
 def _squares(family: Family[T], residuals: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from ispom.calibration.adjust.lens import vector_of
 from ispom.calibration.adjust.problem import Observations, Unknowns, board_problem
 from ispom.calibration.adjust.solve import with_views
 from ispom.calibration.targets.layouts import parse_target
@@ -16,9 +17,11 @@ from ispom.calibration.tracked.scene import LensPrior, Scene, scene_problem
 from ispom.numerics.robust import robust_loss
 from ispom.simulation.filmed_board import LEFT, board_poses
 from ispom.solvers.least_squares import (
+    SETTLED,
     Derivatives,
     Family,
     Loss,
+    NormalEquations,
     Prior,
     Problem,
     adjust,
@@ -157,3 +160,26 @@ def test_covariances_of_blocks_are_those_of_all_unknowns_together() -> None:
     for n, block in enumerate(reduced.block_covariances(covariance)):
         expected = whole[6 * n : 6 * n + 6, 6 * n : 6 * n + 6]
         np.testing.assert_allclose(block, expected, atol=1e-6 * abs(expected).max())
+
+
+def test_blocks_that_are_singular_but_for_their_damping_are_eliminated() -> None:
+    """As of points on whose distance the residuals say nothing, a few of which stopped a film's self-calibration."""
+    rng, count = np.random.default_rng(0), 500
+    slopes = rng.normal(size=(count, 2, 3)) * np.array([[1.5e3], [1.0]])
+    blocks, mixed = np.swapaxes(slopes, 1, 2) @ slopes, np.swapaxes(slopes, 1, 2) @ rng.normal(size=(count, 2, 4))
+    equations = NormalEquations(1e9 * np.eye(4), mixed, blocks, np.zeros((count, 4)), np.zeros(4), np.zeros((count, 3)))
+    reduced = equations.eliminated(1e-12)
+    assert np.linalg.eigvalsh(reduced.inverse).min() >= 0 and np.isfinite(reduced.matrix).all()
+
+
+def test_an_adjustment_ends_where_what_is_asked_for_has_settled() -> None:
+    problem, exact = of_board(robust_loss)
+    start = problem.moved(exact, np.full(problem.shared, 1e-3), np.zeros((problem.blocks, problem.size)))
+    whole = adjust(problem, start, 200, 1e-15)
+    settled = adjust(problem, start, 200, 1e-15, sought=4)
+    assert settled.iterations < whole.iterations
+    equations = normal_equations(problem, whole.values).eliminated(0.0)
+    sigmas = equations.sigmas(4)
+    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(np.linalg.inv(equations.matrix)))[:4], rtol=1e-6)
+    ends = [vector_of(found.values.cameras[0])[:4] for found in (settled, whole)]
+    assert (np.abs(ends[0] - ends[1]) < 2 * SETTLED * sigmas).all()

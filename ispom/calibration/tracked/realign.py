@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ispom.calibration.tracked.scene import Scene
+from ispom.calibration.tracked.scene import Observations, Scene
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.features.patches import align
 from ispom.geometry import Array
@@ -32,13 +33,13 @@ def realign(tracks: Tracks, scene: Scene) -> Tracks:
     first_view = tracks.view[first]
     uv, keep = tracks.uv.copy(), first_view == tracks.view
     for v in range(1, len(tracks.images)):
-        for u in np.unique(first_view[tracks.view == v]).tolist():
-            if u == v:
-                continue
-            here = np.flatnonzero((tracks.view == v) & (first_view == u))
-            warps = _warps(scene, scene.points[tracks.point[here]], u, v)
+        again = np.flatnonzero((tracks.view == v) & (first_view != v))
+        warps = _warps(scene, tracks.observations.select(again), first_view[again])
+        for u in np.unique(first_view[again]).tolist():
+            mine = first_view[again] == u
+            here = again[mine]
             found, score = align(
-                tracks.images[u], tracks.uv[first[here]], tracks.images[v], tracks.uv[here], warps, ITERATIONS
+                tracks.images[u], tracks.uv[first[here]], tracks.images[v], tracks.uv[here], warps[mine], ITERATIONS
             )
             moved_px = np.linalg.norm(found - tracks.uv[here], axis=1)
             good = (score > LEAST_CORRELATION) & (moved_px < MOST_MOVED_PX)
@@ -46,13 +47,13 @@ def realign(tracks: Tracks, scene: Scene) -> Tracks:
     return replace(tracks, view=tracks.view[keep], point=tracks.point[keep], uv=uv[keep])
 
 
-def _warps(scene: Scene, points: Array, first: int, now: int) -> Array:
-    """Returns pixels (N, 2, 2) of view `first` per pixel of view `now` around points (N, 4), on surfaces that face
-    `now`; the identity for points behind one of them."""
-    by_pixel = []
-    for v in (first, now):
-        in_camera = points[:, :3] @ scene.rotations[v].T + points[:, 3:] * scene.translations[v]
-        along = scene.rotations[v] @ scene.rotations[now].T[:, :2]  # the image's axes of `now`, in camera v
+def _warps(scene: Scene, now: Observations, first: NDArray[np.int64]) -> Array:
+    """Returns pixels (K, 2, 2) of the views `first` (K,) per pixel of those `now`, around points on surfaces that face
+    the views `now`; the identity for points behind one of them."""
+    by_pixel, facing = [], np.swapaxes(scene.rotations[now.view], 1, 2)[..., :2]
+    for views in (first, now.view):
+        in_camera = scene.in_camera(replace(now, view=views))
+        along = scene.rotations[views] @ facing  # the image's axes of `now`, in these cameras
         by_pixel.append(scene.camera.project_jacobian(in_camera) @ along)
     behind = ~np.isfinite(by_pixel).all((0, 2, 3))
     for jacobian in by_pixel:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.cameras import project_with_derivatives
-from ispom.geometry import Array, skew
+from ispom.calibration.tracked import projection
+from ispom.geometry import Array
 from ispom.numerics.robust import robust_loss
 from ispom.numerics.twist import moved
 from ispom.solvers.least_squares import Derivatives, Family, Loss, Prior, Problem, adjust
@@ -20,7 +20,6 @@ from ispom.types import Camera
 
 LENS, POSE = 5, 6
 """Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
-LEAST_DEPTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,8 @@ class Scene:
 
     def residuals_px(self, seen: Observations) -> Array:
         """Returns predicted minus observed pixels (K, 2); NaN behind a camera."""
-        return self.camera.project(self.in_camera(seen)) - seen.uv
+        at = self.lens, self.rotations, self.translations, self.points
+        return projection.errors(*map(np.ascontiguousarray, (*at, seen.view, seen.point, seen.uv)))
 
     def errors_px(self, seen: Observations) -> Array:
         """Returns distances (K,) of predicted from observed pixels; large behind a camera."""
@@ -130,7 +130,9 @@ class Free:
         step[self._all] = shared
         points = values.points
         if len(blocks):
-            points = points + (_tangents(points) @ blocks[..., None])[..., 0]
+            normals = _normals(points)
+            points = points - 2 * (normals[:, :3] * blocks).sum(1, keepdims=True) * normals
+            points[:, :3] += blocks
             points /= np.linalg.norm(points, axis=1, keepdims=True)
         rotations, translations = moved(values.rotations, values.translations, step[LENS:].reshape(-1, POSE))
         return Scene(values.lens + step[:LENS], rotations, translations, points)
@@ -151,18 +153,11 @@ class ImagePoints(Family[Scene]):
         return values.residuals_px(self.seen)
 
     def derivatives(self, values: Scene) -> Derivatives:
-        seen, q = self.seen, values.in_camera(self.seen)
-        q = np.where(q[:, 2:] > LEAST_DEPTH, q, [0, 0, 1.0])
-        _, by_q, by_camera = project_with_derivatives(values.camera, q)
-        by_lens = by_camera[..., 1:6].copy()
-        by_lens[..., 0] = (by_camera[..., 0] + by_camera[..., 1]) * np.exp(values.lens[0])
-        x, view = values.points[seen.point], seen.view
-        # q = R x_3 + t w: a left twist moves it by w rho + phi x q
-        by_shared = np.concatenate([by_lens, by_q * x[:, 3, None, None], -by_q @ skew(q)], axis=2)
+        at = values.lens, values.rotations, values.translations, values.points, _normals(values.points)
+        found = projection.slopes(*map(np.ascontiguousarray, (*at, self.seen.view, self.seen.point)))
         if self.points_known:
-            return Derivatives.of_shared(by_shared, self.columns)
-        moves = np.concatenate([values.rotations[view], values.translations[view][..., None]], axis=2)
-        return Derivatives(by_shared, self.columns, by_q @ (moves @ _tangents(values.points)[seen.point]), seen.point)
+            return Derivatives.of_shared(found[0], self.columns)
+        return Derivatives(found[0], self.columns, found[1], self.seen.point)
 
 
 def adjust_scene(
@@ -176,7 +171,7 @@ def adjust_scene(
 ) -> tuple[Scene, float]:
     """Adjusts lens, views up to the last observed one, and the points observed at least twice.
 
-    Returns the scene of least cost, and that cost. `curved` as in `least_squares.adjust`.
+    Returns the scene of least cost, and that cost. `curved` as in `least_squares.adjust`, until the lens has settled.
     """
     often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
     width_px = np.broadcast_to(width_px, len(often))[often]
@@ -185,18 +180,16 @@ def adjust_scene(
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
     problem = scene_problem(part, Observations(seen.view, owner, seen.uv), prior, width_px)
-    found = adjust(problem, part, iterations, tolerance, curved=curved)
+    sought = int((prior.sigma > 0).sum()) if curved else 0
+    found = adjust(problem, part, iterations, tolerance, curved=curved, sought=sought)
     rotations, translations, places = scene.rotations.copy(), scene.translations.copy(), scene.points.copy()
     rotations[:views], translations[:views] = found.values.rotations, found.values.translations
     places[points] = found.values.points
     return Scene(found.values.lens, rotations, translations, places), found.cost
 
 
-def _tangents(points: Array) -> Array:
-    """Returns bases (M, 4, 3) orthonormal to unit vectors (M, 4): the Householder reflection that maps them to the
-    last axis."""
-    sign = np.where(points[:, 3] < 0, -1.0, 1.0)
-    normal = points.copy()
-    normal[:, 3] += sign
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return (np.eye(4) - 2 * normal[:, :, None] * normal[:, None])[:, :, :3]
+def _normals(points: Array) -> Array:
+    """Returns the normals (M, 4) of the Householder reflections that map unit vectors (M, 4) to the last axis."""
+    normals = points.copy()
+    normals[:, 3] += np.where(points[:, 3] < 0, -1.0, 1.0)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -19,7 +19,7 @@ from ispom.calibration.tracked.scene import LENS, POSE, LensPrior, Observations,
 from ispom.calibration.tracked.tracks import Tracks
 from ispom.geometry import Array
 from ispom.numerics.robust import robust_loss
-from ispom.solvers.least_squares import normal_equations
+from ispom.solvers.least_squares import normal_equations, remaining_change
 from ispom.types import Camera
 
 STARTS = (0.0, -1.0, 1.0)
@@ -45,8 +45,6 @@ MOST_PX = 20.0
 """Larger errors count as so large."""
 SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
 """A small change of the lens."""
-MOST_SHARE = 0.9
-"""Ratio of successive changes of the lens above which it has not converged."""
 HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
@@ -122,15 +120,6 @@ def _adjust_with_widths(
         if (np.abs(step) < SMALL).all():
             return scene, np.zeros(LENS)
     return scene, remaining_change(last, step)
-
-
-def remaining_change(last: Array, step: Array) -> Array:
-    """Extrapolates (5,) after two steps by a geometric series.
-
-    Steps that do not shrink show that the lens has not converged, not by how much.
-    """
-    share = np.clip(step / np.where(last == 0, np.inf, last), -MOST_SHARE, MOST_SHARE)
-    return step * share / (1 - share)
 
 
 def widths(scene: Scene, seen: Observations, unit_px: float) -> Array:
