@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.modern.stereo.keyframe import corners
-from ispom.estimators.modern.stereo.level import LEVEL_ROWS_PX, levelled, measured
+from ispom.estimators.modern.stereo.level import LEVEL_ROWS_PX, Measured, levelled, measured
 from ispom.estimators.modern.stereo.pair import PairPoints, Setup, StereoImages
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
+from ispom.features.images import has_contrast
 from ispom.features.row_search import PointSearch
 from ispom.numerics.reductions import median
 from ispom.types import TrackStatus
@@ -38,16 +39,19 @@ def on_level_pair(
     begun = bool(state.map.keys)
     outcome = advance(state, images) if begun else None
     fits = _start_fits(setup, images) if outcome is None else _fits(setup, outcome)
-    if fits:
-        level, said = state.level.agreeing(), ()
-    else:
-        level, said = state.level.after(measured(setup, images, state.map.extra) if state.level.is_due else None)
+    level, said = (state.level.agreeing(), ()) if fits else state.level.after(_measured(setup, state, images))
     if (level.terms != state.level.terms).any():
         images, outcome = levelled(setup, given, level), None
     if outcome is None:
         outcome = advance(replace(state, level=level), images)
     outcome = replace(outcome, state=replace(outcome.state, level=level), decisions=(*said, *outcome.decisions))
     return outcome, images
+
+
+def _measured(setup: Setup, state: ModernStereoState, images: StereoImages) -> Measured | None:
+    """Returns what the features of a pair tell; None without light on either side, or if it is not due."""
+    light = has_contrast(images.left, state.last.left) and has_contrast(images.right, images.left)
+    return measured(setup, images, state.map.extra) if state.level.is_due and light else None
 
 
 def _start_fits(setup: Setup, images: StereoImages) -> bool:
