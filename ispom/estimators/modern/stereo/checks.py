@@ -86,6 +86,7 @@ ROWS_CHANGED = Check(
     LEVEL,
     "<=",
     "px",
+    passes="The right image's row offset changed by {value} px (limit {threshold} px).",
     fails="Rows changed: the right image's row offset changed by {value} px (limit {threshold} px). The right camera "
     "was moved, or the two images are of different moments.",
 )
@@ -96,6 +97,7 @@ MOMENTS = Check(
     LEVEL,
     "<=",
     "px",
+    passes="The right image's row offset changes by {value} px from pair to pair (limit {threshold} px).",
     fails="Different moments: the right image's row offset changes from pair to pair, here by {value} px (limit "
     "{threshold} px), as where left and right are not exposed at the same time.",
 )
