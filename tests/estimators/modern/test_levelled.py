@@ -23,6 +23,7 @@ from ispom.estimators.modern.stereo.level import (
     RowOffsets,
 )
 from ispom.estimators.modern.stereo.pair import Setup
+from ispom.evaluation.trajectory_error import trajectory_error
 from ispom.features.pair_rows import LEVELLED_PX
 from ispom.geometry import Array
 from ispom.io.trajectories import read_tum
@@ -30,6 +31,7 @@ from ispom.sequences import open_sequence
 from ispom.simulation.scenario.calibrations import Unlevel, WrongPair
 from ispom.solvers.right_camera import FOCAL, OFFSET_Y, PAIR, PITCH, ROLL, YAW, by_column, by_row
 from ispom.types import Decision, Frame, Rig, Sequence, Status, Step, is_stereo
+from tests.alone import alone
 
 DATA = Path(__file__).parents[4] / "shared/data"
 SAID = {"levelled", "rows_changed", "different_moments"}
@@ -223,6 +225,19 @@ def test_a_right_camera_that_was_turned_is_levelled(flight: Sequence, pitch_deg:
     assert abs(abs(pair.offset_y_rad) - np.radians(abs(pitch_deg))) < 4 * sigma[OFFSET_Y]
 
 
+def test_the_integration_takes_the_level_pair(flight: Sequence) -> None:
+    sequence = Unlevel(rows_px=-3.1, roll_deg=0.5).on(flight, 0)
+    method, steps = alone("integrated", sequence.rig), list[Step]()
+    state = method.start()
+    for i in range(40):
+        state, step = method.step(state, sequence[i])
+        steps.append(step)
+    assert sum(step.status is Status.TRACKING for step in steps) >= len(steps) - 2
+    assert sequence.truth is not None
+    error = trajectory_error(method.finish(state), sequence.truth, "se3")
+    assert error is not None and error.ate_m < 0.005
+
+
 def test_disparities_are_those_of_the_images_as_given(flight: Sequence) -> None:
     """Points in rows below the middle move to one side as the image is turned."""
     plain, turned = flight, Unlevel(rows_px=0, roll_deg=0.8).on(flight, 0)
@@ -278,7 +293,13 @@ def test_images_of_different_moments_are_named(rendered: Path, late_ms: int) -> 
 @pytest.mark.skipif(not (DATA / "hard/rover_unlevel").is_dir(), reason="../shared/data/hard/rover_unlevel is absent")
 def test_a_rover_s_pair_is_levelled_at_its_first_frame() -> None:
     folder = DATA / "hard/rover_unlevel"
-    sequence = replace(open_sequence(str(folder / "sequences/32")), truth=read_tum(folder / "truth.tum"))
-    steps = steps_of(sequence.rig, pairs_of(sequence, 50))
+    sequence, truth = open_sequence(str(folder / "sequences/32")), read_tum(folder / "truth.tum")
+    stereo, steps = CONFIG.build(sequence.rig), list[Step]()
+    state = stereo.start()
+    for pair in pairs_of(sequence, 50):
+        state, step = stereo.step(state, pair)
+        steps.append(step)
     assert sum(step.status is Status.TRACKING for step in steps) >= 48
     assert [d.key for step in steps for d in said(step)] == ["levelled"] and said(steps[0])
+    error = trajectory_error(stereo.finish(state), truth, "se3")
+    assert error is not None and error.ate_m < 0.02 * truth.length
