@@ -199,10 +199,10 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
         return EXCHANGED
     limit = PointSearch().max_row_error_px * px_per_tracked
     lower, half_px = model.lower_px * px, (both.size[0] * px / 2, both.size[1] * px / 2)
-    within = f"points are found within {limit:g} px"
+    search = f"points are found within {limit:g} px"
     levelled = (
         f"`stereo` and `integrated` correct up to {LEVELLED_PX * px_per_tracked:g} px and {LEVELLED_DEG:g} degrees by "
-        f"themselves, for the other methods {within}"
+        f"themselves, for the other methods {search}"
     )
     if abs(lower) > MAX_ROW_OFFSET * limit:
         return (
@@ -219,7 +219,7 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
     if abs(model.larger) * half_px[1] > MAX_ROW_OFFSET * limit:
         return (
             f"The right images show the scene {abs(model.larger):.1%} {'larger' if model.larger > 0 else 'smaller'} "
-            f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, and {within}): calibrate the "
+            f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, and {search}): calibrate the "
             "pair, or rectify it again."
         )
     return ""
