@@ -10,7 +10,20 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.features.images import TrackedSize
-from ispom.features.pair_rows import MIN_MATCHES, Look, Matches, RowModel, features_of, matched, moments
+from ispom.features.pair_rows import (
+    FLIP_TOLERANCE,
+    LEVEL_PX,
+    LEVEL_SHARE,
+    LEVELLED_DEG,
+    LEVELLED_PX,
+    MIN_MATCHES,
+    Look,
+    Matches,
+    RowModel,
+    features_of,
+    matched,
+    moments,
+)
 from ispom.features.row_search import PointSearch
 from ispom.plausibility.doubt import Doubt
 from ispom.plausibility.film import Film
@@ -27,14 +40,8 @@ CHECKED_NEIGHBOURS = 2
 MIN_SIDE_PX = 64
 """Least number of columns or rows [px] for a check."""
 MAX_ROW_OFFSET = 2.0
-"""Row offset, relative to the search range of stereo, above which most points are not found; smaller ones are
-corrected.
-"""
-LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
-"""Largest residual of a match's row offset [px], and the least share of matches within it; with fewer the images do not
-show the same scene."""
-FLIP_TOLERANCE = 0.2
-"""Largest difference of `larger` from -2 in images that are upside down, and from 0 in others."""
+"""Row offset, relative to the search range, above which it is told: methods that do not level the pair find next to
+nothing. `stereo` and `integrated` correct more than that, see LEVELLED_PX."""
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
 """Least shift to the right [px], and least share of matches beyond it, if left and right are exchanged; smaller shifts
 may be errors of the calibration."""
@@ -192,23 +199,27 @@ def pair_note(pairs: list[Frame], px_per_tracked: float = 1.0, looks: list[Look]
         return EXCHANGED
     limit = PointSearch().max_row_error_px * px_per_tracked
     lower, half_px = model.lower_px * px, (both.size[0] * px / 2, both.size[1] * px / 2)
-    stereo = f"and stereo finds points within {limit:g} px"
+    search = f"points are found within {limit:g} px"
+    levelled = (
+        f"`stereo` and `integrated` correct up to {LEVELLED_PX * px_per_tracked:g} px and {LEVELLED_DEG:g} degrees by "
+        f"themselves, for the other methods {search}"
+    )
     if abs(lower) > MAX_ROW_OFFSET * limit:
         return (
-            f"The right images lie {abs(lower):.1f} px {'lower' if lower > 0 else 'higher'} than the left ones, "
-            f"{stereo}: calibrate the pair, or rectify it again."
+            f"The right images lie {abs(lower):.1f} px {'lower' if lower > 0 else 'higher'} than the left ones: "
+            f"{levelled}. Calibrate the pair, or rectify it again."
         )
     if abs(model.turn_rad) * half_px[0] > limit:
         side = "clockwise" if model.turn_rad > 0 else "anticlockwise"
         return (
             f"The right images are turned by {np.degrees(abs(model.turn_rad)):.2g} degrees {side} against the left "
-            f"ones ({abs(model.turn_rad) * half_px[0]:.1f} px at the border, {stereo}): calibrate the pair, or rectify "
-            "it again."
+            f"ones ({abs(model.turn_rad) * half_px[0]:.1f} px at the border): {levelled}. Calibrate the pair, or "
+            "rectify it again."
         )
     if abs(model.larger) * half_px[1] > MAX_ROW_OFFSET * limit:
         return (
             f"The right images show the scene {abs(model.larger):.1%} {'larger' if model.larger > 0 else 'smaller'} "
-            f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, {stereo}): calibrate the "
+            f"than the left ones ({abs(model.larger) * half_px[1]:.1f} px at the border, and {search}): calibrate the "
             "pair, or rectify it again."
         )
     return ""

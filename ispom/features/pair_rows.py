@@ -26,6 +26,15 @@ RANSAC_SAMPLES = 300
 """Number of random samples of three matches; with half of the matches wrong, one in eight is right."""
 MIN_MATCHES = 60
 """Least number of matches for a judgement."""
+LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
+"""Largest residual of a match's row offset [px], and the least share of matches within it; with fewer the images do not
+show the same scene."""
+FLIP_TOLERANCE = 0.2
+"""Largest difference of `larger` from -2 in images that are upside down, and from 0 in others."""
+LEVELLED_PX, LEVELLED_DEG = 10.0, 2.0
+"""Largest row offset in the centre of the image, and largest rotation about each axis, that `stereo` and what builds on
+it correct by themselves: the largest prior standard deviations that their settings allow. Beyond them the linear model
+is off by a third of a pixel, and a pair that was moved so far has no known baseline either."""
 MIN_SCATTER_PX, MAX_SCATTER_RATIO = 0.8, 0.5
 """Least median scatter of the rows of matches in images of different times, and its largest ratio with the image before
 or after, which has the same time."""

@@ -22,7 +22,7 @@ from ispom.features.pair_look import (
     pair_note,
     with_look,
 )
-from ispom.features.pair_rows import Look
+from ispom.features.pair_rows import LEVELLED_PX, Look
 from ispom.plausibility.doubt import keys_of
 from ispom.types import Camera, Frame, Image, Measurement, Rig, Sequence
 
@@ -60,7 +60,8 @@ def test_one_camera_given_twice_is_told() -> None:
 
 @pytest.mark.parametrize(("lower_px", "words"), [(6.0, "6.0 px lower"), (-8.0, "8.0 px higher")])
 def test_rows_that_are_far_off_are_told(lower_px: float, words: str) -> None:
-    assert words in pair_note([pair(lower_px=lower_px)])
+    note = pair_note([pair(lower_px=lower_px)])
+    assert words in note and f"{LEVELLED_PX:g} px" in note
     assert pair_note([pair(lower_px=lower_px)], px_per_tracked=4.0) == ""
 
 

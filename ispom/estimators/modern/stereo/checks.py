@@ -9,7 +9,7 @@ from ispom.estimators.modern.noise import NOISE
 from ispom.estimators.modern.second_motion import LARGER, SECOND_MOTION, WIDER
 from ispom.types import Check, by_key
 
-LOCATED, CALIBRATED = "Pair localised?", "Is the calibration right?"
+LOCATED, CALIBRATED, LEVEL = "Pair localised?", "Is the calibration right?", "Is the pair level?"
 
 STAGES = {
     "track": "Tracks the points into the left image and then into the right one, and estimates the pose from both.",
@@ -66,6 +66,40 @@ IMAGES_EXCHANGED = Check(
     passes="Disparity: {value} matches are negative, {threshold} positive.",
     fails="Images swapped: the disparity of {value} matches is negative, of {threshold} positive, as if left and right "
     "were exchanged.",
+)
+LEVELLED = Check(
+    "levelled",
+    "row offset of the right image as given, of most points",
+    "warning",
+    LEVEL,
+    "<=",
+    "px",
+    passes="Levelled: right images are off their rows by {value} px, and corrected from now on (up to {threshold} px "
+    "are).",
+    fails="Not level: right images are off their rows by {value} px, more than is corrected ({threshold} px in the "
+    "centre, 2 degrees).",
+)
+ROWS_CHANGED = Check(
+    "rows_changed",
+    "change of the right image's row offset",
+    "warning",
+    LEVEL,
+    "<=",
+    "px",
+    passes="The right image's row offset changed by {value} px (limit {threshold} px).",
+    fails="Rows changed: the right image's row offset changed by {value} px (limit {threshold} px). The right camera "
+    "was moved, or the two images are of different moments.",
+)
+MOMENTS = Check(
+    "different_moments",
+    "change of the right image's row offset from pair to pair",
+    "warning",
+    LEVEL,
+    "<=",
+    "px",
+    passes="The right image's row offset changes by {value} px from pair to pair (limit {threshold} px).",
+    fails="Different moments: the right image's row offset changes from pair to pair, here by {value} px (limit "
+    "{threshold} px), as where left and right are not exposed at the same time.",
 )
 LOST_PAIRS = Check(
     "lost_pairs",
@@ -164,6 +198,9 @@ CHECKS = by_key(
     DESCRIBED_POINTS,
     DEPTH_POINTS,
     IMAGES_EXCHANGED,
+    LEVELLED,
+    ROWS_CHANGED,
+    MOMENTS,
     LOST_PAIRS,
     SECOND_MOTION,
     WIDER,

@@ -14,6 +14,7 @@ from ispom.estimators.modern.second_motion import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.height import height_prior
 from ispom.estimators.modern.stereo.keyframe import exchanged_since, keyframe_tests, new_points, start_obstacles
+from ispom.estimators.modern.stereo.levelling import on_level_pair
 from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
 from ispom.estimators.modern.stereo.map import extend_map
@@ -140,8 +141,8 @@ class ModernStereo:
         """Tracks and localises one frame; at a keyframe also adds points and optimises the window."""
         last_ns = None if state.last.left is None else state.last.time_ns
         measured = self._size.reduced(require_frame(measurement, STEREO, last_ns, self.rig))
-        watch, images = Stopwatch(), StereoImages.of(measured)
-        outcome = self._advance(state, images, watch)
+        watch = Stopwatch()
+        outcome, images = on_level_pair(self._setup, state, StereoImages.of(measured), partial(self._advance, watch))
         after, step = outcome.state, as_step(self._setup, measured, outcome)
         watch.lap("conclude")
         if self.config.loops:
@@ -153,7 +154,7 @@ class ModernStereo:
         """See LeavesOut."""
         return state.without_tracks(ids)
 
-    def _advance(self, earlier: ModernStereoState, images: StereoImages, watch: Stopwatch) -> Outcome:
+    def _advance(self, watch: Stopwatch, earlier: ModernStereoState, images: StereoImages) -> Outcome:
         """Runs the steps of the algorithm on one frame. `earlier` is the state before it."""
         setup = self._setup
 

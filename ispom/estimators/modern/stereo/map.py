@@ -60,7 +60,7 @@ def extend_map(
     world, result = optimise(setup, with_motions(setup, world))
     count, settled = len(world.keys), state.settled
     world, settled, consequence = _marginalised(setup, world, settled)
-    decisions = () if result is None else _decisions(setup, world, result, count, consequence)
+    decisions = () if result is None else _decisions(setup, world.corrected(state.level), result, count, consequence)
     newest = world.keys[-1]
     near = triangulated(setup, world, new, newest.motion)
     world = world.with_points(new.ids, newest.left_from_world.inverse().apply(near))

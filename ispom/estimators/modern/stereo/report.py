@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
+from ispom.estimators.modern.stereo.level import as_given
 from ispom.estimators.modern.stereo.localise import LocalisedFrame
 from ispom.estimators.modern.stereo.pair import Setup, TrackingResult
 from ispom.estimators.modern.stereo.predict import LastPair
@@ -82,7 +83,7 @@ def as_step(setup: Setup, measured: Frame, outcome: Outcome) -> Step:
         pose,
         covariance,
         outcome.keyframe,
-        {"left": _tracks(outcome, residual)},
+        {"left": _tracks(setup, outcome, residual)},
         _landmarks(measured, state) if outcome.keyframe else Landmarks.empty(),
         residual[np.isfinite(residual) & (tracked.status == TrackStatus.ALIVE)],
         _revised(setup, state) if outcome.keyframe else Trajectory.empty(),
@@ -96,7 +97,7 @@ def as_step(setup: Setup, measured: Frame, outcome: Outcome) -> Step:
 def _calibration(setup: Setup, state: ModernStereoState) -> Corrections:
     """Returns the corrections of the pair."""
     whole = state.map.covariance if setup.self_calibration else None
-    pair = PairCorrection.of(state.map.extra, None if whole is None else whole[-PAIR:, -PAIR:])
+    pair = PairCorrection.of(state.map.corrected(state.level).extra, None if whole is None else whole[-PAIR:, -PAIR:])
     noise = state.map.noise.as_image_noise(setup.noise.sigma)
     return Corrections(pair=pair, noise=noise, pair_motion=state.last.rate)
 
@@ -110,7 +111,7 @@ def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:
     return None if covariance is None else adjoint @ covariance @ adjoint.T
 
 
-def _tracks(outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
+def _tracks(setup: Setup, outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
     """Returns all tracks with their status, and the new ones; none if the frame has no pose."""
     old, now, tracked = outcome.tracked_points, outcome.state.last.points, outcome.tracked
     if old is None:
@@ -119,13 +120,14 @@ def _tracks(outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
     ended = (tracked.status != TrackStatus.ALIVE) & (tracked.status < TrackStatus.EPIPOLAR)
     uv = np.where(ended[:, None], old.uv[:count], tracked.uv)
     nan = np.full((outcome.new_points, 2), np.nan, np.float32)
+    both, disparity = np.concatenate([uv, now.uv[new]]), np.concatenate([tracked.disparity_px, now.disparity_px[new]])
     return Tracks.of(
         np.concatenate([old.ids[:count], now.ids[new]]),
-        np.concatenate([uv, now.uv[new]]),
+        both,
         uv_prev=np.concatenate([old.uv[:count], nan]),
         status=np.concatenate([tracked.status, np.full(outcome.new_points, TrackStatus.NEW, np.uint8)]),
         residual_px=np.concatenate([residual, nan[:, 0]]),
-        disparity_px=np.concatenate([tracked.disparity_px, now.disparity_px[new]]),
+        disparity_px=as_given(setup, outcome.state.level, both, disparity),
     )
 
 

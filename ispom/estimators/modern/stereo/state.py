@@ -12,6 +12,7 @@ from ispom.estimators.modern.keyframe_database import KeyframeDatabase
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.noise import TrackNoise
+from ispom.estimators.modern.stereo.level import Level
 from ispom.estimators.modern.stereo.pair import PairPoints, Setup, TrackingResult
 from ispom.estimators.modern.stereo.predict import LastPair
 from ispom.estimators.modern.stereo.shutter import pair_at_middle
@@ -94,6 +95,10 @@ class StereoMap:
     """None if the first keyframe defines the world."""
     noise: TrackNoise = TrackNoise()
     """Noise of the tracks, estimated from the windows' residuals."""
+
+    def corrected(self, level: Level) -> StereoMap:
+        """Returns the map with all corrections of the pair: those of its level ones, and those that levelled them."""
+        return replace(self, extra=self.extra + level.terms) if level.terms.any() else self
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Returns the index (N,) of each id among the points, -1 if unknown."""
@@ -208,6 +213,8 @@ class ModernStereoState:
     """Times and left_from_world of the keyframes that have left the window."""
     database: KeyframeDatabase = KeyframeDatabase()
     """The keyframes that relocalisation compares with."""
+    level: Level = Level()
+    """Whether the right images are level, and how they are corrected."""
     loops: StereoLoops = StereoLoops()
     """Loop closures and their corrections of the poses; all other fields are odometry without them."""
 
