@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -16,11 +18,14 @@ SHIFT_PX = 3, -2
 @pytest.fixture
 def pair() -> tuple[Image, Image]:
     """A texture of some pixels, and the same moved by SHIFT_PX."""
-    rng = np.random.default_rng(0)
-    texture = cv2.GaussianBlur(rng.uniform(0, 255, (120, 160)).astype(np.float32), (0, 0), 2)
-    texture = (texture - texture.min()) / np.ptp(texture) * 255
-    first = np.asarray(texture, np.uint8)
+    first = _texture(0)
     return first, np.roll(first, SHIFT_PX[::-1], axis=(0, 1))
+
+
+def _texture(seed: int) -> Image:
+    texture = np.random.default_rng(seed).uniform(0, 255, (120, 160)).astype(np.float32)
+    texture = cv2.GaussianBlur(texture, (0, 0), 2)
+    return np.asarray((texture - texture.min()) / np.ptp(texture) * 255, np.uint8)
 
 
 def inside() -> NDArray[np.float32]:
@@ -52,3 +57,16 @@ def test_what_is_found_is_what_the_check_keeps(pair: tuple[Image, Image]) -> Non
     found, status = Klt(levels=1).track(*pair, uv)
     np.testing.assert_array_equal(found, one_way)
     np.testing.assert_array_equal(status, Klt(levels=1).checked(*pair, uv, one_way))
+
+
+def test_a_search_back_that_does_not_know_its_answer_passes_fewer_wrong_tracks(pair: tuple[Image, Image]) -> None:
+    def alive(klt: Klt, a: Image, b: Image) -> int:
+        return int((klt.track(a, b, inside())[1] == TrackStatus.ALIVE).sum())
+
+    told = Klt(levels=1)
+    blind = replace(told, back_from_guess=True)
+    assert alive(blind, *pair) == len(inside())
+    unrelated = [(pair[0], np.ascontiguousarray(np.rot90(pair[0], 2)))]
+    unrelated += [(_texture(seed), _texture(100 + seed)) for seed in range(10)]
+    passed = np.array([[alive(klt, *images) for klt in (told, blind)] for images in unrelated]).sum(axis=0)
+    assert passed[1] < 0.75 * passed[0]

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -182,3 +183,20 @@ def test_the_truth_may_be_a_file_and_nothing_else(run: ispom.Run, tmp_path: Path
     with pytest.raises(ispom.InputError, match="500"):
         run.step_at(500)
     assert run.trajectory[0].translation.shape == (3,) and len(run.trajectory[1:3]) == 2
+
+
+def test_a_film_without_calibration_runs_with_the_camera_that_its_images_give(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The estimate itself has tests of its own; this one stands in for it."""
+
+    def estimated(film: ispom.Sequence) -> ispom.Sequence:
+        return replace(film, rig=ispom.Rig.single(replace(film.rig.camera("video"), fx=123.0)), guess=None)
+
+    monkeypatch.setattr("ispom.calibration.tracked.self_calibration.self_calibrated", estimated)
+    sequence = ispom.open_sequence("sim:tiny")
+    for k in [k for k, kind in enumerate(sequence.kinds) if kind == "video"][:8]:
+        cv2.imwrite(str(tmp_path / f"{k:03}.png"), sequence[k].images["video"])
+    assert ispom.open_sequence(str(tmp_path)).rig.camera("video").fx != 123
+    assert ispom.run(str(tmp_path), "monocular", frames=3).rig.camera("video").fx == 123
+    assert ispom.stepper(str(tmp_path), "monocular").sequence.rig.camera("video").fx == 123

@@ -19,7 +19,7 @@ from .stretch import Shot, Stretch
 MOST = 160
 """Largest number of corners that are tracked at a time."""
 APART_PX = 8
-TRACKER = Klt(window_px=15, levels=3, iterations=30, max_forward_backward_px=0.4, border_px=2)
+TRACKER = Klt(window_px=15, levels=3, iterations=30, max_forward_backward_px=0.4, border_px=2, back_from_guess=True)
 FROM_LEFT = replace(TRACKER, levels=2)
 """From the left into the right image, where the search starts near."""
 GUESSES = (0.01, 0.035, 0.07, 0.12, 0.18, -0.02, -0.05, -0.1)

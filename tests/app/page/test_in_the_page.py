@@ -84,7 +84,9 @@ TEXTS_IN_A_ROW = """(() => {
   const common = (a, b, low, high) => Math.min(a[high], b[high]) - Math.max(a[low], b[low]) > 1;
   const over = ([, a], [, b]) => common(a, b, "left", "right") && common(a, b, "top", "bottom");
   const pairs = seen.flatMap((a, i) => seen.slice(i + 1).filter((b) => over(a, b)).map((b) => [a[0], b[0]]));
-  return JSON.stringify([...pairs, ...seen.filter(([, box]) => box.right > innerWidth + 1).map(([name]) => name)]);
+  const row = document.getElementById("transport").getBoundingClientRect();
+  const cut = seen.filter(([, box]) => box.right > innerWidth + 1 || box.bottom > row.bottom + 1);
+  return JSON.stringify([...pairs, ...cut.map(([name]) => name)]);
 })()"""
 
 ROWS_IN_THE_STAGE = """(() => {
@@ -106,6 +108,24 @@ def test_nothing_lies_on_another_thing_or_beyond_the_window(page: Page, width: i
         page.tab.locator("#fold").click()
         page.tab.locator("#left").wait_for()
     page.resize(1280, 720)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1067, 600), (1280, 720), (1920, 1080)])
+def test_a_second_person_sees_who_is_in_control_beside_all_the_rest(
+    browser,  # noqa: F811
+    page: Page,
+    app: App,  # noqa: F811
+    width: int,
+    height: int,
+):
+    second = Page(browser, app.url, viewer=FAKE)
+    try:
+        second.until("state.people.others.length > 0 && !state.people.driving", "somebody who follows")
+        second.resize(width, height)
+        expect(second.tab.locator("#people button").last).to_be_visible()
+        assert second.tab.evaluate(TEXTS_IN_A_ROW) == "[]"
+    finally:
+        second.tab.close()
 
 
 def test_the_splitter_never_cuts_the_controls(page: Page):
