@@ -49,8 +49,8 @@ from ispom.types import Camera, Decision, Frame
 LEVELLED = (OFFSET_Y, PITCH, YAW, ROLL)
 """The corrections that are measured: rows show them at the first pair."""
 LEVEL_ROWS_PX = PointSearch().max_row_error_px / 2
-"""Median row offset [px] up to which a pair is level: half of the search range, whose other half noise and the lens
-need. KITTI 06 moved by 1 px is as accurate as moved by half a pixel, and less so from 1.5 px on."""
+"""Median row offset [px] up to which a pair is level: half of the search range, whose other half noise, lenses and
+turns need."""
 SURE = 5.0
 """Least size of a correction, in standard deviations; smaller ones are left to the self-calibration."""
 MATCH_PX = 0.17
@@ -64,7 +64,6 @@ CHANGES = 2
 """Number of changes from which on the images are of different moments: a camera is moved once."""
 FORGOTTEN = 10
 """Number of level pairs in a row after which earlier changes no longer count."""
-
 PATIENCE, EVERY = 3, 4
 """Number of pairs in a row whose features tell nothing, after which only every fourth pair is measured: a covered right
 lens may stay covered, and measuring takes as long as a frame."""
