@@ -16,8 +16,8 @@ keyframes. The scene is taken to be rigid; no place is recognised.
 
 Errors after Sim(3) alignment, as for all methods of one camera (`--methods points --points.features NAME`): KITTI 06,
 51 frames, 60 m; sim:city, the first 272 video frames. Frames without a pose are those before the first map.
-Of surf in sim:city only the first 136 frames were measured, of orb 268; sift there before its detector found points of low
-contrast.
+Of surf in sim:city only the first 136 frames were measured, of orb 268; sift there before its detector found points of
+low contrast.
 
 | features   | KITTI 06: t_err | ATE    | inliers | sim:city: t_err | ATE   | without a pose |
 | ---------- | --------------- | ------ | ------- | --------------- | ----- | -------------- |
