@@ -1,6 +1,6 @@
 """ORB as ORB-SLAM extracts it (Mur-Artal et al. 2015): FAST corners of cells, by a lower threshold where one has few.
 
-`ispom run sim:tiny --methods monocular --monocular.features orb-slam`
+`ispom run sim:tiny --methods monocular --monocular.features orb-slam`, or `--methods stereo --stereo.features orb-slam`
 """
 
 from dataclasses import dataclass
