@@ -29,10 +29,10 @@ CURVATURE_STEP = 0.1
 FINE_FIRST, FINE_LOWEST = 1e-7, 1e-12
 """First and least damping along curved valleys, along which the cost curves 1e-9 times as much as across, or less."""
 SETTLED = 0.1
-"""Share of a standard deviation: an unknown that is nearer to the minimum has settled. With a robust loss the steps
-shrink by a half or less, and the last of several dozens would change little but the cost of single residuals."""
+"""Share of a standard deviation: an unknown that is nearer to the minimum has settled. A tenth adds half a percent to
+its error."""
 MOST_SHARE = 0.9
-"""Ratio of successive steps above which they have not converged."""
+"""Largest ratio of successive steps by which a way is extrapolated: above it they have not converged."""
 HIGHEST_DAMPING = 1e8
 """Damping at which no step is expected to lower the cost."""
 
