@@ -21,10 +21,9 @@ from ispom.estimators.survey.fused import SCHEMES, FusedConfig
 from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
 from ispom.estimators.survey.fused_tight import FusedTightConfig
-from ispom.estimators.survey.fused_values import Noise
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose
-from ispom.sensors.fusion import Link, Node
+from ispom.sensors.fusion import Link, MotionNoise, Node
 from ispom.sensors.gnss import SimulatedGnss
 from ispom.sensors.imu import SimulatedImu
 from ispom.sensors.laser import SimulatedLaser, deskewed
@@ -207,11 +206,6 @@ def test_images_that_restart_before_the_start_only_delay_it() -> None:
     assert step is not None and step.status is Status.TRACKING
 
 
-def test_images_alone_keep_their_unit() -> None:
-    run = Run(config("9"), {})
-    assert run.final.length == pytest.approx(UNIT * run.truth.length, rel=0.01)
-
-
 def test_slip_is_recognised_and_ignored() -> None:
     wheel = SimulatedWheel(slip=0.6, slip_from_s=2, slip_until_s=4)
     run = Run(config("8"), chosen("8", wheel=wheel), turn=2e-4, place=2e-3)
@@ -260,9 +254,12 @@ def test_a_run_goes_on_from_any_state_to_the_same_end() -> None:
 
 def test_a_missing_sensor_or_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
+    with pytest.raises(InputError, match=r"^fused needs a sensor besides the images"):
+        FusedConfig().build(rig)
     with pytest.raises(InputError, match="scheme 3 needs an IMU and a GNSS antenna and a wheel odometer, which this"):
         FusedConfig(scheme="3").build(rig)
     monkeypatch.setattr(fused, "find_spec", lambda name: None)
+    rig = rig.changed(wheel=WheelOdometer())
     with pytest.raises(InputError, match=r"^fused needs gtsam, of the extra `fusion`"):
         FusedConfig().build(rig)
     with pytest.raises(InputError, match=r"^fused\.tight needs gtsam, of the extra `fusion`"):
@@ -293,7 +290,7 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
     rng, found = np.random.default_rng(0), []
     links = [Link(Pose.exp(rng.normal(size=6) * 0.2), np.eye(6) * 0.01) for _ in range(5)]
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
-    graph = Graph(rig, frozenset({"wheel"}), Pose(), Noise(1e-3, 1e-2, 1e-3))
+    graph = Graph(rig, frozenset({"wheel"}), Pose(), MotionNoise(1e-3, 1e-2, 1e-3))
     for window in (2, 9):
         first = Node(0, 0)
         prior, nodes = graph.first_prior(first, np.eye(6) * 1e-4, s=0.1), (first,)
