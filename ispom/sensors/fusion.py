@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array, Pose, skew
 from ispom.types import Decision, Kind, LensCorrection, Rig, Sensor
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ ORDER = np.array([3, 4, 5, 0, 1, 2])
 """Twists of gtsam are (phi, rho), those here (rho, phi)."""
 FLOOR_M, FLOOR_RAD = 2e-3, 1e-3
 """Smallest standard deviations of a relative pose [m], [rad]: of a standing platform."""
+LEAST_M, LEAST_RAD = 1e-4, 1e-5
+"""Smallest standard deviations of a relative pose by images [m], [rad]: they only keep equations solvable."""
 LOSS_WIDTH = 2.0
 """Of the robust losses [standard deviations]."""
 
@@ -85,6 +87,31 @@ class Points:
         return Points(self.ids[kept], self.xy[kept])
 
 
+@dataclass(frozen=True)
+class MotionNoise:
+    """How certain the motions are that the images give.
+
+    Images tell a rotation from a sideways translation only by the parallax of what they show, so an error of the
+    rotation is one about the middle of the scene, which the camera moves around.
+    """
+
+    turn: float
+    """Standard deviation of a rotation, by the root of the time [rad/sqrt(s)]."""
+    share: float
+    """Of a translation, by its length."""
+    scale_walk: float
+    """Of the log scale, by the root of the time [1/sqrt(s)]."""
+    depth: float = 0.0
+    """Of the middle of the scene in the camera, in the unit of the images."""
+
+    def covariance(self, moved: Pose, metres_per_unit: float, seconds: float) -> Array:
+        """Returns (6, 6) of the twist (rho [m], phi) of a motion of the camera, in the unit of the images."""
+        about = np.vstack([skew(np.array([0.0, 0.0, metres_per_unit * self.depth])), np.eye(3)])
+        turn = self.turn**2 * seconds + LEAST_RAD**2
+        place = self.share * metres_per_unit * float(np.linalg.norm(moved.translation)) + LEAST_M
+        return turn * about @ about.T + np.diag([place**2] * 3 + [0.0] * 3)
+
+
 NO_POINTS = Points(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
 
 
@@ -107,6 +134,8 @@ class Node:
     """world_from_camera of the images, in their unit."""
     visual: Pose | None = None
     """camera_before_from_camera_now, in the unit of the images."""
+    noise: MotionNoise | None = None
+    """Of `visual`."""
     fresh: bool = False
     """The unit of the images is not that of the node before."""
     relative: Mapping[Kind, Any] = field(default_factory=dict)

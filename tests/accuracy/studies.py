@@ -22,6 +22,7 @@ from .figures import FILE, Figures, methods_for, opened, print_figures, read_fig
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .loops import loops_found, print_loops
+from .schemes import print_schemes
 from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
 
@@ -68,6 +69,15 @@ def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
             print_consistency(console, method, cameras, by_scene)
             about = {"method": method, "cameras": cameras}
             measured += [{**about, "scene": scene, **found} for scene, found in by_scene.items()]
+    return measured
+
+
+def schemes(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Covariances of `fused`, by scheme."""
+    measured = list[dict[str, Any]]()
+    for seed in range(options.seeds):
+        measured += rows_of(console, f"fused, seed {seed} of a drive", "schemes", {"seed": seed}) or []
+    print_schemes(console, measured)
     return measured
 
 
@@ -206,6 +216,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
     {
         "figures": figures,
         "consistency": consistency,
+        "schemes": schemes,
         "gaps": gaps,
         "loops": loops,
         "starts": starts,

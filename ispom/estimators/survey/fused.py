@@ -12,7 +12,7 @@
 Schemes 1 and 2 differ by the grade of the IMU, which the rig's noise states: the graph is the same. While the
 recording goes on, the window is estimated; at the end all nodes are, with the final poses of the images.
 
-Limits: coupling is loose, the noise of the images is a setting, and neither clocks nor places of sensors in the rig are
+Limits: coupling is loose, and neither clocks nor places of sensors in the rig are
 estimated: what contradicts is named by its misfit. Scans are taken to see vertical walls. Figures of each scheme are in
 docs/methods/notes/fused.md.
 """
@@ -34,11 +34,11 @@ from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, alignment, fix_checks, started
-from ispom.estimators.survey.fused_values import Noise, Prior, revised_nodes
+from ispom.estimators.survey.fused_values import Prior, revised_nodes
 from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
 from ispom.sensors import SENSOR_KINDS
-from ispom.sensors.fusion import Node, motion_in_rig
+from ispom.sensors.fusion import MotionNoise, Node, motion_in_rig
 from ispom.sensors.kind import SensorKind
 from ispom.settings import checked
 from ispom.solvers.influence.problem import report_problem
@@ -80,21 +80,26 @@ class Fused:
         self._usable = usable = usable_kinds(self.tightly)
         known = frozenset(kind for kind in usable if rig.has(kind))
         self._sensors = known if config.scheme == "auto" else SCHEMES[config.scheme]
+        kinds = [kind for kind in usable.values() if kind.name in self._sensors]
+        for module in ("gtsam", *(module for kind in kinds for module in kind.needs)):
+            if find_spec(module) is None:
+                raise InputError(f"{name} needs {module}, of the extra `fusion`: run pip install 'ispom[fusion]'")
         if missing := [kind.phrase for kind in usable.values() if kind.name in self._sensors - known]:
             raise InputError(
                 f"{name}: scheme {config.scheme} needs {' and '.join(missing)}, which this sequence lacks: add it by "
                 f"--sensors FILE.yaml, or choose --{name}.scheme auto"
             )
-        kinds = [kind for kind in usable.values() if kind.name in self._sensors]
-        for module in ("gtsam", *(module for kind in kinds for module in kind.needs)):
-            if find_spec(module) is None:
-                raise InputError(f"{name} needs {module}, of the extra `fusion`: run pip install 'ispom[fusion]'")
+        if not self._sensors:
+            raise InputError(
+                f"{name} needs a sensor besides the images, which this sequence lacks: add it by --sensors FILE.yaml; "
+                f"images alone are scheme 9, the method {'stereo' if kind == 'stereo' else 'monocular'}"
+            )
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
-        noise = Noise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
+        noise = MotionNoise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
         self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
         frames = self._camera_from_rig, self._graph.rig_from_body
-        self._collector = Collector(rig, kinds, *frames, 0.01 * config.slip_percent)
+        self._collector = Collector(rig, kinds, *frames, 0.01 * config.slip_percent, noise)
         self._checks = checks_of(kinds)
 
     def start(self) -> FusedState:
@@ -164,8 +169,9 @@ class Fused:
             return state, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1),))
         moved = self._in_rig(relative, last.log_scale)
         along = moved.inverse().adjoint
-        length, seconds = float(np.linalg.norm(moved.translation)), (time_ns - last.time_ns) * 1e-9
-        covariance = along @ state.covariance @ along.T + self._graph.noise.covariance(length, seconds)
+        noise, seconds = state.noise or self._graph.noise, (time_ns - last.time_ns) * 1e-9
+        of_camera, onto = noise.covariance(relative, np.exp(last.log_scale), seconds), self._camera_from_rig.inverse()
+        covariance = along @ state.covariance @ along.T + onto.adjoint @ of_camera @ onto.adjoint.T
         pose = WORLD_FROM_LOCAL @ last.local_from_rig @ moved
         decisions = (LOCATED.of(1, 1),)
         return state, Step(time_ns, Status.TRACKING, "rig", pose, covariance, decisions=decisions)
@@ -179,9 +185,9 @@ class Fused:
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
         nodes = revised_nodes(state.nodes, dict(state.seen))
+        nodes = tuple(replace(node, noise=node.noise or state.noise) for node in nodes)  # the first ones have none
         frames = self._camera_from_rig, self._graph.rig_from_body
-        known = self._metric or not self._sensors  # images alone keep their unit
-        start = started(nodes, *frames, "gnss" in self._sensors, known, self._config.start_m)
+        start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
         if start is None and self._metric:
             decisions = (LOCATED.of(1, 1), alignment(nodes, self._config.start_m, aligned=False))
@@ -196,7 +202,7 @@ class Fused:
         nodes, misfits = self._optimised(start.nodes, prior)
         certain = START_SIGMA.of(self._graph.uncertainty(nodes, prior).by_letter["s"], WORST_SCALE)
         watch.lap("optimise")
-        if self._sensors and not certain.passed:
+        if not certain.passed:
             count = STARTED.of(len(nodes), WAITING_NODES, passed=False)
             return waiting, Step(time_ns, Status.INITIALISING, decisions=(LOCATED.of(1, 1), count, certain))
         state = replace(state, nodes=nodes, prior=prior, first=prior)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ispom.estimators.survey.fused_values import Noise, Prior
+from ispom.estimators.survey.fused_values import Prior
 from ispom.estimators.survey.fused_window import Uncertainty, WindowGraph
 from ispom.geometry import Pose, skew, so3_log
-from ispom.sensors.fusion import CAUCHY, ORDER, POSE, SCALE, Factor, Node
+from ispom.sensors.fusion import CAUCHY, ORDER, POSE, SCALE, Factor, MotionNoise, Node
 from ispom.types import Rig
 
 if TYPE_CHECKING:
@@ -41,9 +41,10 @@ class Graph(WindowGraph):
 
     relaxed = 1e-9
 
-    def __init__(self, rig: Rig, sensors: frozenset[str], camera_from_rig: Pose, noise: Noise) -> None:
+    def __init__(self, rig: Rig, sensors: frozenset[str], camera_from_rig: Pose, noise: MotionNoise) -> None:
         super().__init__(rig, sensors, camera_from_rig, CAUCHY, (SCALE,))
         self.noise = noise
+        """Of images that do not state their own."""
 
     def optimised(self, nodes: tuple[Node, ...], prior: Prior) -> tuple[tuple[Node, ...], dict[str, float]]:
         """Returns the most likely nodes, and by sensor the RMS residual of its last factors [standard deviations]."""
@@ -91,7 +92,7 @@ class Graph(WindowGraph):
         import gtsam
 
         seconds = (now.time_ns - before.time_ns) * 1e-9
-        walk = FRESH if now.fresh else self.noise.scale_walk * np.sqrt(seconds)
+        walk = FRESH if now.fresh else (now.noise or self.noise).scale_walk * np.sqrt(seconds)
         noise, keys = gtsam.noiseModel.Isotropic.Sigma(1, walk), (SCALE.key(before), SCALE.key(now))
         return Factor("scale", gtsam.BetweenFactorVector(*keys, np.zeros(1), noise), now.number)
 
@@ -102,8 +103,8 @@ class Graph(WindowGraph):
         body_from_camera = self.rig_from_body.inverse() @ self.frames.camera_from_rig.inverse()
         to_camera = body_from_camera.inverse().adjoint[np.ix_(ORDER, ORDER)]
         keys = [POSE.key(before), POSE.key(now), SCALE.key(now)]
-        length, seconds = np.exp(now.log_scale) * np.linalg.norm(moved.translation), now.time_ns - before.time_ns
-        covariance = self.noise.covariance(float(length), seconds * 1e-9)[np.ix_(ORDER, ORDER)]
+        scale, seconds = float(np.exp(now.log_scale)), (now.time_ns - before.time_ns) * 1e-9
+        covariance = (now.noise or self.noise).covariance(moved, scale, seconds)[np.ix_(ORDER, ORDER)]
 
         def error(_: gtsam.CustomFactor, values: gtsam.Values, jacobians: Any) -> Any:
             first, second = (Pose.from_matrix(values.atPose3(key).matrix()) @ body_from_camera for key in keys[:2])

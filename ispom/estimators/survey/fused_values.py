@@ -1,4 +1,4 @@
-"""The numbers of the graph of `fused` besides its nodes: the prior of the first ones, and the noise of the images."""
+"""The numbers of the graph of `fused` besides its nodes: the prior of the first ones, and revised motions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
 from ispom.geometry import Array, Pose
-from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, Node
+from ispom.sensors.fusion import Node
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,23 +22,6 @@ class Prior:
     """(K D,) information times the most likely difference."""
     without: Mapping[str, Array]
     """(K D, K D) information without each sensor."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Of the motions that the images give."""
-
-    turn: float
-    """Standard deviation of a rotation, by the root of the time [rad/sqrt(s)]."""
-    share: float
-    """Of a translation, by its length."""
-    scale_walk: float
-    """Of the log scale, by the root of the time [1/sqrt(s)]."""
-
-    def covariance(self, length_m: float, seconds: float) -> Array:
-        """Returns (6, 6) of the twist (rho [m], phi) of a motion."""
-        place, turn = self.share * length_m + FLOOR_M, self.turn * np.sqrt(seconds) + 0.1 * FLOOR_RAD
-        return np.diag([place] * 3 + [turn] * 3) ** 2
 
 
 def revised_nodes(nodes: tuple[Node, ...], cameras: Mapping[int, Pose]) -> tuple[Node, ...]:

@@ -24,8 +24,8 @@ from ispom.types import Imu, Rig
 if TYPE_CHECKING:
     import gtsam
 
-GAUGE = 1e-3
-"""Standard deviation [m], [rad] of what the first pose defines."""
+GAUGE = 1e-5
+"""Standard deviation [m], [rad] of what the first pose defines: it only keeps equations solvable."""
 UNPLACED_M, UNTURNED, TILTED = 100.0, 0.5, 0.15
 """Standard deviations at the start: of a place and a heading by fixes [m], [rad], and of up by an IMU [rad]."""
 BLIND = np.diag([50.0, 50.0, 50.0, 0.5, 0.5, 0.5]) ** 2

@@ -141,7 +141,7 @@ def test_what_is_missing_is_said_before_the_first_run(
     plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     content = yaml.safe_load(plan.read_text())
-    content["lines"]["F"] = {"method": "fused", "settings": {"fused.scheme": "9"}}
+    content["lines"]["F"] = {"method": "fused", "settings": {"fused.scheme": "8"}}
     content["statements"] = [{"text": "t", "quantity": "ate_m", "line": "F", "at_most": 1}]
     plan.write_text(yaml.safe_dump(content))
     monkeypatch.setattr("ispom.estimators.survey.fused.find_spec", lambda name: None)

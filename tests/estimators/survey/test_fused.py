@@ -21,10 +21,9 @@ from ispom.estimators.survey.fused import SCHEMES, FusedConfig
 from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
 from ispom.estimators.survey.fused_tight import FusedTightConfig
-from ispom.estimators.survey.fused_values import Noise
 from ispom.evaluation.trajectory_error import error_against_truth
-from ispom.geometry import Pose
-from ispom.sensors.fusion import Link, Node
+from ispom.geometry import Pose, skew
+from ispom.sensors.fusion import Link, MotionNoise, Node
 from ispom.sensors.gnss import SimulatedGnss
 from ispom.sensors.imu import SimulatedImu
 from ispom.sensors.laser import SimulatedLaser, deskewed
@@ -38,6 +37,7 @@ from ispom.testing.values import digest
 from ispom.types import (
     Camera,
     Frame,
+    Landmarks,
     Measurement,
     Rig,
     Sequence,
@@ -207,11 +207,6 @@ def test_images_that_restart_before_the_start_only_delay_it() -> None:
     assert step is not None and step.status is Status.TRACKING
 
 
-def test_images_alone_keep_their_unit() -> None:
-    run = Run(config("9"), {})
-    assert run.final.length == pytest.approx(UNIT * run.truth.length, rel=0.01)
-
-
 def test_slip_is_recognised_and_ignored() -> None:
     wheel = SimulatedWheel(slip=0.6, slip_from_s=2, slip_until_s=4)
     run = Run(config("8"), chosen("8", wheel=wheel), turn=2e-4, place=2e-3)
@@ -260,9 +255,12 @@ def test_a_run_goes_on_from_any_state_to_the_same_end() -> None:
 
 def test_a_missing_sensor_or_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
+    with pytest.raises(InputError, match=r"^fused needs a sensor besides the images"):
+        FusedConfig().build(rig)
     with pytest.raises(InputError, match="scheme 3 needs an IMU and a GNSS antenna and a wheel odometer, which this"):
         FusedConfig(scheme="3").build(rig)
     monkeypatch.setattr(fused, "find_spec", lambda name: None)
+    rig = rig.changed(wheel=WheelOdometer())
     with pytest.raises(InputError, match=r"^fused needs gtsam, of the extra `fusion`"):
         FusedConfig().build(rig)
     with pytest.raises(InputError, match=r"^fused\.tight needs gtsam, of the extra `fusion`"):
@@ -293,7 +291,7 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
     rng, found = np.random.default_rng(0), []
     links = [Link(Pose.exp(rng.normal(size=6) * 0.2), np.eye(6) * 0.01) for _ in range(5)]
     rig = Rig.single(Camera(64, 48, 50.0, 50.0, 31.5, 23.5))
-    graph = Graph(rig, frozenset({"wheel"}), Pose(), Noise(1e-3, 1e-2, 1e-3))
+    graph = Graph(rig, frozenset({"wheel"}), Pose(), MotionNoise(1e-3, 1e-2, 1e-3))
     for window in (2, 9):
         first = Node(0, 0)
         prior, nodes = graph.first_prior(first, np.eye(6) * 1e-4, s=0.1), (first,)
@@ -305,6 +303,38 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
         found.append((graph.uncertainty(nodes, prior).covariance, nodes[-1].local_from_rig.matrix))
     assert_allclose(found[0][0], found[1][0], rtol=1e-4, atol=1e-9)
     assert_allclose(found[0][1], found[1][1], atol=1e-6)
+
+
+def test_the_noise_of_the_images_is_what_they_state() -> None:
+    """A rotation whose variance grows by so much a second, and points at a distance."""
+    rig = Rig.of(video=Camera(64, 48, 50.0, 50.0, 31.5, 23.5)).changed(wheel=EXACT["wheel"].sensor())
+    estimator: Any = config("8").build(rig)
+    state, rate, points = (
+        estimator.start(),
+        2e-4,
+        Landmarks(np.arange(3), np.array([[0, 0, 7.0]] * 3), np.zeros((3, 3))),
+    )
+    for k in range(31):
+        time_ns, grey = k * 100_000_000, np.zeros((48, 64), np.uint8)
+        covariance = np.diag([1e-4] * 3 + [rate**2 * k * 0.1] * 3)
+        visual = Step(
+            time_ns, Status.TRACKING, "video", Pose(), covariance, landmarks=points, scale_sigma=1e-3 * np.sqrt(0.1 * k)
+        )
+        state, _ = estimator.step(state, Frame.video(time_ns, grey), {"visual": visual})
+        assert (state.noise is None) == (k < 10), "a second passes first"
+    assert_allclose([state.noise.turn, state.noise.scale_walk, state.noise.depth], [rate, 1e-3, 7.0])
+    state, _ = estimator.step(
+        state, Frame.video(10**10, grey), {"visual": replace(visual, time_ns=10**10, restarted=True)}
+    )
+    assert state.noise is None, "another world"
+
+
+def test_an_error_of_a_rotation_is_one_about_the_middle_of_the_scene() -> None:
+    noise = MotionNoise(turn=1e-3, share=0.0, scale_walk=0.0, depth=10.0)
+    spread = noise.covariance(Pose(), 2.0, 1.0)
+    middle = np.hstack([np.eye(3), -skew(np.array([0.0, 0.0, 20.0]))])
+    assert np.sqrt(np.diag(spread))[:3] == pytest.approx([0.02, 0.02, 0.0], abs=2e-4)
+    assert np.trace(middle @ spread @ middle.T) < 1e-7, "it stays"
 
 
 def with_all_sensors() -> Sequence:
