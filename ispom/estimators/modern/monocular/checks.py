@@ -225,12 +225,12 @@ UNIT_FACTOR = Check(
 UNIT_SPREAD = Check(
     "unit_spread",
     "standard deviation of the transferred scale",
-    "warning",
+    "requirement",
     UNIT,
     "<=",
     "%",
     passes="Scale across the loss: standard deviation {value} % (limit {threshold} %).",
-    fails="Scale unreliable: across the loss its standard deviation is {value} % (limit {threshold} %).",
+    fails="Scale not transferred: across the loss its standard deviation is {value} % (limit {threshold} %).",
     topic="scale",
 )
 

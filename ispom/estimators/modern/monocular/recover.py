@@ -34,7 +34,7 @@ from ispom.estimators.modern.monocular.match_keyframes import (
 )
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import MIN_POINTS, MIN_SHARED, ModernMonocularState, Outcome, Start
-from ispom.estimators.modern.monocular.track import median_speed, predict_covariance, predict_pose
+from ispom.estimators.modern.monocular.track import predict_covariance, predict_pose
 from ispom.estimators.modern.monocular.tracks import (
     LiveTracks,
     NewImage,
@@ -193,22 +193,24 @@ def _window_of_keyframes(setup: Setup, local_map: Map, match: KeyframeMatch) -> 
 def continue_earlier_segment(
     setup: Setup, state: ModernMonocularState, image: NewImage
 ) -> tuple[ModernMonocularState, Outcome | None]:
-    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes.
+    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes, and these give it
+    their scale.
 
     Also returns the state used, which has the matched features as tracks.
     """
     state, relocalisation = _relocalise_after_loss(setup, state, image)
     if relocalisation is None:
         return state, None
-    state, localisation = relocalisation.state, relocalisation.localisation
+    matched, localisation = relocalisation.state, relocalisation.localisation
     decisions = (
-        checks.DESCRIBED_POINTS.of(len(state.live.ids), MIN_INLIERS),
+        checks.DESCRIBED_POINTS.of(len(matched.live.ids), MIN_INLIERS),
         checks.POSE_POINTS.of(localisation.count, MIN_DESCRIBED),
     )
-    tracks = TracksInMap(setup, state.live, relocalisation.map)
+    tracks = TracksInMap(setup, matched.live, relocalisation.map)
     frame, outcome = without_outliers(tracks, image, localisation, decisions)
     outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
-    return state, add_keyframe(setup, state, outcome, frame)
+    outcome = add_keyframe(setup, matched, outcome, frame)
+    return (state, None) if outcome.segment is None else (matched, outcome)
 
 
 def recover(
@@ -263,16 +265,18 @@ def new_start(
     decisions: tuple[Decision, ...],
 ) -> Outcome:
     """Starts a new map at the pose of the frame, in the old world and if possible in its scale; `held` is the pose
-    reported now."""
+    reported now, None if the position is unknown."""
     local_map, base = required(state.map, "there is no map to leave"), frame.pose
     joined = held is not None and local_map.points.count(frame.ids) >= MIN_SHARED
     start = Start(
         (frame,),
         base,
-        speed=median_speed(local_map),
+        depth=local_map.median_depth,
         points=local_map.points,
         extra_sigma=setup.extra_sigma,
-        covariance=predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base),
+        covariance=predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+        if joined
+        else np.zeros((6, 6)),
         coasting=None if held is not None else partial(predict_pose, state.recent),
         joined=joined,
         lost=replace(local_map, keys=(), points=ScenePoints(), prior=None, relative_frames=()),

@@ -36,8 +36,9 @@ class Start:
     frames: tuple[TrackedFrame, ...] = ()
     """The first is the reference. Each has its held pose: its own rotation, the position of the reference."""
     base: Pose = Pose()
-    speed: float | None = None
-    """Speed before the loss [units/s], which scales the new map's first baseline; None: that baseline is 1."""
+    depth: float | None = None
+    """Median depth of the scene before the loss, which the new map gets, too: its unit is free, and with the same depth
+    it can be shown beside the old one. None without a map before: the first baseline is then the unit."""
     points: ScenePoints = ScenePoints()
     """Points of the map before the loss: surviving tracks transfer the scale."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
@@ -156,7 +157,8 @@ class ModernMonocularState:
     uncertainty: MapUncertainty | None = None
     """Uncertainty of the map, since the last keyframe."""
     depth_sigmas: tuple[float, ...] = ()
-    """`uncertainty.depth_sigma` at the last keyframes, as many as the window has."""
+    """`uncertainty.depth_sigma` at the last keyframes, as many as the window has, since the unit was defined: by a
+    first map, by recognised keyframes, or at the begin of a segment."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) covariance of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
