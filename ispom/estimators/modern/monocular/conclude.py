@@ -15,6 +15,7 @@ from ispom.estimators.modern.loops.checks import LOOP_SHIFT
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
 from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
+from ispom.estimators.modern.monocular.lost_frames import next_lost_frames
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.match_keyframes import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
@@ -106,6 +107,7 @@ def next_state(
         outlier_tracks=outcome.outlier_tracks,
         agreeing=() if state.map is None else state.agreeing,
         before_map=_before_map(state, outcome),
+        lost_frames=next_lost_frames(setup, state, outcome, image),
     )
 
 

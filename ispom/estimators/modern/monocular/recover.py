@@ -111,11 +111,20 @@ def _relocalise_after_loss(
     if live.grey is None or not has_contrast(image.grey, live.grey):
         return state, None
     # Tracks since the loss, and guessed poses, belong to the map that was being initialised.
-    no_tracks = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
-    earlier = replace(state, live=no_tracks, settled=state.settled.extended(start.held if start.joined else ()))
-    image = replace(image, scene=np.zeros((0, 3)))
-    earlier, relocalisation = _relocalise(setup, earlier, start.lost, image, None, len(start.frames))
+    earlier = replace(state, settled=state.settled.extended(start.held if start.joined else ()))
+    earlier, relocalisation = relocalise_alone(setup, earlier, start.lost, image, len(start.frames))
     return replace(state, database=earlier.database), relocalisation
+
+
+def relocalise_alone(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, turn: int
+) -> tuple[ModernMonocularState, Relocalisation | None]:
+    """Relocalises a frame in the keyframes without any track; each `turn` compares it with others of them. The state
+    that is returned has the new descriptions, and no tracks."""
+    live = state.live
+    no_tracks = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
+    image = replace(image, scene=np.zeros((0, 3)))
+    return _relocalise(setup, replace(state, live=no_tracks), local_map, image, None, turn)
 
 
 def _relocalise(

@@ -19,7 +19,7 @@ from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation
 from ispom.solvers.window.prior import LENS
-from ispom.types import Decision, Status, Tracks
+from ispom.types import Decision, Image, Status, Tracks
 
 NEWEST_FRAMES, MAX_FRAMES = 40, 120
 """Number of the newest frames, which are all stored, and largest number of frames; older ones are thinned out."""
@@ -133,6 +133,18 @@ def held_poses(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]
 
 
 @dataclass(frozen=True, eq=False)
+class LostFrame:
+    """A frame without a pose, which may be localised later."""
+
+    time_ns: int
+    grey: Image
+    segment: int
+    """The segment in which it was lost."""
+    tries: int = 0
+    """How many times it was tried again."""
+
+
+@dataclass(frozen=True, eq=False)
 class BeforeMap:
     """What a map replaced or added to, so that it can be taken back."""
 
@@ -178,6 +190,8 @@ class ModernMonocularState:
     see `agreement`."""
     before_map: BeforeMap | None = None
     """While the map is young and may be taken back."""
+    lost_frames: tuple[LostFrame, ...] = ()
+    """To be tried again at later keyframes, the last ones first."""
 
     def without_tracks(self, ids: NDArray[np.int64]) -> ModernMonocularState:
         """Returns the state without these tracks (M,), see estimator.LeavesOut."""
