@@ -146,3 +146,10 @@ def test_recognised_points_give_a_map_its_unit() -> None:
     found, _, passed = mapped(Start(depth=30.0, points=some(40)), unit=0.5)
     assert passed["unit_points"] and passed["unit_spread"]
     assert np.linalg.norm(found.poses[-1].translation) == pytest.approx(0.35, rel=0.03)
+
+
+@pytest.mark.parametrize(("depth", "joined", "held"), [(None, True, 8), (30.0, True, 8), (30.0, False, 0)])
+def test_no_position_is_held_where_the_camera_was_lost_in_motion(depth: float | None, joined: bool, held: int) -> None:
+    start, _ = sideways(Start(depth=depth, joined=joined), 1.0)
+    frames = tuple(replace(f, world_from_camera=Pose()) for f in start.frames)
+    assert len(replace(start, frames=frames).held) == held

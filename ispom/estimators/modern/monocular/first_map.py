@@ -293,10 +293,10 @@ def _earlier_frames(local_map: Map, start: Start, width: float) -> tuple[Relativ
 
 def poses_outside_first_map(local_map: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
     """Returns the poses of frames outside of the first map. Those between its frames are interpolated; those before it
-    keep their orientations, at the position of its first frame."""
+    keep their orientations, at the position of its first frame, unless the camera was lost in motion."""
     placed = Trajectory.of(local_map.trajectory())
     first_ns, place = placed.times_ns[0], placed.translations[0]
-    held = dict([*held_poses(start.earlier), *start.passed])
+    held = {} if start.moves else dict([*held_poses(start.earlier), *start.passed])
     before = [(t, Pose(pose.rotation, place)) for t, pose in held.items() if t < first_ns]
     between = [t for t, _ in start.passed if t > first_ns]
     return (*before, *interpolate(placed, np.array(between, np.int64), "linear").items())

@@ -87,8 +87,16 @@ class Start:
 
     @property
     def held(self) -> tuple[tuple[int, Pose], ...]:
-        """The held poses of all frames, unordered."""
+        """The held poses of all frames, unordered; none after a loss if the camera may have moved: its position is then
+        unknown."""
+        if self.moves:
+            return ()
         return (*self.passed, *held_poses((*self.earlier, *self.frames)))
+
+    @property
+    def moves(self) -> bool:
+        """Whether the camera was lost in motion, so that no position can be held."""
+        return self.depth is not None and not self.joined
 
     def limited(self) -> Start:
         """Removes a frame if there are too many: of the older ones, that with the nearest neighbours in time."""
