@@ -61,14 +61,18 @@ class SegmentScale:
 
 
 def segments_of(steps: Sequence[Step]) -> list[list[int]]:
-    """Returns the indices of the located frames of each part of the run in one segment, in order."""
-    found: list[list[int]] = [[]]
+    """Returns the indices of the located frames of each segment, in order; a part that joins an earlier segment belongs
+    to that."""
+    found, count, segment = dict[int, list[int]](), 0, 0
     for index, step in enumerate(steps):
         if step.restarted:
-            found.append([])
+            count += 1
+            segment = count
+        if step.joins is not None:
+            segment = step.joins
         if step.status == Status.TRACKING and step.world_from_frame is not None:
-            found[-1].append(index)
-    return [part for part in found if part]
+            found.setdefault(segment, []).append(index)
+    return [found[key] for key in sorted(found)]
 
 
 def scales(steps: Sequence[Step], truth: Trajectory) -> list[SegmentScale]:

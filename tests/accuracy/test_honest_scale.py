@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rich.console import Console
@@ -53,6 +55,15 @@ def test_a_unit_that_changes_within_a_segment_is_not(factor: float) -> None:
 def test_it_is_honest_where_a_segment_begins() -> None:
     found = scales(*run(changed(0.03), begin=(round(0.75 * (COUNT - 1)),)))
     assert len(found) == 2 and all(scale.honest for scale in found)
+
+
+def test_a_part_that_joins_a_segment_is_judged_with_it() -> None:
+    begin = round(0.75 * (COUNT - 1))
+    for factor in (1.0, 0.5):
+        steps, truth = run(changed(factor), begin=(begin,))
+        steps[begin] = replace(steps[begin], joins=0)
+        (found,) = scales(steps, truth)
+        assert found.honest == (factor == 1.0)
 
 
 def test_a_stated_uncertainty_excuses_no_more_than_the_promised_factor() -> None:
