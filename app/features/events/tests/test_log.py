@@ -75,6 +75,14 @@ def test_a_new_segment_is_reported_once_there_was_something_before_it() -> None:
     assert told(found) == [("lost", 1, 2), ("segment", 1, 2)]
 
 
+def test_each_segment_that_begins_as_the_scale_is_lost_says_so() -> None:
+    """Though the scale's own event holds, and is no worse the second time."""
+    lost = step(T, checks.SCALE_KNOWN.of(70, 50), restarted=True)
+    found = logged([step(T), lost, step(T), lost, step(T)])
+    assert told(found) == [("scale", 1, None), ("segment", 1, 2), ("segment", 3, 4)]
+    assert all("70" in event.sentence for event in found.events if event.kind == "segment")
+
+
 def test_a_jump_says_how_far() -> None:
     moves = np.cumsum([0, 1, 1, 1, 1, 1, 5.5, 1])
     (event,) = logged(step(T, x=float(x)) for x in moves).events
