@@ -14,6 +14,8 @@ starts: whether the first map of monocular is right, started at many frames of s
     KITTI 06, KITTI 00 and handheld_board if they are in --data.
 cameras: the errors of the modern methods on one flight (16 seeds) filmed by other cameras: 4K, 12 bits, variable
     rate, portrait, fisheye, rolling shutter. Rendering takes half an hour.
+scale: whether the scale within a segment of monocular changes by no more than the method states and promises, on each
+    recording with truth. --only chooses.
 soak: whether time and memory per frame grow in a long run over small made images.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
@@ -39,7 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("study", choices=STUDIES)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the folder of recordings")
     parser.add_argument("--methods", nargs="+", choices=names(), default=[], help="only these methods")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="only these recordings of figures")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="only these recordings of figures and scale"
+    )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, schemes and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
     parser.add_argument("--json", type=Path, help="write the rows to this file")

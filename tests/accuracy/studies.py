@@ -21,6 +21,7 @@ from .consistency import FLIGHTS, KNOWN, print_consistency
 from .figures import FILE, Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
+from .honest_scale import print_scales
 from .loops import loops_found, print_loops
 from .schemes import print_schemes
 from .soak import print_soak, scenarios
@@ -181,6 +182,18 @@ def figures(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def scale(console: Console, options: Options) -> list[dict[str, Any]]:
+    """The unit of monocular segments, where there is a truth to compare with."""
+    measured = []
+    for name, source in recordings(options.data).items():
+        if options.only and name not in options.only:
+            continue
+        task = {"name": name, "source": source}
+        measured += rows_of(console, f"monocular: scale of the segments of {name}", "honest_scale", task) or []
+    print_scales(console, measured)
+    return measured
+
+
 def blocks(console: Console, options: Options) -> list[dict[str, Any]]:
     """Times of the building blocks, and the unit in which machines compare."""
     with child.progress("building blocks"):
@@ -221,6 +234,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "loops": loops,
         "starts": starts,
         "cameras": cameras,
+        "scale": scale,
         "soak": soak,
         "blocks": blocks,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -21,6 +22,24 @@ from . import kinds
 Scope = Literal["method", "frame", "person"]
 
 
+WORSE = 3.0
+"""Times as far beyond its limit a check must be, compared with what an event that holds says of it, to be an event of
+its own: less is the noise of a value that stays bad."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What a kind of event finds of failed checks."""
+
+    sentence: str
+    excess: Mapping[str, float]
+    """By key of a failed check, how many times its value is beyond its limit."""
+
+    def worse_than(self, said: Mapping[str, float]) -> bool:
+        """Whether another check failed than those of which this was said, or one of them much farther."""
+        return any(value > WORSE * said.get(key, 0.0) for key, value in self.excess.items())
+
+
 @dataclass(frozen=True)
 class RunEvent:
     """Something that a person should look at."""
@@ -34,6 +53,8 @@ class RunEvent:
     sentence: str
     until: int | None = None
     """The first frame at which it no longer held; None while it holds."""
+    said: Mapping[str, float] = field(default_factory=dict)
+    """What it and the events that it continues said of failed checks, see Alarm.excess; not in tables."""
 
     @property
     def length(self) -> int:
@@ -86,10 +107,21 @@ class Moment:
     def sentence(self, decision: Decision) -> str:
         return sentence(decision, self.checks.get(decision.key))
 
-    def worst(self, decisions: list[Decision]) -> str | bool | None:
-        """What a kind of warning says: the first failed check's sentence, False where all passed, None without any."""
+    def worst(self, decisions: list[Decision]) -> Alarm | bool | None:
+        """What a kind of warning says: the sentence of the check that fails by most, False where all passed, None
+        without any. A requirement is worse than any warning."""
         failed = [d for d in decisions if alarming(d)]
-        return self.sentence(failed[0]) if failed else False if decisions else None
+        if not failed:
+            return False if decisions else None
+        worst = max(failed, key=lambda d: (d.failed, _excess(d)))
+        return Alarm(self.sentence(worst), {d.key: _excess(d) for d in failed})
+
+
+def _excess(decision: Decision) -> float:
+    """How many times the value of a failed check is beyond its limit, at least 1."""
+    value, limit = abs(decision.value), abs(decision.threshold)
+    beyond, least = (value, limit) if decision.relation in ("<", "<=") else (limit, value)
+    return max(1.0, beyond / least) if least > 0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -103,9 +135,9 @@ class EventKind:
     severity: Severity
     help: str
     """One sentence: when it happens."""
-    detect: Callable[[Moment], str | bool | None] | None = None
+    detect: Callable[[Moment], Alarm | str | bool | None] | None = None
     """At each frame: a sentence while it holds, False where it does not, None where the frame says nothing about it. An
-    event begins where a sentence follows on False."""
+    event begins where a sentence follows on False, and where an alarm is worse than the event that holds."""
     scope: Scope = "method"
     """Detected at each step of a method, once at each frame, or made by a person."""
     lasts: bool = False

@@ -10,7 +10,7 @@ from ispom.types import Status, Step
 
 from ..history.quantities import Row
 from ..history.record import ExposureRecord
-from .event import EventKind, Moment, RunEvent, Scope, event_kinds
+from .event import Alarm, EventKind, Moment, RunEvent, Scope, event_kinds
 
 MOST = 300
 """Events of one kind and method that are kept; more are only counted."""
@@ -87,17 +87,27 @@ class EventLog:
             if kind.scope == scope and kind.detect is not None:
                 self._take(kind, moment, kind.detect(moment))
 
-    def _take(self, kind: EventKind, moment: Moment, found: str | bool | None) -> None:
+    def _take(self, kind: EventKind, moment: Moment, found: Alarm | str | bool | None) -> None:
         latest = self._latest.get((kind.name, moment.method))
         holds = latest is not None and latest.until is None
         if found is False and latest is not None and holds:
             self._change(replace(latest, until=moment.frame))
-        if not found or holds:
+        if not found:
             return
-        if latest is not None and latest.until is not None and moment.frame - latest.until < kind.quiet_frames:
-            self._change(replace(latest, until=None))
+        alarm = found if isinstance(found, Alarm) else Alarm(str(found), {})
+        soon = latest is not None and (holds or moment.frame - (latest.until or 0) < kind.quiet_frames)
+        if latest is None or not soon:
+            said = dict(alarm.excess)
+        elif alarm.worse_than(latest.said):
+            said = {**latest.said, **{k: max(v, latest.said.get(k, 0.0)) for k, v in alarm.excess.items()}}
+            if holds:
+                self._change(replace(latest, until=moment.frame))
         else:
-            self._begin(RunEvent(kind.name, moment.method, moment.frame, moment.time_ns, kind.severity, str(found)))
+            if not holds:
+                self._change(replace(latest, until=None))
+            return
+        event = RunEvent(kind.name, moment.method, moment.frame, moment.time_ns, kind.severity, alarm.sentence)
+        self._begin(replace(event, said=said))
 
     def _begin(self, event: RunEvent) -> None:
         name = (event.kind, event.method)

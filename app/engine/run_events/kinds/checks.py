@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ...verdict import Severity
-from ..event import EventKind, Moment
+from ..event import Alarm, EventKind, Moment
 
 
-def detect_scale(moment: Moment) -> str | bool | None:
+def detect_scale(moment: Moment) -> Alarm | bool | None:
     return moment.worst(moment.about("scale"))
 
 
@@ -22,7 +22,7 @@ SCALE = EventKind(
 )
 
 
-def detect_motion(moment: Moment) -> str | bool | None:
+def detect_motion(moment: Moment) -> Alarm | bool | None:
     return moment.worst(moment.about("motion"))
 
 
@@ -42,7 +42,7 @@ OTHER = ("scale", "motion")
 """Topics that have kinds of their own."""
 
 
-def detect_warning(moment: Moment) -> str | bool | None:
+def detect_warning(moment: Moment) -> Alarm | bool | None:
     if moment.step is None:
         return None
     theirs = {id(decision) for decision in moment.about(*OTHER)}

@@ -85,6 +85,9 @@ RELOCALISED = EventKind(
 def detect_segment(moment: Moment) -> str | bool | None:
     if not moment.now.get("restarted") or not moment.tracked:
         return False
+    lost = [d for d in moment.about("scale") if d.failed]
+    if lost:
+        return f"New segment: {moment.sentence(lost[0])}"
     return "New segment: no observation connects it to earlier frames, so its position and scale are a guess."
 
 

@@ -75,6 +75,14 @@ def test_a_new_segment_is_reported_once_there_was_something_before_it() -> None:
     assert told(found) == [("lost", 1, 2), ("segment", 1, 2)]
 
 
+def test_each_segment_that_begins_as_the_scale_is_lost_says_so() -> None:
+    """Though the scale's own event holds, and is no worse the second time."""
+    lost = step(T, checks.SCALE_KNOWN.of(70, 50), restarted=True)
+    found = logged([step(T), lost, step(T), lost, step(T)])
+    assert told(found) == [("scale", 1, None), ("segment", 1, 2), ("segment", 3, 4)]
+    assert all("70" in event.sentence for event in found.events if event.kind == "segment")
+
+
 def test_a_jump_says_how_far() -> None:
     moves = np.cumsum([0, 1, 1, 1, 1, 1, 5.5, 1])
     (event,) = logged(step(T, x=float(x)) for x in moves).events
@@ -117,6 +125,30 @@ def test_a_warning_that_comes_back_soon_is_the_same_event() -> None:
     assert told(logged([bad, good, *[step(T)] * quiet, bad])) == [("scale", 0, 1), ("scale", quiet + 2, None)]
 
 
+def test_a_worse_check_is_an_event_though_one_holds() -> None:
+    """The unit of a new map is a guess at frame 0; that the scale is lost at frame 2 is no news of that guess."""
+    guess, bad, lost = checks.UNIT_POINTS.of(0, 8), checks.SCALE_DRIFT.of(30, 10), checks.SCALE_KNOWN.of(300, 30)
+    found = logged([step(T, guess), step(T), step(T, lost, bad), step(T, bad)])
+    assert told(found) == [("scale", 0, 2), ("scale", 2, None)]
+    assert "300" in found.events[1].sentence
+
+
+def test_a_check_that_fails_ever_farther_is_said_again_and_noise_is_not() -> None:
+    drifts = [step(T, checks.SCALE_DRIFT.of(value, 10)) for value in (30, 35, 60, 28, 100, 110, 3000)]
+    assert told(logged(drifts)) == [("scale", 0, 4), ("scale", 4, 6), ("scale", 6, None)]
+
+
+def test_two_checks_that_fail_in_turns_are_two_events() -> None:
+    one, two = step(T, checks.SCALE_DRIFT.of(30, 10)), step(T, checks.STEP_SCALE.of(0.03, 0.01))
+    assert told(logged([one, two] * 5)) == [("scale", 0, 1), ("scale", 1, None)]
+
+
+def test_a_worse_check_soon_after_an_event_is_an_event() -> None:
+    bad, good = step(T, checks.SCALE_DRIFT.of(30, 10)), step(T, checks.SCALE_DRIFT.of(5, 10))
+    worse = step(T, checks.SCALE_DRIFT.of(300, 10))
+    assert told(logged([bad, good, worse])) == [("scale", 0, 1), ("scale", 2, None)]
+
+
 def test_second_motions_loops_and_other_warnings_have_kinds_of_their_own() -> None:
     found = logged([step(T, SECOND_MOTION.of(0.3, 0.1), LOOP_VIEWS.of(3, 3), checks.FOCAL_LENGTH.of(2, 0.9))])
     assert {e.kind for e in found.events} == {"motion", "loop", "warning"}
@@ -138,7 +170,23 @@ def test_a_frame_that_could_not_be_read_is_an_event() -> None:
 
 
 BAD, GOOD = step(T, checks.SCALE_DRIFT.of(51, 10)), step(T, checks.SCALE_DRIFT.of(5, 10))
-RUN = [*[step(INIT)] * 55, step(T), step(L), step(L), BAD, step(T), GOOD, step(L), step(T, FOUND), BAD, step(T), GOOD]
+WORSE = step(T, checks.SCALE_DRIFT.of(999, 10))
+RUN = [
+    *[step(INIT)] * 55,
+    step(T),
+    step(L),
+    step(L),
+    BAD,
+    step(T),
+    WORSE,
+    BAD,
+    GOOD,
+    step(L),
+    step(T, FOUND),
+    BAD,
+    step(T),
+    GOOD,
+]
 
 
 @pytest.mark.parametrize("at", range(len(RUN)))

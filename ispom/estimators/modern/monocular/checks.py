@@ -18,6 +18,7 @@ STAGES = {
     "locate": "Estimates the pose from the map's points, and checks each track against the patch it was first seen as.",
     "key frame": "Adds a keyframe with new points, optimises the window, and drops outliers.",
     "other motion": "Moving objects: checks whether rejected tracks move together as one rigid object.",
+    "lost frames": "Tries frames again that were lost, among the keyframes that were added since.",
     "new points": "Detects new corners at keyframes, where tracks are missing.",
     "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
 }
@@ -225,12 +226,12 @@ UNIT_FACTOR = Check(
 UNIT_SPREAD = Check(
     "unit_spread",
     "standard deviation of the transferred scale",
-    "warning",
+    "requirement",
     UNIT,
     "<=",
     "%",
     passes="Scale across the loss: standard deviation {value} % (limit {threshold} %).",
-    fails="Scale unreliable: across the loss its standard deviation is {value} % (limit {threshold} %).",
+    fails="Scale not transferred: across the loss its standard deviation is {value} % (limit {threshold} %).",
     topic="scale",
 )
 

@@ -15,6 +15,7 @@ from ispom.estimators.modern.loops.checks import LOOP_SHIFT
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.output_correction import Correction, corrected_step, next_range
 from ispom.estimators.modern.loops.relative_pose import FEATURES, DescribedPoints, LoopCamera
+from ispom.estimators.modern.monocular.lost_frames import next_lost_frames
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.match_keyframes import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
@@ -106,6 +107,7 @@ def next_state(
         outlier_tracks=outcome.outlier_tracks,
         agreeing=() if state.map is None else state.agreeing,
         before_map=_before_map(state, outcome),
+        lost_frames=next_lost_frames(setup, state, outcome, image),
     )
 
 
@@ -120,10 +122,11 @@ def _before_map(state: ModernMonocularState, outcome: Outcome) -> BeforeMap | No
 
 
 def _depth_sigmas(setup: Setup, state: ModernMonocularState, outcome: Outcome) -> tuple[float, ...]:
-    if outcome.map is None or outcome.restarted:
-        return ()
-    new = () if outcome.uncertainty is None else (outcome.uncertainty.depth_sigma,)
-    return (*state.depth_sigmas, *new)[-setup.key_frames :]
+    if outcome.map is None or outcome.uncertainty is None:
+        return () if outcome.map is None else state.depth_sigmas
+    continues = state.start is None or (state.start.depth is not None and state.start.joined)
+    before = state.depth_sigmas if continues and not outcome.restarted else ()
+    return (*before, outcome.uncertainty.depth_sigma)[-setup.key_frames :]
 
 
 def _segment(state: ModernMonocularState, outcome: Outcome) -> tuple[int, int]:
@@ -257,16 +260,9 @@ def _seen_keyframe(
     newest, pose = local_map.keys[-1], local_map.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
     describe = partial(
-        _describe, setup, Lens(setup.camera, local_map.extra), outcome.tracked, grey, _median_depth(local_map, pose)
+        _describe, setup, Lens(setup.camera, local_map.extra), outcome.tracked, grey, local_map.median_depth
     )
     return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, describe, joined, after.segment)
-
-
-def _median_depth(local_map: Map, pose: Pose) -> float:
-    """Returns the median depth of the points that the newest keyframe observes."""
-    known = local_map.known(local_map.keys[-1].ids)
-    near = pose.inverse().apply(known[np.isfinite(known[:, 0])])[:, 2]
-    return float(np.median(near)) if len(near) else float("nan")
 
 
 def _describe(setup: Setup, lens: Lens, tracked: TrackingResult, grey: Image, depth: float) -> DescribedPoints:

@@ -32,6 +32,7 @@ from ispom.estimators.modern.monocular.localise import (
     localise,
     without_outliers,
 )
+from ispom.estimators.modern.monocular.lost_frames import try_lost_frames
 from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.recover import (
     recover,
@@ -146,6 +147,8 @@ class ModernMonocular:
             outcome = check_other_motion(setup, state, outcome, image)
             state, outcome = check_agreement(setup, state, outcome, image)
             watch.lap("other motion")
+        state, outcome = try_lost_frames(setup, state, outcome)
+        watch.lap("lost frames")
         new_uv = detect_new_corners(setup, outcome, image.grey)
         after = next_state(setup, state, outcome, image, new_uv)
         watch.lap("new points")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.keyframe import MAX_DRIFT
+from ispom.estimators.modern.monocular.keyframe import MAX_SCALE_GROWTH
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, optimise, triangulate
 from ispom.estimators.modern.monocular.setup import LOSS, MISTRACKED
@@ -38,8 +38,6 @@ from moving objects."""
 OUTLIER = 4.0
 """Residuals beyond this many loss widths are outliers; their cost is constant."""
 OUTLIER_COST = 0.5 * float(np.log1p(OUTLIER**2))
-SPEED_SIGMA = 0.3
-"""Standard deviation of ln of the ratio of the speeds after and before tracking was lost."""
 NO_RIVAL = 99.0
 """Largest relative cost of a second hypothesis that is reported, also if there is none."""
 CLEARLY_BETTER = 1.25
@@ -124,21 +122,32 @@ def _best(trials: list[Trial | None]) -> Trial | None:
 
 
 def _in_old_scale(local_map: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
-    """Scales the map to the one before it, by the median depth ratio of their common points, if they are enough."""
+    """Scales the map to the one before it, by the median depth ratio of their common points, if they are enough and
+    agree; otherwise to the same depth of the scene, in a unit of its own."""
+    if start.depth is None:
+        return local_map, ()
     _, here, there = np.intersect1d(local_map.points.ids, start.points.ids, return_indices=True)
     back = start.base.inverse()
     before, now = back.apply(start.points.xyz[there])[:, 2], back.apply(local_map.points.xyz[here])[:, 2]
     front = (before > 0) & (now > 0)
-    if not len(start.points.ids):
-        return local_map, ()
     count = int(front.sum())
-    shared = checks.UNIT_POINTS.of(count, MIN_SHARED)
-    if not shared.passed:
-        spread = checks.UNIT_SPREAD.of(100 * SPEED_SIGMA, MAX_DRIFT)
-        return local_map, (replace(shared, consequence="the speed before the loss gives the scale instead"), spread)
-    ratio = np.log(before[front] / now[front])
-    sigma_log = normalised_mad(ratio) / np.sqrt(count)
-    factor, centre = float(np.exp(np.median(ratio))), start.base.translation
+    tests = [checks.UNIT_POINTS.of(count, MIN_SHARED)]
+    ratio, sigma_log = np.log(before[front] / now[front]), 0.0
+    if tests[0].passed:
+        sigma_log = normalised_mad(ratio) / np.sqrt(count)
+        tests.append(checks.UNIT_SPREAD.of(100 * sigma_log, 100 * MAX_SCALE_GROWTH))
+    if not tests[-1].passed:
+        free = "its unit is a guess, by which the scene has the same depth as before the loss"
+        factor = start.depth / local_map.median_depth
+        local_map = _scaled(local_map, start, factor if 0 < factor < np.inf else 1.0, 0.0)
+        return local_map, (*tests[:-1], replace(tests[-1], consequence=free))
+    factor = float(np.exp(np.median(ratio)))
+    return _scaled(local_map, start, factor, sigma_log), (*tests, checks.UNIT_FACTOR.of(factor, 0.0))
+
+
+def _scaled(local_map: Map, start: Start, factor: float, sigma_log: float) -> Map:
+    """Scales a new map about its start; `sigma_log` is the standard deviation of ln of its unit."""
+    centre = start.base.translation
 
     def larger(xyz: Array) -> Array:
         return centre + factor * (xyz - centre)
@@ -148,9 +157,7 @@ def _in_old_scale(local_map: Map, start: Start) -> tuple[Map, tuple[Decision, ..
         for k, p in zip(local_map.keys, local_map.poses, strict=True)
     )
     local_map = replace(local_map, keys=keys, points=ScenePoints(local_map.points.ids, larger(local_map.points.xyz)))
-    local_map = replace(local_map, prior=_anchored_prior(start, local_map.poses, sigma_log))
-    carried = checks.UNIT_FACTOR.of(factor, 0.0), checks.UNIT_SPREAD.of(100 * sigma_log, MAX_DRIFT)
-    return local_map, (shared, *carried)
+    return replace(local_map, prior=_anchored_prior(start, local_map.poses, sigma_log))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +176,7 @@ def _relative_cost(rival: Trial, best: Trial) -> float:
     return float(rival.costs[either].sum() / max(best.costs[either].sum(), 1e-12))
 
 
-def _anchored_prior(start: Start, poses: tuple[Pose, ...], unit_sigma: float) -> Prior:
+def _anchored_prior(start: Start, poses: tuple[Pose, ...], unit_sigma: float = 0.0) -> Prior:
     return anchored_prior(poses, start.extra_sigma, LOSS**2 * start.covariance, LOSS * unit_sigma)
 
 
@@ -185,9 +192,7 @@ def _trial(
 ) -> Trial | None:
     """Optimises one hypothesis, with a few frames between; None if it explains too few points."""
     reference, width = start.frames[0], noise.width
-    seconds = (last.time_ns - reference.time_ns) * 1e-9
-    unit = 1.0 if start.speed is None else start.speed * seconds
-    end = start.base @ second_from_first.inverse().scaled(unit)
+    end = start.base @ second_from_first.inverse()
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
     of_tracks = TrackNoise() if start.lost is None else start.lost.noise
     local_map = Map(pair, ScenePoints(), None, width, extra_sigma=start.extra_sigma, noise=of_tracks)
@@ -200,12 +205,9 @@ def _trial(
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
     local_map = replace(local_map, keys=(*keys, pair[1]))
-    unit_sigma = 0.0 if start.speed is None else SPEED_SIGMA
-    local_map, _, _ = optimise(
-        replace(local_map, prior=_anchored_prior(start, local_map.poses, unit_sigma)), width, *FIRST_PASS
-    )
+    local_map, _, _ = optimise(replace(local_map, prior=_anchored_prior(start, local_map.poses)), width, *FIRST_PASS)
     # Outliers of the first pass may fit now.
-    local_map = _with_points(replace(local_map, prior=_anchored_prior(start, local_map.poses, unit_sigma)), ids, noise)
+    local_map = _with_points(replace(local_map, prior=_anchored_prior(start, local_map.poses)), ids, noise)
     local_map, found, before = optimise(local_map, width, *SECOND_PASS)
     if len(local_map.points.ids) < enough:
         return None
@@ -291,10 +293,10 @@ def _earlier_frames(local_map: Map, start: Start, width: float) -> tuple[Relativ
 
 def poses_outside_first_map(local_map: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
     """Returns the poses of frames outside of the first map. Those between its frames are interpolated; those before it
-    keep their orientations, at the position of its first frame."""
+    keep their orientations, at the position of its first frame, unless the camera was lost in motion."""
     placed = Trajectory.of(local_map.trajectory())
     first_ns, place = placed.times_ns[0], placed.translations[0]
-    held = dict([*held_poses(start.earlier), *start.passed])
+    held = {} if start.moves else dict([*held_poses(start.earlier), *start.passed])
     before = [(t, Pose(pose.rotation, place)) for t, pose in held.items() if t < first_ns]
     between = [t for t, _ in start.passed if t > first_ns]
     return (*before, *interpolate(placed, np.array(between, np.int64), "linear").items())

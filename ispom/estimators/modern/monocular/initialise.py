@@ -12,6 +12,7 @@ import numpy as np
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.first_map import first_map, poses_outside_first_map
+from ispom.estimators.modern.monocular.keyframe import check_scale
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.recover import continue_earlier_segment
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
@@ -89,13 +90,16 @@ def _collect(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outc
     noise = local_map.noise.after(adjust(problem.window, local_map.loss, iterations=0), local_map.loss)
     times_ns = tuple(k.time_ns for k in local_map.keys)
     uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, local_map.loss)
-    lost_unit = any(d.key == checks.UNIT_POINTS.key and not d.passed for d in progress.decisions)
+    known = check_scale((), uncertainty)
+    unit = (checks.UNIT_POINTS.key, checks.UNIT_SPREAD.key)
+    lost_unit = any(d.key in unit and not d.passed for d in progress.decisions)
     return replace(
         outcome,
         restarted=start.joined and lost_unit,
         status=Status.TRACKING,
         pose=local_map.poses[-1],
         map=replace(local_map, noise=noise),
+        decisions=outcome.decisions if known.passed else (*outcome.decisions, known),
         key_frame=True,
         covariance=uncertainty.pose,
         uncertainty=uncertainty,

@@ -13,11 +13,17 @@ from ispom.estimators.modern.keyframe_database import Keyframe
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.localise import Localisation
-from ispom.estimators.modern.monocular.map import Map, optimise, triangulate
+from ispom.estimators.modern.monocular.map import Map, bundle_problem, optimise, triangulate
 from ispom.estimators.modern.monocular.setup import INLIER, MOVING, WIDTH, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
 from ispom.estimators.modern.monocular.tracks import at_middle_row, tracks_with_speeds
-from ispom.estimators.modern.monocular.window import report_removed, settle_old_frames, shorten_window
+from ispom.estimators.modern.monocular.window import (
+    NEWEST_KEYFRAMES,
+    newest_keyframes,
+    report_removed,
+    settle_old_frames,
+    shorten_window,
+)
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
 from ispom.numerics.places import common, places
@@ -37,11 +43,14 @@ MAX_DRIFT = 10.0
 MIN_GAP = 5.5
 """Ratio of the frame interval to the one before, from which there is a gap: at least five frames are missing. For
 shorter gaps, as where a camera drops frames, tracking loses little, and keyframes would be too frequent."""
-MAX_SCALE_GROWTH = 0.3
-"""Growth of the standard deviation of ln scale within the window, beyond which the scale is lost: with a factor of 1.35
-either way, two parts of a path no longer have the same scale."""
-SCALE_KEYFRAMES = 3
-"""Number of successive keyframes at which it must be lost."""
+KEPT_WITHIN = 1.2
+"""Factor within which the unit of a segment stays: beyond it, two parts of a path no longer have the same scale."""
+MAX_SCALE_GROWTH = float(np.log(KEPT_WITHIN)) / 3
+"""Growth of the standard deviation of ln scale over the window, beyond which the scale is lost: three of them are the
+factor KEPT_WITHIN."""
+UNKNOWN_SCALE = 0.5
+"""Standard deviation of ln scale beyond which the scale is unknown: two of them reach a length of zero, so that hardly
+anything is known about a length."""
 
 
 def keyframe_tests(setup: Setup, local_map: Map, frame: TrackedFrame) -> tuple[Decision, ...]:
@@ -187,33 +196,65 @@ def add_frame(
 
 
 def add_keyframe(setup: Setup, state: ModernMonocularState, outcome: Outcome, frame: TrackedFrame) -> Outcome:
-    """Adds a keyframe: new points, bundle adjustment, a shorter window, and the check of the scale."""
+    """Adds a keyframe: new points, bundle adjustment, a shorter window, and the check of the scale; where that is lost,
+    a new segment begins."""
     ids, status = state.live.ids, outcome.tracked.status
     extended = extend_map(setup, required(outcome.map, "the frame has no map"), frame)
     status[np.isin(ids, extended.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
     local_map, settled = shorten_window(extended.map, ids[status == TrackStatus.ALIVE], setup.key_frames)
     removed = report_removed(extended.map, local_map, setup.key_frames)
-    scale = () if outcome.restarted else _check_scale(state.depth_sigmas, extended.uncertainty.depth_sigma)
-    return replace(
+    # After a relocalisation, recognised keyframes define the scale.
+    scale = check_scale(() if outcome.restarted else state.depth_sigmas, extended.uncertainty)
+    outcome = replace(
         outcome,
         pose=local_map.poses[-1],
         map=local_map,
         key_frame=True,
-        restarted=outcome.restarted or any(not test.passed for test in scale),
-        decisions=(*outcome.decisions, *extended.decisions, removed, *scale),
+        decisions=(*outcome.decisions, *extended.decisions, removed, scale),
         covariance=extended.uncertainty.pose,
         uncertainty=extended.uncertainty,
         scale=extended.scale,
         settled=tuple(settled),
     )
+    return outcome if scale.passed else begin_segment(outcome, local_map)
 
 
-def _check_scale(before: tuple[float, ...], depth_sigma: float) -> tuple[Decision, ...]:
-    """Checks that the keyframe has the map's scale as well as keyframes of the window did, by their `depth_sigma`. None
-    without enough such keyframes, or if the frame was relocalised, which starts another window."""
-    if len(before) < SCALE_KEYFRAMES:
-        return ()
-    # With few points left, later keyframes may still observe the scale.
-    now = min(depth_sigma, *before[1 - SCALE_KEYFRAMES :])
-    grown = now**2 - min(before) ** 2
-    return (checks.SCALE_KNOWN.of(100 * float(np.sqrt(max(grown, 0.0))), 100 * MAX_SCALE_GROWTH),)
+def begin_segment(outcome: Outcome, local_map: Map) -> Outcome:
+    """Begins a new segment at a keyframe that has lost the scale: its unit is the length of that newest part of the
+    window by which the depths of the points that the keyframe observes are known best."""
+    counts = range(min(NEWEST_KEYFRAMES, len(local_map.keys)), len(local_map.keys) + 1)
+    windows = [newest_keyframes(local_map, count) for count in counts]
+    uncertain = [uncertainty_of(window) for window, _ in windows]
+    best = min(range(len(windows)), key=lambda i: uncertain[i].depth_sigma)
+    (local_map, settled), uncertainty = windows[best], uncertain[best]
+    lost = replace(outcome.decisions[-1], consequence="a new segment begins here, with a unit of its own")
+    return replace(
+        outcome,
+        map=local_map,
+        restarted=True,
+        segment=None,
+        decisions=(*outcome.decisions[:-1], lost),
+        covariance=uncertainty.pose,
+        uncertainty=uncertainty,
+        settled=(*outcome.settled, *settled),
+    )
+
+
+def uncertainty_of(local_map: Map) -> MapUncertainty:
+    """Returns the uncertainty of a map as it is."""
+    problem = bundle_problem(local_map)
+    return MapUncertainty.of(problem.window, tuple(k.time_ns for k in local_map.keys), problem.ids, local_map.loss)
+
+
+def check_scale(before: tuple[float, ...], uncertainty: MapUncertainty) -> Decision:
+    """Checks that a keyframe has the scale of its segment, by its `depth_sigma` and those `before` of the window's
+    keyframes; see ModernMonocularState.depth_sigmas.
+
+    A scale that was known must not become uncertain. That of a young map, by few images, may become known later: until
+    then each step must have a length that is known from nothing.
+    """
+    known, now = min(before, default=np.inf), uncertainty.depth_sigma
+    if known > MAX_SCALE_GROWTH:
+        unknown = now if now <= MAX_SCALE_GROWTH else max(now, uncertainty.scale_sigma)
+        return checks.SCALE_KNOWN.of(100 * unknown, 100 * UNKNOWN_SCALE)
+    return checks.SCALE_KNOWN.of(100 * np.sqrt(max(now**2 - known**2, 0.0)), 100 * MAX_SCALE_GROWTH)

@@ -71,6 +71,13 @@ class Map:
         others = [(b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames]
         return [*of_key.items(), *others]
 
+    @property
+    def median_depth(self) -> float:
+        """Median depth of the points that the last keyframe observes; NaN without any."""
+        known = self.known(self.keys[-1].ids)
+        near = self.poses[-1].inverse().apply(known[np.isfinite(known[:, 0])])[:, 2]
+        return float(np.median(near)) if len(near) else float("nan")
+
     def pose_at(self, time_ns: int) -> Pose | None:
         """Returns world_from_camera at this time if it is that of the last keyframe or of the last frame after it."""
         if self.keys[-1].time_ns == time_ns:

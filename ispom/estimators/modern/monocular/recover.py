@@ -34,7 +34,7 @@ from ispom.estimators.modern.monocular.match_keyframes import (
 )
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import MIN_POINTS, MIN_SHARED, ModernMonocularState, Outcome, Start
-from ispom.estimators.modern.monocular.track import median_speed, predict_covariance, predict_pose
+from ispom.estimators.modern.monocular.track import predict_covariance, predict_pose
 from ispom.estimators.modern.monocular.tracks import (
     LiveTracks,
     NewImage,
@@ -111,11 +111,20 @@ def _relocalise_after_loss(
     if live.grey is None or not has_contrast(image.grey, live.grey):
         return state, None
     # Tracks since the loss, and guessed poses, belong to the map that was being initialised.
-    no_tracks = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
-    earlier = replace(state, live=no_tracks, settled=state.settled.extended(start.held if start.joined else ()))
-    image = replace(image, scene=np.zeros((0, 3)))
-    earlier, relocalisation = _relocalise(setup, earlier, start.lost, image, None, len(start.frames))
+    earlier = replace(state, settled=state.settled.extended(start.held if start.joined else ()))
+    earlier, relocalisation = relocalise_alone(setup, earlier, start.lost, image, len(start.frames))
     return replace(state, database=earlier.database), relocalisation
+
+
+def relocalise_alone(
+    setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, turn: int
+) -> tuple[ModernMonocularState, Relocalisation | None]:
+    """Relocalises a frame in the keyframes without any track; each `turn` compares it with others of them. The state
+    that is returned has the new descriptions, and no tracks."""
+    live = state.live
+    no_tracks = LiveTracks(live.grey, before_ns=live.before_ns, time_ns=live.time_ns, next_id=live.next_id)
+    image = replace(image, scene=np.zeros((0, 3)))
+    return _relocalise(setup, replace(state, live=no_tracks), local_map, image, None, turn)
 
 
 def _relocalise(
@@ -193,22 +202,24 @@ def _window_of_keyframes(setup: Setup, local_map: Map, match: KeyframeMatch) -> 
 def continue_earlier_segment(
     setup: Setup, state: ModernMonocularState, image: NewImage
 ) -> tuple[ModernMonocularState, Outcome | None]:
-    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes.
+    """Continues in the world of a segment before the loss, if the frame matches one of its keyframes, and these give it
+    their scale.
 
     Also returns the state used, which has the matched features as tracks.
     """
     state, relocalisation = _relocalise_after_loss(setup, state, image)
     if relocalisation is None:
         return state, None
-    state, localisation = relocalisation.state, relocalisation.localisation
+    matched, localisation = relocalisation.state, relocalisation.localisation
     decisions = (
-        checks.DESCRIBED_POINTS.of(len(state.live.ids), MIN_INLIERS),
+        checks.DESCRIBED_POINTS.of(len(matched.live.ids), MIN_INLIERS),
         checks.POSE_POINTS.of(localisation.count, MIN_DESCRIBED),
     )
-    tracks = TracksInMap(setup, state.live, relocalisation.map)
+    tracks = TracksInMap(setup, matched.live, relocalisation.map)
     frame, outcome = without_outliers(tracks, image, localisation, decisions)
     outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
-    return state, add_keyframe(setup, state, outcome, frame)
+    outcome = add_keyframe(setup, matched, outcome, frame)
+    return (state, None) if outcome.segment is None else (matched, outcome)
 
 
 def recover(
@@ -263,16 +274,18 @@ def new_start(
     decisions: tuple[Decision, ...],
 ) -> Outcome:
     """Starts a new map at the pose of the frame, in the old world and if possible in its scale; `held` is the pose
-    reported now."""
+    reported now, None if the position is unknown."""
     local_map, base = required(state.map, "there is no map to leave"), frame.pose
     joined = held is not None and local_map.points.count(frame.ids) >= MIN_SHARED
     start = Start(
         (frame,),
         base,
-        speed=median_speed(local_map),
+        depth=local_map.median_depth,
         points=local_map.points,
         extra_sigma=setup.extra_sigma,
-        covariance=predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base),
+        covariance=predict_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+        if joined
+        else np.zeros((6, 6)),
         coasting=None if held is not None else partial(predict_pose, state.recent),
         joined=joined,
         lost=replace(local_map, keys=(), points=ScenePoints(), prior=None, relative_frames=()),

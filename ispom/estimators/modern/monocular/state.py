@@ -19,7 +19,7 @@ from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation
 from ispom.solvers.window.prior import LENS
-from ispom.types import Decision, Status, Tracks
+from ispom.types import Decision, Image, Status, Tracks
 
 NEWEST_FRAMES, MAX_FRAMES = 40, 120
 """Number of the newest frames, which are all stored, and largest number of frames; older ones are thinned out."""
@@ -36,8 +36,9 @@ class Start:
     frames: tuple[TrackedFrame, ...] = ()
     """The first is the reference. Each has its held pose: its own rotation, the position of the reference."""
     base: Pose = Pose()
-    speed: float | None = None
-    """Speed before the loss [units/s], which scales the new map's first baseline; None: that baseline is 1."""
+    depth: float | None = None
+    """Median depth of the scene before the loss, which the new map gets, too: its unit is free, and with the same depth
+    it can be shown beside the old one. None without a map before: the first baseline is then the unit."""
     points: ScenePoints = ScenePoints()
     """Points of the map before the loss: surviving tracks transfer the scale."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
@@ -86,8 +87,16 @@ class Start:
 
     @property
     def held(self) -> tuple[tuple[int, Pose], ...]:
-        """The held poses of all frames, unordered."""
+        """The held poses of all frames, unordered; none after a loss if the camera may have moved: its position is then
+        unknown."""
+        if self.moves:
+            return ()
         return (*self.passed, *held_poses((*self.earlier, *self.frames)))
+
+    @property
+    def moves(self) -> bool:
+        """Whether the camera was lost in motion, so that no position can be held."""
+        return self.depth is not None and not self.joined
 
     def limited(self) -> Start:
         """Removes a frame if there are too many: of the older ones, that with the nearest neighbours in time."""
@@ -132,6 +141,18 @@ def held_poses(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]
 
 
 @dataclass(frozen=True, eq=False)
+class LostFrame:
+    """A frame without a pose, which may be localised later."""
+
+    time_ns: int
+    grey: Image
+    segment: int
+    """The segment in which it was lost."""
+    tries: int = 0
+    """How many times it was tried again."""
+
+
+@dataclass(frozen=True, eq=False)
 class BeforeMap:
     """What a map replaced or added to, so that it can be taken back."""
 
@@ -156,7 +177,8 @@ class ModernMonocularState:
     uncertainty: MapUncertainty | None = None
     """Uncertainty of the map, since the last keyframe."""
     depth_sigmas: tuple[float, ...] = ()
-    """`uncertainty.depth_sigma` at the last keyframes, as many as the window has."""
+    """`uncertainty.depth_sigma` at the last keyframes, as many as the window has, since the unit was defined: by a
+    first map, by recognised keyframes, or at the begin of a segment."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) covariance of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
@@ -176,6 +198,8 @@ class ModernMonocularState:
     see `agreement`."""
     before_map: BeforeMap | None = None
     """While the map is young and may be taken back."""
+    lost_frames: tuple[LostFrame, ...] = ()
+    """To be tried again at later keyframes, the last ones first."""
 
     def without_tracks(self, ids: NDArray[np.int64]) -> ModernMonocularState:
         """Returns the state without these tracks (M,), see estimator.LeavesOut."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState
 from ispom.estimators.modern.monocular.tracks import (
@@ -28,8 +25,6 @@ from ispom.types import Image, TrackStatus
 
 COASTING_S = 2.0
 """Time constant [s] of the decay: a vehicle's speed changes on that scale."""
-MIN_SPEED = 1e-6
-"""Least speed [units/s], so that a map at rest has a scale, too."""
 COASTING_SHARE = 0.5
 """Standard deviation of an unobserved motion, as a share of it."""
 MAX_FEATURES, MIN_MATCHES = 1000, 15
@@ -53,15 +48,6 @@ def predict_covariance(covariance: Array, before_from_now: Pose) -> Array:
     return adjoint @ covariance @ adjoint.T + np.diag(
         [(COASTING_SHARE * way) ** 2] * 3 + [(COASTING_SHARE * turn) ** 2] * 3
     )
-
-
-def median_speed(local_map: Map) -> float:
-    """Returns the median speed over the map's last frames [units/s], at least MIN_SPEED."""
-    poses = sorted(local_map.trajectory(), key=lambda item: item[0])[-10:]
-    speeds = [
-        float(np.linalg.norm(q.translation - p.translation)) / ((v - u) * 1e-9) for (u, p), (v, q) in pairwise(poses)
-    ]
-    return max(float(np.median(speeds)), MIN_SPEED)
 
 
 def track_features(

@@ -57,6 +57,18 @@ def shorten_window(local_map: Map, alive: NDArray[np.int64], count: int) -> tupl
     return replace(local_map, points=local_map.points.only(seen)), settled
 
 
+def newest_keyframes(local_map: Map, count: int) -> tuple[Map, list[tuple[int, Pose]]]:
+    """Keeps the newest keyframes, whose first is the world and whose distance is the unit from now on, and the points
+    that they observe; returns the map and the poses that are final."""
+    settled: list[tuple[int, Pose]] = []
+    while len(local_map.keys) > count:
+        local_map, done = _without_key(local_map, 0)
+        settled += done
+    seen = np.unique(np.concatenate([k.ids for k in local_map.keys]))
+    prior = anchored_prior(local_map.poses, local_map.extra_sigma, np.zeros((POSE, POSE)), 0.0)
+    return replace(local_map, points=local_map.points.only(seen), prior=prior), settled
+
+
 def report_removed(before: Map, after: Map, count: int) -> Decision:
     """Reports whether a keyframe left the window of at most `count`, and how; from the maps before and after
     `shortened`."""
