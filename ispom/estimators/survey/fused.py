@@ -75,6 +75,9 @@ class Fused:
 
     tightly = False
     """Whether only those kinds of sensors take part that are coupled tightly."""
+    least: frozenset[Kind] = frozenset()
+    """Kinds of sensors of which it needs one at least; empty for any."""
+    least_phrase = "a sensor besides the images"
 
     def __init__(self, rig: Rig, config: FusedConfig, name: str, kind: Kind) -> None:
         self._usable = usable = usable_kinds(self.tightly)
@@ -89,10 +92,10 @@ class Fused:
                 f"{name}: scheme {config.scheme} needs {' and '.join(missing)}, which this sequence lacks: add it by "
                 f"--sensors FILE.yaml, or choose --{name}.scheme auto"
             )
-        if not self._sensors:
+        if not self._sensors & (self.least or self._sensors):
             raise InputError(
-                f"{name} needs a sensor besides the images, which this sequence lacks: add it by --sensors FILE.yaml; "
-                f"images alone are scheme 9, the method {'stereo' if kind == 'stereo' else 'monocular'}"
+                f"{name} needs {self.least_phrase}, which this sequence lacks: add it by --sensors FILE.yaml; images "
+                f"alone are scheme 9, the method {'stereo' if kind == 'stereo' else 'monocular'}"
             )
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()

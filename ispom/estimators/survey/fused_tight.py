@@ -25,7 +25,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method
 from ispom.estimators.survey.fused import STAGES, WAITING_NODES, WORLD_FROM_LOCAL, Fused, FusedConfig, usable_kinds
 from ispom.estimators.survey.fused_checks import LOCATED, START_SIGMA, STARTED, checks_of
@@ -40,7 +39,18 @@ from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, NO_POINTS, Node, Points
 from ispom.sensors.imu import inertial_between, inertial_of, predicted
 from ispom.settings import Range, checked
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Landmarks, LensCorrection, Measurement, Rig, Status, Step, TrackStatus, Trajectory
+from ispom.types import (
+    Decision,
+    Kind,
+    Landmarks,
+    LensCorrection,
+    Measurement,
+    Rig,
+    Status,
+    Step,
+    TrackStatus,
+    Trajectory,
+)
 
 WORST_START = 0.15
 """Standard deviation of the position, as a share of the way, with which a start in motion is accepted."""
@@ -81,13 +91,11 @@ class Tight(Fused):
     """An Integrator of `monocular`."""
 
     tightly = True
+    least: frozenset[Kind] = frozenset({"imu", "gnss"})
+    least_phrase = "an IMU or a GNSS antenna"
 
     def __init__(self, rig: Rig, config: FusedTightConfig) -> None:
         super().__init__(rig, config, "fused.tight", "video")
-        if not self._sensors & {"imu", "gnss"}:
-            raise InputError(
-                "fused.tight needs an IMU or a GNSS antenna, which this sequence lacks: add it by --sensors FILE.yaml"
-            )
         self._camera = rig.camera("video")
         self._tight = TightGraph(rig, self._sensors, self._camera_from_rig, config.noise_px)
 
