@@ -72,7 +72,7 @@ class Klt:
     ) -> NDArray[np.float32]:
         if not self.back_from_guess:
             return uv
-        return found_uv if predicted is None else found_uv + (uv - predicted)
+        return found_uv if predicted is None else (found_uv + (uv - predicted)).astype(np.float32)
 
     def _outside(self, image: Image, uv: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns a mask (N,) of the positions (N, 2) that are near the image's border or outside."""
