@@ -15,7 +15,15 @@ USUAL_STEPS = 10.0
 """Over about so many steps the usual one is an exponential mean."""
 
 
+def _same_moment(before: Values, now: Values) -> bool:
+    """Whether the step is at the time of the one before, as that of a pair after that of a video frame: what its pose
+    differs by is no motion."""
+    return now.get("time_s") is not None and before.get("time_s") == now.get("time_s")
+
+
 def _moved(before: Values, now: Values) -> float | None:
+    if _same_moment(before, now):
+        return number_of(before.get("moved"))
     was, here = _numbers(before, POSITION), _numbers(now, POSITION)
     return None if was is None or here is None else math.dist(was, here)
 
@@ -40,7 +48,7 @@ def _mean_step(axis: str) -> Callable[[Values, Values], float | None]:
         known, was, here = (
             number_of(of.get(key)) for of, key in ((before, f"way_{axis}"), (before, axis), (now, axis))
         )
-        if not now.get("moved") or was is None or here is None:
+        if not now.get("moved") or was is None or here is None or _same_moment(before, now):
             return known
         return (known or 0.0) + (here - was - (known or 0.0)) / USUAL_STEPS
 
@@ -53,7 +61,7 @@ def _numbers(values: Values, keys: tuple[str, ...]) -> list[float] | None:
 
 
 QUANTITIES = (
-    ChangeQuantity("moved", _moved, "distance from its pose one step before, in its unit"),
+    ChangeQuantity("moved", _moved, "distance from its pose at the moment before, in its unit"),
     ChangeQuantity("turned_deg", _turned_deg, "angle to its pose one step before", unit="deg"),
     ChangeQuantity(
         "moved_usual",

@@ -66,12 +66,21 @@ def test_every_quantity_of_a_step_is_a_column() -> None:
 MOTION = ("moved", "turned_deg", "moved_usual")
 
 
-def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bool = False, lost: bool = False) -> Row:
+def at(
+    row: Row,
+    index: int,
+    x_m: float,
+    *,
+    turn_deg: float = 0.0,
+    restarted: bool = False,
+    lost: bool = False,
+    time_ns: int | None = None,
+) -> Row:
     """The row of a step at this place, after another row."""
     _, exposure, step = stepped(3)[0]
     pose = None if lost else Pose(Rotation.from_euler("y", turn_deg, degrees=True).as_matrix(), np.array([x_m, 0, 0]))
     made = replace(step, world_from_frame=pose, restarted=restarted)
-    return row_after(row, index, exposure.time_ns, (made,), {})
+    return row_after(row, index, exposure.time_ns + 10**8 * index if time_ns is None else time_ns, (made,), {})
 
 
 def test_a_step_is_compared_with_the_usual_one() -> None:
@@ -85,6 +94,16 @@ def test_a_step_is_compared_with_the_usual_one() -> None:
     assert changes[3] == [2.0, pytest.approx(20.0), 1.0]
     assert changes[5][2] == changes[4][2], "a step that does not move changes nothing"
     assert changes[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
+
+
+def test_two_poses_of_one_moment_are_no_motion() -> None:
+    """As of a video frame and a pair at one time: the second pose is a better one, not a farther one."""
+    row = NO_ROW
+    for i, x in enumerate([0.0, 0.0, 1.0, 1.01, 2.0, 2.01]):
+        row = at(row, i, x, time_ns=i // 2 * 10**9)
+    assert row["monocular"]["moved"] == pytest.approx(0.99)
+    assert row["monocular"]["moved_usual"] == pytest.approx(1.0, abs=0.01)
+    assert row["monocular"]["way_x"] == pytest.approx(0.1 + 0.9 / 10, abs=0.01)
 
 
 def test_a_quantity_sees_the_step_before_and_the_time() -> None:
