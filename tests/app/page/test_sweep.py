@@ -58,10 +58,12 @@ def test_a_value_is_shown_as_a_branch(page: Page) -> None:
     page.controls.get_by_role("button", name="Show as a branch").click()
     page.until("state.branches.length === 2 && state.address.branch === 1", "the branch")
     page.controls.get_by_text("max-tracks 200, sweep-1").first.wait_for()
+    expect(field(page, "values")).not_to_have_value("200, 400")  # others are proposed for the branch
 
 
 def test_it_can_be_cancelled(page: Page) -> None:
     field(page, "values").fill("100, 200, 300, 400, 500, 600")
+    expect(field(page, "values")).to_have_value("100, 200, 300, 400, 500, 600")
     run(page)
     page.until("state.sweep.name === 'sweep-2' && state.sweep.share > 0", "its begin", 60_000)
     page.controls.get_by_role("button", name="Cancel").click()
