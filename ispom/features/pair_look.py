@@ -40,7 +40,7 @@ CHECKED_NEIGHBOURS = 2
 MIN_SIDE_PX = 64
 """Least number of columns or rows [px] for a check."""
 MAX_ROW_OFFSET = 2.0
-"""Row offset, relative to the search range, above which it is told: methods that do not level the pair find next to
+"""Row offset, relative to the search range, above which it is reported: methods that do not level the pair find next to
 nothing. `stereo` and `integrated` correct more than that, see LEVELLED_PX."""
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
 """Least shift to the right [px], and least share of matches beyond it, if left and right are exchanged; smaller shifts

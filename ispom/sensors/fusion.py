@@ -91,7 +91,7 @@ class Points:
 class MotionNoise:
     """How certain the motions are that the images give.
 
-    Images tell a rotation from a sideways translation only by the parallax of what they show, so an error of the
+    Images distinguish a rotation from a sideways translation only by the parallax of what they show, so an error of the
     rotation is one about the middle of the scene, which the camera moves around.
     """
 

@@ -63,10 +63,10 @@ def test_a_search_back_that_does_not_know_its_answer_passes_fewer_wrong_tracks(p
     def alive(klt: Klt, a: Image, b: Image) -> int:
         return int((klt.track(a, b, inside())[1] == TrackStatus.ALIVE).sum())
 
-    told = Klt(levels=1)
-    blind = replace(told, back_from_guess=True)
+    plain = Klt(levels=1)
+    blind = replace(plain, back_from_guess=True)
     assert alive(blind, *pair) == len(inside())
     unrelated = [(pair[0], np.ascontiguousarray(np.rot90(pair[0], 2)))]
     unrelated += [(_texture(seed), _texture(100 + seed)) for seed in range(10)]
-    passed = np.array([[alive(klt, *images) for klt in (told, blind)] for images in unrelated]).sum(axis=0)
+    passed = np.array([[alive(klt, *images) for klt in (plain, blind)] for images in unrelated]).sum(axis=0)
     assert passed[1] < 0.75 * passed[0]

@@ -53,7 +53,7 @@ def steps_of(rig: Rig, pairs: list[Frame], config: ModernStereoConfig = CONFIG) 
     return steps
 
 
-def said(step: Step) -> list[Decision]:
+def about_level(step: Step) -> list[Decision]:
     return [d for d in step.decisions if d.key in SAID]
 
 
@@ -139,23 +139,23 @@ def measured_at(offset_px: float) -> Measured:
 
 def judged(offsets_px: list[float], level: Level | None = None) -> tuple[Level, list[list[str]]]:
     """The level after pairs with these offsets of the images as given, none of which fits, and what was said."""
-    level, told = level or Level(), []
+    level, decided = level or Level(), []
     for offset_px in offsets_px:
         level, decisions = level.after(measured_at(offset_px - 460 * float(level.terms[OFFSET_Y])))
-        told.append([d.key for d in decisions])
-    return level, told
+        decided.append([d.key for d in decisions])
+    return level, decided
 
 
 def test_the_first_pair_is_levelled_and_the_next_ones_agree() -> None:
-    level, told = judged([3.1, 3.3, 2.9])
-    assert told == [["levelled"], [], []]
+    level, decided = judged([3.1, 3.3, 2.9])
+    assert decided == [["levelled"], [], []]
     assert 460 * level.terms[OFFSET_Y] == pytest.approx(3.1, abs=0.1)
 
 
 def test_an_offset_that_changes_from_pair_to_pair_is_of_different_moments_and_not_corrected() -> None:
     for offsets in ([-5.0, 3.0, -1.0, 2.0], [0.2, 3.0, -2.0, 1.5]):
-        level, told = judged(offsets)
-        assert told[1:] == [["rows_changed"], ["different_moments"], ["different_moments"]]
+        level, decided = judged(offsets)
+        assert decided[1:] == [["rows_changed"], ["different_moments"], ["different_moments"]]
         assert level.moments and not level.terms.any()
 
 
@@ -163,8 +163,8 @@ def test_a_camera_that_was_moved_is_levelled_again_once_some_pairs_agree() -> No
     level = Level()
     for _ in range(FORGOTTEN):
         level = level.agreeing()
-    level, told = judged([4.0] * AGREEING, level)
-    assert told == [*[["rows_changed"]] * (AGREEING - 1), ["levelled"]]
+    level, decided = judged([4.0] * AGREEING, level)
+    assert decided == [*[["rows_changed"]] * (AGREEING - 1), ["levelled"]]
     assert 460 * level.terms[OFFSET_Y] == pytest.approx(4, abs=0.1) and not level.moments
 
 
@@ -200,9 +200,9 @@ def test_pairs_that_tell_nothing_are_measured_now_and_then_only() -> None:
 def test_a_right_image_that_is_too_high_or_too_low_is_levelled(flight: Sequence, rows_px: float) -> None:
     sequence = Unlevel(rows_px=rows_px).on(flight, 0)
     steps = steps_of(sequence.rig, pairs_of(sequence))
-    (decision,) = said(steps[0])
+    (decision,) = about_level(steps[0])
     assert decision.key == "levelled" and decision.passed and decision.value == pytest.approx(abs(rows_px), abs=0.15)
-    assert not any(said(step) for step in steps[1:])
+    assert not any(about_level(step) for step in steps[1:])
     assert all(step.status is Status.TRACKING for step in steps[1:])
     assert error_m(sequence, steps) < 0.01
     pair = steps[-1].calibration.pair
@@ -215,7 +215,7 @@ def test_a_right_image_that_is_too_high_or_too_low_is_levelled(flight: Sequence,
 def test_a_right_camera_that_was_turned_is_levelled(flight: Sequence, pitch_deg: float, roll_deg: float) -> None:
     sequence = WrongPair(pitch_deg=pitch_deg, yaw_deg=0.0, roll_deg=roll_deg).on(flight, 0)
     steps = steps_of(sequence.rig, pairs_of(sequence))
-    assert [d.key for d in said(steps[0])] == ["levelled"] and not any(said(step) for step in steps[1:])
+    assert [d.key for d in about_level(steps[0])] == ["levelled"] and not any(about_level(step) for step in steps[1:])
     assert all(step.status is Status.TRACKING for step in steps[1:])
     assert error_m(sequence, steps) < 0.015
     pair = steps[-1].calibration.pair
@@ -259,7 +259,7 @@ def test_a_level_pair_gets_the_same_bytes_and_nothing_is_said(
     steps = steps_of(rig, pairs)
     monkeypatch.setattr(estimator, "on_level_pair", lambda setup, state, given, advance: (advance(state, given), given))
     for step, plain in zip(steps, steps_of(rig, pairs), strict=True):
-        assert step.decisions == plain.decisions and not said(step)
+        assert step.decisions == plain.decisions and not about_level(step)
         tracks, same = step.tracks["left"], plain.tracks["left"]
         assert tracks.uv.tobytes() == same.uv.tobytes() and tracks.disparity_px.tobytes() == same.disparity_px.tobytes()
         assert step.world_from_frame is not None and plain.world_from_frame is not None
@@ -268,15 +268,17 @@ def test_a_level_pair_gets_the_same_bytes_and_nothing_is_said(
 
 def test_a_pair_that_is_held_as_calibrated_is_not_levelled(flight: Sequence) -> None:
     sequence = Unlevel(rows_px=3.1).on(flight, 0)
-    assert not any(map(said, steps_of(sequence.rig, pairs_of(sequence, 2), replace(CONFIG, self_calibration=False))))
+    assert not any(
+        map(about_level, steps_of(sequence.rig, pairs_of(sequence, 2), replace(CONFIG, self_calibration=False)))
+    )
 
 
 def test_a_pair_that_is_moved_on_the_way_is_levelled_again(flight: Sequence) -> None:
     pairs, lower = pairs_of(flight), pairs_of(Unlevel(rows_px=4).on(flight, 0))
     rig = flight.rig.changed(pair_sigma=None)
     steps = steps_of(rig, [*pairs[:2], *lower[2:]])
-    told = [[d.key for d in said(step)] for step in steps]
-    assert told == [[], [], *[["rows_changed"]] * (AGREEING - 1), ["levelled"]][: len(steps)]
+    decided = [[d.key for d in about_level(step)] for step in steps]
+    assert decided == [[], [], *[["rows_changed"]] * (AGREEING - 1), ["levelled"]][: len(steps)]
 
 
 @pytest.mark.parametrize("late_ms", [-60, 60])
@@ -284,10 +286,10 @@ def test_images_of_different_moments_are_named(rendered: Path, late_ms: int) -> 
     """A moving rig, whose right images are late or early by less than a pair's interval."""
     sequence = open_sequence(f"sim:tiny?right_late_ms={late_ms}&width_px=400", seed=0, cache_dir=rendered)
     steps = steps_of(sequence.rig.changed(pair_sigma=None), pairs_of(sequence))
-    told = [d.key for step in steps for d in said(step)]
-    assert "different_moments" in told
-    last = told.index("different_moments")
-    assert set(told[last:]) == {"different_moments"}
+    decided = [d.key for step in steps for d in about_level(step)]
+    assert "different_moments" in decided
+    last = decided.index("different_moments")
+    assert set(decided[last:]) == {"different_moments"}
 
 
 @pytest.mark.skipif(not (DATA / "hard/rover_unlevel").is_dir(), reason="../shared/data/hard/rover_unlevel is absent")
@@ -300,6 +302,6 @@ def test_a_rover_s_pair_is_levelled_at_its_first_frame() -> None:
         state, step = stereo.step(state, pair)
         steps.append(step)
     assert sum(step.status is Status.TRACKING for step in steps) >= 48
-    assert [d.key for step in steps for d in said(step)] == ["levelled"] and said(steps[0])
+    assert [d.key for step in steps for d in about_level(step)] == ["levelled"] and about_level(steps[0])
     error = trajectory_error(stereo.finish(state), truth, "se3")
     assert error is not None and error.ate_m < 0.02 * truth.length

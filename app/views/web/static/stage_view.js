@@ -75,6 +75,7 @@ async function arrange(eye, control) {
   const { world, below, left, top } = eye.division;
   eye.ratio = below ? width / (world * height) : (world * width) / height;
   Object.assign(at("at-image").style, { left: `${left}px`, top: `${top}px` });
+  at("captions").style.setProperty("--rows", `${below ? rows : 0}px`); // they lie above the rows
   at("eyes").style.maxWidth = `${(below ? 1 : world) * width - 20}px`;
   if (await control(updateBlueprint(eye.store, asBlueprint(eye.division, layout.container)))) eye.arranged = wanted;
   eye.arranging = false;

@@ -74,10 +74,10 @@ LEVELLED = Check(
     LEVEL,
     "<=",
     "px",
-    passes="Levelled: right images are off their rows by {value} px, and corrected from now on (up to {threshold} px "
-    "are).",
-    fails="Not level: right images are off their rows by {value} px, more than is corrected ({threshold} px in the "
-    "centre, 2 degrees).",
+    passes="Pair levelled: the right image is {value} px off its rows, and is corrected from now on (limit {threshold} "
+    "px).",
+    fails="Pair not level: the right image is {value} px off its rows, too far to correct (limits: {threshold} px in "
+    "the centre, 2 degrees).",
 )
 ROWS_CHANGED = Check(
     "rows_changed",

@@ -2,7 +2,7 @@
 pair to pair.
 
 The search along rows finds nothing where the right image is some rows too low, or turned. Features are matched at any
-row. What they tell of the right camera's offset and rotation is removed from its image, and the rest is left to the
+row. What they show of the right camera's offset and rotation is removed from its image, and the rest is left to the
 self-calibration. If it changes from pair to pair, no rig does that: the two images are of different moments.
 """
 
@@ -65,7 +65,7 @@ CHANGES = 2
 FORGOTTEN = 10
 """Number of level pairs in a row after which earlier changes no longer count."""
 PATIENCE, EVERY = 3, 4
-"""Number of pairs in a row whose features tell nothing, after which only every fourth pair is measured: a covered right
+"""Number of pairs in a row whose features show nothing, after which only every fourth pair is measured: a covered right
 lens may stay covered, and measuring takes as long as a frame."""
 
 
@@ -113,7 +113,7 @@ def _in_pixels(camera: Camera, px: float, found: Matches, good: NDArray[np.bool_
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the features of a pair tell of its level, beyond the corrections that are known."""
+    """What the features of a pair show of its level, beyond the corrections that are known."""
 
     terms: Array
     """(E,) significant further corrections among LEVELLED, see right_camera.TERMS; 0 elsewhere."""
@@ -190,8 +190,8 @@ def _fitted(offsets: RowOffsets, known: Array, prior: Array, start: Array, scale
 
 
 def measured(setup: Setup, images: StereoImages, known: Array) -> Measured | None:
-    """Measures the level of a pair by features, relative to the corrections `known` (E,); None where it cannot be
-    told."""
+    """Measures the level of a pair by features, relative to the corrections `known` (E,); None where they do not
+    show it."""
     look = Look.of(Frame.stereo(images.time_ns, images.left, images.right))
     offsets = RowOffsets.of(setup.camera, look)
     return None if offsets is None else Measured.of(setup, offsets, known)
@@ -199,7 +199,7 @@ def measured(setup: Setup, images: StereoImages, known: Array) -> Measured | Non
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """What the pairs so far tell of the level of the right images."""
+    """What the pairs so far show of the level of the right images."""
 
     terms: Array = field(default_factory=lambda: np.zeros(PAIR))
     """(E,) corrections of the right camera that are removed from its images, see right_camera.TERMS."""
@@ -208,15 +208,15 @@ class Level:
     known: bool = False
     """Whether any pair was judged."""
     other: Array | None = None
-    """(E,) what the last pair told, if it did not agree."""
+    """(E,) what the last pair showed, if it did not agree."""
     others: int = 0
     """Number of pairs in a row that agree with `other`."""
     changes: int = 0
-    """Number of times that a pair told something else than the one before, since the last FORGOTTEN level pairs."""
+    """Number of times that a pair showed something else than the one before, since the last FORGOTTEN level pairs."""
     moments: bool = False
     """Whether the images are of different moments. Then nothing is corrected."""
     silent: int = 0
-    """Number of pairs in a row that did not fit, and whose features told nothing or were not measured."""
+    """Number of pairs in a row that did not fit, and whose features showed nothing or were not measured."""
 
     @property
     def is_due(self) -> bool:
@@ -230,8 +230,8 @@ class Level:
         return replace(self, agreed=agreed, known=True, other=None, others=0, changes=changes, silent=0)
 
     def after(self, found: Measured | None) -> tuple[Level, tuple[Decision, ...]]:
-        """Returns the level after a pair that did not fit, whose corrected images show `found`, and what is to be
-        said."""
+        """Returns the level after a pair that did not fit, whose corrected images show `found`, and the decisions
+        about it."""
         if found is None:
             return replace(self, silent=self.silent + 1), ()
         off_px, total = found.rows_px(found.terms), self.terms + found.terms
@@ -243,16 +243,16 @@ class Level:
         others, changes = (self.others + 1, self.changes) if same else (1, self.changes + 1)
         later = replace(self, agreed=0, other=total, others=others, changes=changes, silent=0)
         if self.moments or changes >= CHANGES:
-            said = checks.MOMENTS.of(off_px, LEVEL_ROWS_PX, "they are not levelled")
-            return replace(later, terms=np.zeros(PAIR), moments=True), (said,)
+            decision = checks.MOMENTS.of(off_px, LEVEL_ROWS_PX, "they are not levelled")
+            return replace(later, terms=np.zeros(PAIR), moments=True), (decision,)
         if others >= AGREEING:
             return self._levelled(found, total)
-        return later, (checks.ROWS_CHANGED.of(off_px, LEVEL_ROWS_PX, "the next pairs tell which"),)
+        return later, (checks.ROWS_CHANGED.of(off_px, LEVEL_ROWS_PX, "the next pairs show which"),)
 
     def _levelled(self, found: Measured, total: Array) -> tuple[Level, tuple[Decision, ...]]:
         rows_px, passed = found.rows_px(total), found.within_reach(total)
-        said = checks.LEVELLED.of(rows_px, LEVELLED_PX, found.describe(total), passed=passed)
-        return (Level(total, 1, True) if passed else self), (said,)
+        decision = checks.LEVELLED.of(rows_px, LEVELLED_PX, found.describe(total), passed=passed)
+        return (Level(total, 1, True) if passed else self), (decision,)
 
 
 def levelled(setup: Setup, images: StereoImages, level: Level) -> StereoImages:

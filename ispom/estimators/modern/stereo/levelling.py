@@ -39,17 +39,17 @@ def on_level_pair(
     begun = bool(state.map.keys)
     outcome = advance(state, images) if begun else None
     fits = _start_fits(setup, images) if outcome is None else _fits(setup, outcome)
-    level, said = (state.level.agreeing(), ()) if fits else state.level.after(_measured(setup, state, images))
+    level, decisions = (state.level.agreeing(), ()) if fits else state.level.after(_measured(setup, state, images))
     if (level.terms != state.level.terms).any():
         images, outcome = levelled(setup, given, level), None
     if outcome is None:
         outcome = advance(replace(state, level=level), images)
-    outcome = replace(outcome, state=replace(outcome.state, level=level), decisions=(*said, *outcome.decisions))
+    outcome = replace(outcome, state=replace(outcome.state, level=level), decisions=(*decisions, *outcome.decisions))
     return outcome, images
 
 
 def _measured(setup: Setup, state: ModernStereoState, images: StereoImages) -> Measured | None:
-    """Returns what the features of a pair tell; None without light on either side, or if it is not due."""
+    """Returns what the features of a pair show; None without light on either side, or if it is not due."""
     light = has_contrast(images.left, state.last.left) and has_contrast(images.right, images.left)
     return measured(setup, images, state.map.extra) if state.level.is_due and light else None
 
