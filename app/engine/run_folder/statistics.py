@@ -71,7 +71,8 @@ class RunStatistics:
         if restarted and time_ns > starts[-1][0]:
             starts.append((time_ns, len(starts)))
         if joins is not None and 0 <= joins < len(starts):
-            starts[-1] = (starts[-1][0], starts[joins][1])
+            own, earlier = starts[-1][1], starts[joins][1]
+            self.starts[method] = [(t, earlier if world == own else world) for t, world in starts]
 
     def segments(self, method: str) -> list[tuple[int, int]]:
         """See `starts`; none where it was never located, as held poses say nothing."""

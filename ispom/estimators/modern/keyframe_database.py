@@ -53,6 +53,8 @@ class Keyframe:
     """The descriptor of these features: after a fork the method may use another one."""
     segment: int = 0
     """The segment in whose world the pose is."""
+    depth_sigma: float = 0.0
+    """Standard deviation of ln depth of what it observes, in the unit of the segment; 0 for a pair."""
 
     @staticmethod
     def of(
@@ -63,6 +65,7 @@ class Keyframe:
         motion: Array | None = None,
         moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
         segment: int = 0,
+        depth_sigma: float = 0.0,
     ) -> Keyframe:
         """Returns a keyframe; large images are reduced to SEARCH_SIDE_PX."""
         height, width = images[0].shape
@@ -72,7 +75,17 @@ class Keyframe:
             # Linear interpolation is fast, and a reduction by less than 2 causes little aliasing.
             images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
         reduction = images[0].shape[1] / width
-        return Keyframe(time_ns, camera_from_world, images, reduction, covariance, motion, moving, segment=segment)
+        return Keyframe(
+            time_ns,
+            camera_from_world,
+            images,
+            reduction,
+            covariance,
+            motion,
+            moving,
+            segment=segment,
+            depth_sigma=depth_sigma,
+        )
 
     @cached_property
     def appearance(self) -> NDArray[np.float32]:

@@ -291,7 +291,7 @@ def test_a_blind_start_of_stereo_is_told_by_the_integration_that_follows_it(
 
 def test_a_pose_by_points_that_the_last_key_frame_did_not_see_is_no_surer_than_that() -> None:
     none = np.zeros((2, 3, 4)), np.zeros((4, 4)), np.zeros((2, 4))
-    known = MapUncertainty((0,), np.arange(2), *none, 1.0, np.eye(6), 0, 0, 0)
+    known = MapUncertainty((0,), np.arange(2), *none, 1.0, np.eye(6), 0, 0, 0, 0)
     xyz = np.array([[0.0, 0, 5], [1, 0, 5], [0, 1, 5], [1, 1, 6]])
     motion = PoseFit(Pose(), np.zeros(4), np.ones(4, bool), np.eye(6))
     np.testing.assert_array_equal(known.of_pose(np.arange(10, 14), xyz, xyz[:, :2], motion, 0.001), np.eye(6))

@@ -34,7 +34,9 @@ NO_TRACKS = TrackingResult(np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), 
 
 def uncertain(depth_sigma: float, scale_sigma: float = 0.0) -> MapUncertainty:
     no = np.zeros((0, 0))
-    return MapUncertainty((), np.zeros(0, np.int64), no, no, no, 1.0, np.eye(6), scale_sigma, 0.0, depth_sigma)
+    return MapUncertainty(
+        (), np.zeros(0, np.int64), no, no, no, 1.0, np.eye(6), scale_sigma, 0.0, depth_sigma, depth_sigma
+    )
 
 
 def test_three_standard_deviations_of_a_kept_scale_are_the_promised_factor() -> None:
@@ -153,3 +155,8 @@ def test_no_position_is_held_where_the_camera_was_lost_in_motion(depth: float | 
     start, _ = sideways(Start(depth=depth, joined=joined), 1.0)
     frames = tuple(replace(f, world_from_camera=Pose()) for f in start.frames)
     assert len(replace(start, frames=frames).held) == held
+
+
+def test_a_segment_that_was_joined_keeps_the_scale_that_it_had_there() -> None:
+    assert check_scale((0.2,), uncertain(0.205), joined=True).passed
+    assert not check_scale((0.2,), uncertain(0.25), joined=True).passed

@@ -53,7 +53,9 @@ def test_points_are_intersected_from_patches_in_all_key_frames_of_the_window(wal
     guessed = last.camera_from_world.apply(xyz) * random.normal(1, 0.05, (COUNT, 1))
     views = (before, np.add(uv, (SHIFTS_PX[-1], 0)) + random.normal(0, 0.7, uv.shape)), (last, uv)
     world_from_camera = last.camera_from_world.inverse()
-    given = KeyframeMatch(views, world_from_camera.apply(guessed), uv.astype(np.float32), world_from_camera)
+    given = KeyframeMatch(
+        views, world_from_camera.apply(guessed), uv.astype(np.float32), world_from_camera, np.arange(len(uv))
+    )
     found = retriangulate(setup, places, Map(keys, ScenePoints(), None, 1e-3), given)
     assert [p.time_ns for p, _ in found.views] == [0, 1, 2], "descriptors had compared two"
     for (_, at), px in zip(found.views[:2], SHIFTS_PX[:2], strict=True):
@@ -68,7 +70,7 @@ def test_where_another_key_frame_shows_something_else_it_stays_as_descriptors_sa
     before, last = places.keyframes[0], places.keyframes[-1]
     other = replace(before, images=(before.images[0][::-1].copy(),))
     views = (other, np.add(uv, (SHIFTS_PX[-1], 0))), (last, uv)
-    given = KeyframeMatch(views, xyz, uv.astype(np.float32), last.camera_from_world.inverse())
+    given = KeyframeMatch(views, xyz, uv.astype(np.float32), last.camera_from_world.inverse(), np.arange(len(uv)))
     found = retriangulate(setup, KeyframeDatabase((other, last)), Map((), ScenePoints(), None, 1e-3), given)
     same = (found.xyz == xyz).all(axis=1)
     assert same.mean() > 0.9

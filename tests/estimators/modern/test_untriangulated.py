@@ -128,7 +128,7 @@ def test_the_covariance_is_that_of_the_errors(unsure_rad: float, monkeypatch: py
     held[:POSE, :POSE] = np.diag([0.0, 0.0, 0.0, unsure_rad, unsure_rad, unsure_rad])
     none = np.zeros((POINTS, POSE + LENS))
     arrays = np.zeros((POINTS, 3, POSE + LENS)), held**2, none, 1.0, np.eye(6)
-    known = MapUncertainty((0,), np.arange(POINTS), *arrays, 0, 0, 0)
+    known = MapUncertainty((0,), np.arange(POINTS), *arrays, 0, 0, 0, 0)
     for seed in range(40):
         twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
         found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())

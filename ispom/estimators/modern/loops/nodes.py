@@ -76,15 +76,22 @@ def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
     """
     own = node.step is not None and node.parent_ns == parent.time_ns
     between = node.step if own and node.step is not None else parent.odometry.inverse() @ node.odometry
+    scale_variance = max(node.scale_variance - parent.scale_variance, 0.0)
+    return Similarity(1.0, between), growth(between, parent.covariance, node.covariance, scale_variance)
+
+
+def growth(between: Pose, before: Array, after: Array, scale_variance: float) -> Array:
+    """Returns the growth (7, 7) of the covariance of the odometry over the step `between`: right perturbations, from
+    the covariances (6, 6) of the poses before and after it and the growth of the variance of ln scale."""
     back = between.inverse().adjoint
-    grown = node.covariance - back @ parent.covariance @ back.T
+    grown = after - back @ before @ back.T
     values, vectors = np.linalg.eigh((grown + grown.T) / 2)
     length = float(np.linalg.norm(between.translation))
     least = np.repeat([LEAST_SHARE * length + 1e-9, LEAST_RAD], 3)
     covariance = np.zeros((FREEDOM, FREEDOM))
     covariance[:6, :6] = (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(least**2)
-    covariance[6, 6] = max(node.scale_variance - parent.scale_variance, 0.0) + LEAST_SCALE**2
-    return Similarity(1.0, between), covariance
+    covariance[6, 6] = scale_variance + LEAST_SCALE**2
+    return covariance
 
 
 def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: int | None) -> tuple[Node, ...]:

@@ -70,18 +70,37 @@ def corrected_step(
 
     `odometry`: world_from_camera, its covariance (6, 6), and the variance of ln scale; None where they are unknown.
     """
-    newest, correction = loops.correction, Correction.of(loops)
+    covariance = None if odometry is None else covariance_at(loops, *odometry)
+    return moved_step(step, loops.correction, Correction.of(loops), earlier, covariance, camera_from_frame)
+
+
+def moved_step(
+    step: Step,
+    newest: Similarity,
+    correction: Correction,
+    earlier: list[tuple[int, Pose]],
+    of_camera: Array | None,
+    camera_from_frame: Pose,
+) -> Step:
+    """Returns a Step in another world, with earlier poses revised.
+
+    Args:
+        newest: to that world from that of the step.
+        correction: the same for the poses it revises.
+        earlier: poses to revise besides.
+        of_camera: (7, 7) covariance of the right perturbation of the camera's pose in the other world; None where it is
+            unknown.
+    """
     earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
     revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
     pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
     if pose is not None:
         pose = newest.apply_pose(pose)
-        if odometry is not None:
-            own = covariance_at(loops, *odometry)
+        if of_camera is not None:
             back = camera_from_frame.inverse().adjoint
             scale = np.diag(np.repeat([newest.scale, 1.0], 3))
-            covariance = scale @ (back @ own[:6, :6] @ back.T) @ scale
-            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
+            covariance = scale @ (back @ of_camera[:6, :6] @ back.T) @ scale
+            scale_sigma = None if scale_sigma is None else float(np.sqrt(of_camera[6, 6]))
     return replace(
         step,
         world_from_frame=pose,

@@ -149,7 +149,7 @@ def _measured(
         return None
     scale, of_scale = 1.0, 0.0
     if not camera.baseline:
-        measured = _scale(own[fit.inliers, 2] / fit.camera_from_world.apply(xyz[fit.inliers])[:, 2])
+        measured = ratio_of_scales(own[fit.inliers, 2] / fit.camera_from_world.apply(xyz[fit.inliers])[:, 2])
         if measured is None:
             return None
         scale, of_scale = measured
@@ -164,9 +164,9 @@ def _measured(
     return RelativePose(first_from_then, covariance, int(fit.inliers.sum()))
 
 
-def _scale(ratios: Array) -> tuple[float, float] | None:
-    """Returns the ratio of a length in the later scale to that in the earlier one, and the standard deviation of its
-    ln."""
+def ratio_of_scales(ratios: Array) -> tuple[float, float] | None:
+    """Returns the median of ratios of depths in two scales, NaN where unknown, and the standard deviation of its ln;
+    None for too few."""
     logs = np.log(ratios[np.isfinite(ratios) & (ratios > 0)])
     if len(logs) < FEWEST_SCALES:
         return None

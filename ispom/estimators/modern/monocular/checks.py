@@ -10,6 +10,7 @@ from ispom.estimators.modern.second_motion import LARGER, SECOND_MOTION, WIDER
 from ispom.types import Check, by_key
 
 LOCATED, FIRST_MAP = "Frame localised?", "First map?"
+JOIN = "Joined with an earlier segment?"
 UNIT, CALIBRATED = "Is the scale reliable?", "Is the calibration right?"
 
 STAGES = {
@@ -21,6 +22,7 @@ STAGES = {
     "lost frames": "Tries frames again that were lost, among the keyframes that were added since.",
     "new points": "Detects new corners at keyframes, where tracks are missing.",
     "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
+    "join": "Joins segments: looks for what earlier segments saw, and measures the common scale from it.",
 }
 """Descriptions of the stages of a step, by their keys in Step.seconds, in order."""
 
@@ -234,6 +236,33 @@ UNIT_SPREAD = Check(
     fails="Scale not transferred: across the loss its standard deviation is {value} % (limit {threshold} %).",
     topic="scale",
 )
+JOIN_POINTS = Check(
+    "join_points",
+    "points in this segment and in an earlier one",
+    "finding",
+    JOIN,
+    passes="{value} points have positions in this segment and in an earlier one ({threshold} needed).",
+    fails="Only {value} points have positions in this segment and in an earlier one ({threshold} needed).",
+)
+JOIN_SCALE = Check(
+    "join_scale",
+    "standard deviation of the scale between the segments",
+    "finding",
+    JOIN,
+    "<=",
+    "%",
+    passes="Scale between both segments: standard deviation {value} % (limit {threshold} %).",
+    fails="Not joined: the scale between both segments has a standard deviation of {value} % (limit {threshold} %).",
+)
+JOIN_VIEWS = Check(
+    "join_views",
+    "keyframes that agree on the join",
+    "trigger",
+    JOIN,
+    passes="Segments joined: {value} keyframes agree on the similarity of their worlds ({threshold} needed).",
+    fails="Segments not joined yet: {value} keyframes agree on the similarity of their worlds ({threshold} needed).",
+    topic="loop",
+)
 
 CHECKS = by_key(
     POSE_POINTS,
@@ -267,6 +296,9 @@ CHECKS = by_key(
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,
+    JOIN_POINTS,
+    JOIN_SCALE,
+    JOIN_VIEWS,
     NOISE,
     *LOOP_CHECKS,
 )

@@ -108,6 +108,7 @@ def next_state(
         agreeing=() if state.map is None else state.agreeing,
         before_map=_before_map(state, outcome),
         lost_frames=next_lost_frames(setup, state, outcome, image),
+        worlds=state.worlds,
     )
 
 
@@ -148,9 +149,17 @@ def _database(
     known = {k.time_ns: p.inverse() for k, p in zip(local_map.keys, local_map.poses, strict=True)}
     alive = outcome.tracked.status == TrackStatus.ALIVE
     moved = tracks_with_speeds(setup.camera, outcome.tracked.uv[alive], outcome.tracked.speed[alive])
-    return database.with_poses(known).with_keyframe(
-        Keyframe.of(image.time_ns, pose.inverse(), (image.grey,), outcome.covariance, moving=moved, segment=segment)
+    depth_sigma = 0.0 if outcome.uncertainty is None else outcome.uncertainty.depth_sigma
+    keyframe = Keyframe.of(
+        image.time_ns,
+        pose.inverse(),
+        (image.grey,),
+        outcome.covariance,
+        moving=moved,
+        segment=segment,
+        depth_sigma=depth_sigma,
     )
+    return database.with_poses(known).with_keyframe(keyframe)
 
 
 def as_step(

@@ -51,6 +51,8 @@ class MapUncertainty:
     depth_sigma: float
     """Median standard deviation of ln depth of the points that the last keyframe observes, in the gauge of the map,
     without the points' own errors; infinite if there are none."""
+    relative_depth_sigma: float
+    """The same for ln of depth over the last step's length, which does not depend on the gauge."""
 
     @staticmethod
     def of(window: Window, key_times_ns: tuple[int, ...], ids: NDArray[np.int64], width: float) -> MapUncertainty:
@@ -60,6 +62,7 @@ class MapUncertainty:
         found = WindowCovariance.of(window, ids, width)
         covariance, last = found.whole, slice(POSE * (c - 1), POSE * c)
         by_poses = found.point_jacobians(young)
+        depths, last_step = _depth_rows(window, window.points[young], by_poses), _step_row(window, c - 1)
         return MapUncertainty(
             key_times_ns,
             ids[young],
@@ -69,7 +72,8 @@ class MapUncertainty:
             found.inflation,
             covariance[last, last],
             *_of_steps(window, covariance),
-            _of_depths(window, window.points[young], by_poses, covariance),
+            _median_sigma(depths, covariance),
+            _median_sigma(depths - last_step, covariance),
         )
 
     @property
@@ -118,9 +122,9 @@ class MapUncertainty:
         return inverse @ (follow @ self.covariance @ follow.T + self.inflation * (own + both + both.T)) @ inverse
 
 
-def _of_depths(window: Window, xyz: Array, by_poses: Array, covariance: Array) -> float:
-    """Returns the median standard deviation of ln depth of points (M, 3) in the last camera; `by_poses` (M, 3, D) is
-    their Jacobian with respect to poses and corrections."""
+def _depth_rows(window: Window, xyz: Array, by_poses: Array) -> Array:
+    """Returns the derivatives (K, D) of ln depth of those of points (M, 3) that are in front of the last camera;
+    `by_poses` (M, 3, D) is their Jacobian with respect to poses and corrections."""
     rotation, last = window.rotations[-1], POSE * (len(window.rotations) - 1)
     near = xyz @ rotation.T + window.translations[-1]
     rows = np.einsum("k,mkd->md", rotation[2], by_poses)
@@ -129,7 +133,11 @@ def _of_depths(window: Window, xyz: Array, by_poses: Array, covariance: Array) -
     rows[:, last + 3] += near[:, 1]
     rows[:, last + 4] -= near[:, 0]
     front = near[:, 2] > 0
-    rows = rows[front] / near[front, 2:]
+    return rows[front] / near[front, 2:]
+
+
+def _median_sigma(rows: Array, covariance: Array) -> float:
+    """Returns the median standard deviation of quantities with these derivatives (K, D); infinite without any."""
     variances = ((rows @ covariance) * rows).sum(axis=1)
     return float(np.sqrt(np.median(np.maximum(variances, 0.0)))) if len(variances) else np.inf
 
@@ -145,14 +153,17 @@ def _of_steps(window: Window, covariance: Array) -> tuple[float, float]:
     """Returns the standard deviations of ln of the last step's length: of itself, and of its ratio to the step
     before."""
     count = len(window.rotations)
-    centres = -np.einsum("cji,cj->ci", window.rotations, window.translations)
-    rows = []
-    for i in range(max(1, count - 2), count):
-        step = centres[i] - centres[i - 1]
-        row = np.zeros(len(covariance))
-        for j, sign in ((i, 1.0), (i - 1, -1.0)):  # a left twist's rho moves the centre by -R' rho
-            row[POSE * j : POSE * j + 3] = -sign * (window.rotations[j] @ step) / max(float(step @ step), 1e-24)
-        rows.append(row)
+    rows = [_step_row(window, i) for i in range(max(1, count - 2), count)]
     against = rows[-1] - rows[0] if len(rows) > 1 else rows[-1]
     scale, step = (float(np.sqrt(max(row @ covariance @ row, 0.0))) for row in (rows[-1], against))
     return scale, step
+
+
+def _step_row(window: Window, i: int) -> Array:
+    """Returns the derivative (D,) of ln of the length of the step to camera i from the one before."""
+    rotations, translations = window.rotations[i - 1 : i + 1], window.translations[i - 1 : i + 1]
+    before, after = -np.einsum("cji,cj->ci", rotations, translations)
+    step, row = after - before, np.zeros(POSE * len(window.rotations) + LENS)
+    for j, sign in ((i, 1.0), (i - 1, -1.0)):  # a left twist's rho moves the centre by -R' rho
+        row[POSE * j : POSE * j + 3] = -sign * (window.rotations[j] @ step) / max(float(step @ step), 1e-24)
+    return row

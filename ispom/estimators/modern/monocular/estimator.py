@@ -19,6 +19,7 @@ from ispom.estimators.modern.monocular.conclude import (
     next_state,
 )
 from ispom.estimators.modern.monocular.initialise import initialise
+from ispom.estimators.modern.monocular.join import in_common_world, join_segments
 from ispom.estimators.modern.monocular.keyframe import (
     add_frame,
     add_keyframe,
@@ -128,7 +129,8 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = state.start.held if state.start is not None else ()
-        return correct_by_loops(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
+        poses = Trajectory.of([*state.settled, *held, *current], "video")
+        return correct_by_loops(state.loops, in_common_world(state.worlds, poses))
 
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
         """Processes one frame: tracks features, localises it in the map (or initialises one), and detects new
@@ -156,6 +158,9 @@ class ModernMonocular:
         if self.config.loops:
             after, step = close_loops(setup, state, after, outcome, image, step)
             watch.lap("loops")
+        else:
+            after, step = join_segments(setup, state, after, outcome, image, step)
+            watch.lap("join")
         return after, self._size.enlarged(step)
 
     def without_tracks(self, state: ModernMonocularState, ids: NDArray[np.int64]) -> ModernMonocularState:

@@ -179,7 +179,15 @@ def keep_frame_before_gap(setup: Setup, state: ModernMonocularState, time_ns: in
     local_map, settled = shorten_window(local_map, live.ids, setup.key_frames)
     moved = tracks_with_speeds(setup.camera, live.uv, live.speed)
     database = state.database.with_keyframe(
-        Keyframe.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved, segment=state.segment)
+        Keyframe.of(
+            last_ns,
+            last.inverse(),
+            (live.grey,),
+            state.covariance,
+            moving=moved,
+            segment=state.segment,
+            depth_sigma=0.0 if state.uncertainty is None else state.uncertainty.depth_sigma,
+        )
     )
     return replace(state, map=local_map, settled=state.settled.extended(settled), database=database)
 
@@ -204,7 +212,8 @@ def add_keyframe(setup: Setup, state: ModernMonocularState, outcome: Outcome, fr
     local_map, settled = shorten_window(extended.map, ids[status == TrackStatus.ALIVE], setup.key_frames)
     removed = report_removed(extended.map, local_map, setup.key_frames)
     # After a relocalisation, recognised keyframes define the scale.
-    scale = check_scale(() if outcome.restarted else state.depth_sigmas, extended.uncertainty)
+    joined = not outcome.restarted and state.worlds.join_of(state.segment) is not None
+    scale = check_scale(() if outcome.restarted else state.depth_sigmas, extended.uncertainty, joined)
     outcome = replace(
         outcome,
         pose=local_map.poses[-1],
@@ -246,15 +255,16 @@ def uncertainty_of(local_map: Map) -> MapUncertainty:
     return MapUncertainty.of(problem.window, tuple(k.time_ns for k in local_map.keys), problem.ids, local_map.loss)
 
 
-def check_scale(before: tuple[float, ...], uncertainty: MapUncertainty) -> Decision:
+def check_scale(before: tuple[float, ...], uncertainty: MapUncertainty, joined: bool = False) -> Decision:
     """Checks that a keyframe has the scale of its segment, by its `depth_sigma` and those `before` of the window's
     keyframes; see ModernMonocularState.depth_sigmas.
 
-    A scale that was known must not become uncertain. That of a young map, by few images, may become known later: until
-    then each step must have a length that is known from nothing.
+    A scale that was known must not become uncertain; that of a segment that was `joined` with an earlier one was known
+    there. That of a young map, by few images, may become known later: until then each step must have a length that is
+    known from nothing.
     """
     known, now = min(before, default=np.inf), uncertainty.depth_sigma
-    if known > MAX_SCALE_GROWTH:
+    if known > MAX_SCALE_GROWTH and not joined:
         unknown = now if now <= MAX_SCALE_GROWTH else max(now, uncertainty.scale_sigma)
         return checks.SCALE_KNOWN.of(100 * unknown, 100 * UNKNOWN_SCALE)
     return checks.SCALE_KNOWN.of(100 * np.sqrt(max(now**2 - known**2, 0.0)), 100 * MAX_SCALE_GROWTH)

@@ -55,6 +55,8 @@ class KeyframeMatch:
     uv: NDArray[np.float32]
     """(N, 2) [px] positions in the new image."""
     world_from_camera: Pose
+    index: NDArray[np.int64]
+    """(N,) which of the features of the new image these are."""
 
 
 def match_keyframes(
@@ -111,7 +113,8 @@ def _match_keyframe(
     verified = verification.verify(Candidate(keyframe_features, xyz_of, keyframe.camera_from_world), view)
     if verified is None:
         return None
-    xyz, uv, pose = verified.xyz, features.uv[verified.pairs[:, 1]], verified.camera_from_world
+    xyz, index, pose = verified.xyz, verified.pairs[:, 1], verified.camera_from_world
+    uv = features.uv[index]
     matched = zip(keyframes, positions(verified.pairs[:, 0]), strict=True)
     observed = [_without_outliers(lens, k, at, xyz, INLIER * sigma) for k, at in matched]
     views = [(k.camera_from_world, np.isfinite(at[:, 0])) for k, at in zip(keyframes, observed, strict=True)]
@@ -121,13 +124,28 @@ def _match_keyframe(
         return None
     if 2 * confirmed.sum() < len(confirmed):
         # Uncertain depths took over the map where they were the majority; a minority cannot.
-        xyz, uv, observed = xyz[confirmed], uv[confirmed], [at[confirmed] for at in observed]
+        xyz, uv, index, observed = xyz[confirmed], uv[confirmed], index[confirmed], [at[confirmed] for at in observed]
     keyframe_from_camera = keyframe.camera_from_world @ pose.inverse()
     aligned, good = align_patches(lens, keyframe, observed[-1], keyframe_from_camera, pose.apply(xyz), image.grey, uv)
     uv = np.where(good[:, None], aligned, uv).astype(np.float32)
     if good.sum() >= MIN_ALIGNED:
-        xyz, uv, observed = xyz[good], uv[good], [at[good] for at in observed]
-    return KeyframeMatch(tuple(zip(keyframes, observed, strict=True)), xyz, uv, pose.inverse())
+        xyz, uv, index, observed = xyz[good], uv[good], index[good], [at[good] for at in observed]
+    return KeyframeMatch(tuple(zip(keyframes, observed, strict=True)), xyz, uv, pose.inverse(), index)
+
+
+def triangulate_with_neighbours(
+    setup: Setup, database: KeyframeDatabase, lens: Lens, keyframe: Keyframe, index: NDArray[np.int64]
+) -> tuple[KeyframeDatabase, Array]:
+    """Triangulates features `index` (N,) of a described keyframe with its neighbours: (N, 3) in the world of its
+    segment; NaN if uncertain. Also returns the database with the new descriptions."""
+    sigma, matcher = FEATURE_ERROR * setup.noise.sigma, setup.front_end.matcher
+    views = [*(k.described(setup.front_end.descriptor) for k in database.neighbours(keyframe)), keyframe]
+    for each in views:
+        database = database.with_features(each)
+    if len(views) < 2:
+        return database, np.full((len(index), 3), np.nan)
+    observed = [_matched_positions(matcher, lens, keyframe, index, other, sigma) for other in views]
+    return database, _triangulate(lens, views, observed, sigma)
 
 
 def depth_confirmed(

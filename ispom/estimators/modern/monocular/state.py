@@ -13,6 +13,7 @@ from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.tracks import LiveTracks, OutlierTracks, TrackingResult
+from ispom.estimators.modern.monocular.worlds import Worlds
 from ispom.estimators.modern.rolling import RollingTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
@@ -189,6 +190,8 @@ class ModernMonocularState:
     """Number of segments so far."""
     segment: int = 0
     """The segment in whose world the last pose is."""
+    worlds: Worlds = Worlds()
+    """Joins of segments with earlier ones; everything else here is in the world of the segment."""
     loops: Loops = Loops()
     """Loop closures and their corrections; everything else here is odometry without them."""
     outlier_tracks: OutlierTracks = OutlierTracks()

@@ -73,3 +73,10 @@ def test_stretches_that_nothing_joins_have_files_of_their_own(tmp_path: Path) ->
             folder.write(name, text)
     with RunFolder(tmp_path / "run"):
         assert not list((tmp_path / "run").glob("*.tum"))
+
+
+def test_joined_stretches_are_one_segment_of_the_run() -> None:
+    statistics = RunStatistics()
+    for time_ns, restarted, joins in ((0, False, None), (5, True, None), (7, True, None), (9, True, 1), (11, False, 0)):
+        statistics.count("m", time_ns, 1.0, "tracking", restarted, joins)
+    assert [world for _, world in statistics.segments("m")] == [0, 0, 2, 0]
