@@ -164,6 +164,8 @@ class Step:
     """Time before which poses will hardly be revised any more; None where it is not known yet."""
     restarted: bool = False
     """Whether a new segment starts at this frame: no observation relates its pose or its scale to earlier ones."""
+    segment_age_ns: int = 0
+    """Where a segment starts: how long before this frame its first one was, whose pose is a revised one."""
     joins: int | None = None
     """Number of an earlier segment whose world and scale the current one has, since its keyframes were recognised.
     Segments are counted from 0; each restart starts the next one. None where no earlier segment was recognised."""
@@ -182,6 +184,11 @@ class Step:
     """By camera name, lines to draw on its image besides the tracks."""
     world_lines: WorldLines = field(default_factory=WorldLines.empty)
     """All current lines of the scene; they replace those of earlier steps."""
+
+    @property
+    def segment_from_ns(self) -> int:
+        """Time of the first frame of the segment that starts here."""
+        return self.time_ns - self.segment_age_ns
 
     @property
     def inliers(self) -> int:

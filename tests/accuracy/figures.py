@@ -122,7 +122,7 @@ def measure(name: str, source: str, method: str) -> Figures:
     for i in used:
         state, steps = ensemble.step(state, sequence[i])
         for step in steps:
-            statistics.count(method, step.time_ns, 0.0, step.status, step.restarted, step.joins)
+            statistics.count(method, step.time_ns, 0.0, step.status, step.restarted, step.joins, step.segment_age_ns)
     trajectories = ensemble.finish(state)
     seconds = time.process_time() - started
     truth, (first_ns, last_ns) = sequence.truth, sequence.times_ns[[0, -1]]

@@ -29,7 +29,7 @@ STEP_QUANTITIES = step_quantities()
 """In the order of the columns of steps.csv."""
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
-MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "joins": None}
+MOMENTARY: Mapping[str, Value] = {"key_frame": False, "restarted": False, "segment_age_ns": None, "joins": None}
 """Of one frame: another method's step does not report them again."""
 CHANGES = change_quantities()
 EXPOSURE_QUANTITIES = (

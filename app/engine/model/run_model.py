@@ -119,7 +119,7 @@ def _with_step(poses: PoseHistory, times: Times, step: Step, index: int) -> Pose
     poses = poses.with_poses(times.rows(step.revised.times_ns), step.revised, index)
     row = times.rows(np.array([step.time_ns]))
     if step.restarted:
-        poses = poses.with_start(int(row[0]))
+        poses = poses.with_start(int(times.rows(np.array([step.segment_from_ns]))[0]))
     if step.world_from_frame is not None:
         poses = poses.with_poses(row, _single(step.time_ns, step.world_from_frame, step.frame), index)
     return poses.with_key_frame(int(row[0]), index) if step.key_frame else poses

@@ -58,18 +58,25 @@ class RunStatistics:
             ms = 1000 * sum(step.seconds.values())
             if not self.located.get(step.method) and step.status != Status.TRACKING and (why := missing(step)):
                 self.waits[step.method] = why
-            self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins)
+            self.count(step.method, step.time_ns, ms, step.status, step.restarted, step.joins, step.segment_age_ns)
 
     def count(
-        self, method: str, time_ns: int, ms: float, status: str, restarted: bool, joins: int | None = None
+        self,
+        method: str,
+        time_ns: int,
+        ms: float,
+        status: str,
+        restarted: bool,
+        joins: int | None = None,
+        segment_age_ns: int = 0,
     ) -> None:
         """One frame of one method."""
         self.ms.setdefault(method, array("f")).append(ms)
         self.lost[method] = self.lost.get(method, 0) + (status == Status.LOST)
         self.located[method] = self.located.get(method, 0) + (status == Status.TRACKING)
         starts = self.starts.setdefault(method, [(time_ns, 0)])
-        if restarted and time_ns > starts[-1][0]:
-            starts.append((time_ns, len(starts)))
+        if restarted and time_ns - segment_age_ns > starts[-1][0]:
+            starts.append((time_ns - segment_age_ns, len(starts)))
         if joins is not None and 0 <= joins < len(starts):
             own, earlier = starts[-1][1], starts[joins][1]
             self.starts[method] = [(t, earlier if world == own else world) for t, world in starts]

@@ -73,7 +73,8 @@ def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
             if abs(time_ns) > MAX_TIME_S * 10**9 or not 0 <= ms < math.inf:
                 continue
             joins = int(row["joins"]) if row.get("joins") else None
-            statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1", joins)
+            age_ns = int(row["segment_age_ns"]) if row.get("segment_age_ns") else 0
+            statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1", joins, age_ns)
     return statistics
 
 

@@ -158,6 +158,7 @@ def _step(stored: StoredStep) -> Step:
         scale_sigma=_number(values["scale_sigma"]),
         method=stored.method,
         restarted=values["restarted"] is True,
+        segment_age_ns=int(_number(values.get("segment_age_ns")) or 0),
         provisional=values["provisional"] is True,
     )
 

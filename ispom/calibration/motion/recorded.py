@@ -155,7 +155,7 @@ def _run(ensemble: Ensemble, sequence: Sequence, bar: Bar) -> tuple[dict[str, Tr
     breaks: list[int] = []
 
     def look(steps: tuple[Step, ...]) -> None:
-        breaks.extend(step.time_ns for step in steps if step.restarted)
+        breaks.extend(step.segment_from_ns for step in steps if step.restarted)
 
     state = _state(ensemble, sequence, 0, len(sequence), bar, "following the cameras", look)
     return ensemble.finish(state), breaks

@@ -98,8 +98,8 @@ def waiting(*times_ns: int) -> ModernMonocularState:
     return ModernMonocularState(lost_frames=tuple(LostFrame(t, GREY, 0) for t in times_ns))
 
 
-def outcome(status: Status = Status.TRACKING, *, key_frame: bool = True, restarted: bool = False) -> Outcome:
-    return Outcome(lost_frames.NO_TRACKS, status, map=MAP, key_frame=key_frame, restarted=restarted)
+def outcome(status: Status = Status.TRACKING, *, key_frame: bool = True, since_ns: int | None = None) -> Outcome:
+    return Outcome(lost_frames.NO_TRACKS, status, map=MAP, key_frame=key_frame, segment_from_ns=since_ns)
 
 
 def test_the_newest_are_tried_first_and_each_only_so_often(setup: Setup, tried: list[int]) -> None:
@@ -122,14 +122,14 @@ def test_frames_between_keyframes_try_none(setup: Setup, tried: list[int]) -> No
     assert try_lost_frames(setup, state, outcome(key_frame=False))[0] is state and tried == []
 
 
-def test_only_frames_that_have_no_pose_in_a_segment_that_goes_on_wait(setup: Setup) -> None:
+def test_only_frames_without_a_pose_wait_and_none_of_a_segment_that_begins(setup: Setup) -> None:
     image = NewImage(7, GREY, None, lost_frames.NO_TRACKS, np.zeros((0, 3)))
 
     def times(found: Outcome, state: ModernMonocularState, using: Setup = setup) -> list[int]:
         return [f.time_ns for f in next_lost_frames(using, state, found, image)]
 
     assert times(outcome(Status.LOST), waiting(1)) == [1, 7]
-    assert times(outcome(Status.LOST, restarted=True), waiting(1)) == [1]
+    assert times(outcome(since_ns=2), waiting(1, 2, 3)) == [1]
     assert times(outcome(), waiting(1)) == [1]
     assert times(outcome(Status.LOST), waiting(1), replace(setup, relocalise=False)) == [1]
     assert times(outcome(Status.LOST), waiting(*range(MAX_LOST))) == [*range(1, MAX_LOST), 7]

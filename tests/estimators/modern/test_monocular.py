@@ -194,8 +194,9 @@ def test_a_long_loss_starts_a_new_map_in_the_old_world(
     found, steps = finish(estimator, [*blanked(frames[:35], 25, 10), *other])
     assert steps[-1].status is Status.TRACKING and steps[-1].covariance is not None
     assert any("a new map" in d.consequence for s in steps for d in s.decisions)
-    segments = [i for i, step in enumerate(steps) if step.restarted]
-    assert segments == [35], "what is seen first after the dark begins a segment of its own"
+    (begins,) = [step for step in steps if step.restarted]
+    assert begins.segment_from_ns == frames[35].time_ns, "what is seen first after the dark is its first frame"
+    assert begins.revised.times_ns[0] <= frames[35].time_ns < begins.time_ns
     part = found.select(found.times_ns > frames[35].time_ns)
     before = found.select(found.times_ns < frames[25].time_ns)
     truth = video_truth(flight)

@@ -39,6 +39,12 @@ QUANTITIES = (
     StepQuantity("status", lambda s, _: str(s.status), "initialising, tracking, lost", "text", choices=tuple(Status)),
     StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a keyframe", "flag"),
     StepQuantity("restarted", lambda s, _: bool(s.restarted), "whether a new world begins here", "flag"),
+    StepQuantity(
+        "segment_age_ns",
+        lambda s, _: s.segment_age_ns or None,
+        "how long before this frame the world that begins here had its first one",
+        unit="ns",
+    ),
     StepQuantity("joins", lambda s, _: s.joins, "the earlier segment, from 0, whose world this one has"),
     StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose waits for a first fit", "flag"),
     StepQuantity("error_m", lambda _, error: error, LIVE_ERROR.text, unit=LIVE_ERROR.unit),

@@ -119,7 +119,7 @@ def _before_map(state: ModernMonocularState, outcome: Outcome) -> BeforeMap | No
         return state.before_map if outcome.map is not None else None
     if state.start is None or state.start.taken_back or outcome.segment is not None:
         return None
-    return BeforeMap(state.start, state.settled, state.database, state.loops)
+    return BeforeMap(replace(state.start, before_loss=None), state.settled, state.database, state.loops)
 
 
 def _depth_sigmas(setup: Setup, state: ModernMonocularState, outcome: Outcome) -> tuple[float, ...]:
@@ -194,7 +194,8 @@ def as_step(
         seconds,
         outcome.decisions,
         restarted=outcome.restarted,
-        joins=outcome.segment,
+        segment_age_ns=0 if outcome.segment_from_ns is None else exposure.time_ns - outcome.segment_from_ns,
+        joins=outcome.segment if outcome.restarted else None,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
         calibration=_calibration(setup, after),
         other_motion=_other_motion(outcome),

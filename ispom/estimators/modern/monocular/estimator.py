@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import required
 from ispom.estimator import TRANSFER, VIDEO, Method, require_frame
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.conclude import (
@@ -36,6 +37,8 @@ from ispom.estimators.modern.monocular.localise import (
 from ispom.estimators.modern.monocular.lost_frames import try_lost_frames
 from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.recover import (
+    PATIENCE,
+    NotLocalised,
     recover,
     relocalise,
 )
@@ -141,11 +144,16 @@ class ModernMonocular:
         image = track(setup, state, exposure.time_ns, as_grey(exposure.image))
         state = with_corrected_coordinates(setup, state, image.tracked)
         watch.lap("track")
+        outcome = None
         if state.map is None:
-            state, image, outcome = initialise(setup, state, image)
-            watch.lap("start")
+            state, image, outcome = _resume(setup, state, image, watch)
+            if outcome is None:
+                state, image, outcome = initialise(setup, state, image)
+                watch.lap("start")
         else:
-            state, outcome = _track_with_map(setup, state, state.map, image, watch)
+            state, found = _track_with_map(setup, state, state.map, image, watch)
+            outcome = found if isinstance(found, Outcome) else recover(setup, state, image, found)
+        if outcome.map is not None and outcome.inliers is not None:
             outcome = check_other_motion(setup, state, outcome, image)
             state, outcome = check_agreement(setup, state, outcome, image)
             watch.lap("other motion")
@@ -192,10 +200,31 @@ class ModernMonocular:
         )
 
 
+def _resume(
+    setup: Setup, state: ModernMonocularState, image: NewImage, watch: Stopwatch
+) -> tuple[ModernMonocularState, NewImage, Outcome | None]:
+    """Localises a frame soon after a loss in the map before it, while a new one is being started.
+
+    Also returns the state and the image used: those before the loss, with the tracks of that time, if that succeeds.
+    """
+    before = None if state.start is None else state.start.before_loss
+    if state.start is None or before is None or before.map is None:
+        return state, image, None
+    before = replace(before, database=state.database, lost_frames=state.lost_frames, worlds=state.worlds)
+    again = track(setup, before, image.time_ns, image.grey)
+    before = with_corrected_coordinates(setup, before, again.tracked)
+    tried, outcome = _track_with_map(setup, before, required(before.map, "it had a map"), again, watch)
+    if isinstance(outcome, Outcome):
+        return tried, again, outcome
+    missed = before.missed + 1
+    before = replace(before, missed=missed, database=tried.database) if missed <= PATIENCE else None
+    return replace(state, database=tried.database, start=replace(state.start, before_loss=before)), image, None
+
+
 def _track_with_map(
     setup: Setup, state: ModernMonocularState, local_map: Map, image: NewImage, watch: Stopwatch
-) -> tuple[ModernMonocularState, Outcome]:
-    """Localises the frame, or recovers if that fails; makes it a keyframe if a check requires it.
+) -> tuple[ModernMonocularState, Outcome | NotLocalised]:
+    """Localises the frame in the map, and makes it a keyframe if a check requires it.
 
     Also returns the state used, which has more tracks if the frame was relocalised by descriptors.
     """
@@ -214,7 +243,7 @@ def _track_with_map(
     least, enough = MIN_LOCATED if relocalisation is None else MIN_DESCRIBED, localisation.has_enough_inliers
     decisions = (*decisions, checks.POSE_POINTS.of(localisation.count, least, passed=enough))
     if not enough:
-        return state, recover(setup, state, image, localisation.tracked, decisions)
+        return state, NotLocalised(localisation.tracked, decisions)
     frame, outcome = without_outliers(TracksInMap(setup, state.live, local_map), image, localisation, decisions)
     if relocalisation is not None and relocalisation.segment != state.segment:
         outcome = replace(outcome, restarted=True, segment=relocalisation.segment)

@@ -72,16 +72,18 @@ def _collect(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outc
     if setup.camera.line_delay_s:
         start = start.with_rolling_tracks(state.live.rolling_tracks)
     progress = advance(start, frame, setup.noise, setup.start_parallax_rad)
+    after_loss = start.lost is not None
+    lost = after_loss and progress.start.moves
     outcome = Outcome(
         image.tracked,
-        Status.INITIALISING,
-        progress.held,
+        Status.LOST if lost else Status.INITIALISING,
+        None if lost else progress.held,
         decisions=progress.decisions,
         settled=progress.settled,
     )
     if progress.map is None:
         is_reference = len(progress.start.frames) == 1
-        restarted = start.joined and not progress.start.joined
+        restarted = start.joined and not progress.start.joined and not after_loss
         return replace(outcome, start=progress.start, key_frame=is_reference, restarted=restarted)
     alive = image.tracked.status == TrackStatus.ALIVE
     last = RollingTracks(image.time_ns, state.live.ids[alive], image.tracked.uv[alive])
@@ -93,9 +95,12 @@ def _collect(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outc
     known = check_scale((), uncertainty)
     unit = (checks.UNIT_POINTS.key, checks.UNIT_SPREAD.key)
     lost_unit = any(d.key in unit and not d.passed for d in progress.decisions)
+    restarted = after_loss and not start.taken_back and (lost_unit or not start.joined)
+    frames = (*local_map.trajectory(), *progress.settled)
     return replace(
         outcome,
-        restarted=start.joined and lost_unit,
+        restarted=restarted,
+        segment_from_ns=min(t for t, _ in frames) if restarted else None,
         status=Status.TRACKING,
         pose=local_map.poses[-1],
         map=replace(local_map, noise=noise),

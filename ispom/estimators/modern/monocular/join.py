@@ -67,7 +67,8 @@ def join_segments(
 
     `before` and `after` are the states before and after the frame.
     """
-    worlds = after.worlds.visited(after.segment, image.time_ns, len(before.settled))
+    since = image.time_ns if outcome.segment_from_ns is None else outcome.segment_from_ns
+    worlds = after.worlds.visited(after.segment, since, len(before.settled))
     after = replace(after, worlds=worlds)
     local_map, uncertainty = after.map, after.uncertainty
     alone = worlds.root(after.segment) == after.segment > 0

@@ -26,11 +26,13 @@ NO_TRACKS = TrackingResult(np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), 
 def next_lost_frames(
     setup: Setup, state: ModernMonocularState, outcome: Outcome, image: NewImage
 ) -> tuple[LostFrame, ...]:
-    """Returns the frames to try later; adds this one if it has no pose, in a segment that goes on."""
-    lost = outcome.status == Status.LOST and outcome.pose is None and not outcome.restarted
+    """Returns the frames to try later, without those of a segment that begins; adds this one if it has no pose."""
+    since = outcome.segment_from_ns
+    waiting = tuple(f for f in state.lost_frames if since is None or f.time_ns < since)
+    lost = outcome.status == Status.LOST and outcome.pose is None
     if not lost or not setup.relocalise:
-        return state.lost_frames
-    return (*state.lost_frames, LostFrame(image.time_ns, image.grey, state.segment))[-MAX_LOST:]
+        return waiting
+    return (*waiting, LostFrame(image.time_ns, image.grey, state.segment))[-MAX_LOST:]
 
 
 def try_lost_frames(

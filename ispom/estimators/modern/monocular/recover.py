@@ -1,5 +1,5 @@
-"""Handles a frame that its tracks do not localise: relocalises it among the keyframes, holds the position on pure
-rotation, waits, or starts a new map."""
+"""Handles a frame that its tracks do not localise: relocalises it among the keyframes, or starts a new map at once,
+holding the position on pure rotation."""
 
 from __future__ import annotations
 
@@ -53,9 +53,18 @@ from ispom.solvers.multiview.rotation import TURN_LOSS, dominant_rotation, media
 from ispom.types import Decision, Status, TrackStatus
 
 PATIENCE = 5
-"""Number of frames compared with the last localised one before a new map starts."""
+"""Number of frames after a loss that are tracked from the last localised one, too, while a new map is being started."""
 MAX_ROTATION_RESIDUAL_DEG = 0.5
 """Largest median residual [deg] of a pure rotation: tracks below it show no translation."""
+
+
+@dataclass(frozen=True, eq=False)
+class NotLocalised:
+    """A frame that neither its tracks nor keyframes localise."""
+
+    tracked: TrackingResult
+    decisions: tuple[Decision, ...]
+    """The last one is the check that failed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +115,9 @@ def _relocalise_after_loss(
 ) -> tuple[ModernMonocularState, Relocalisation | None]:
     """Relocalises a frame in the keyframes of earlier segments, before the new map exists."""
     start, live = state.start, state.live
-    if start is None or start.lost is None or not setup.relocalise or not state.database.keyframes:
+    if start is None or start.lost is None or start.before_loss is not None or not setup.relocalise:
+        return state, None
+    if not state.database.keyframes:
         return state, None
     if live.grey is None or not has_contrast(image.grey, live.grey):
         return state, None
@@ -217,30 +228,27 @@ def continue_earlier_segment(
     )
     tracks = TracksInMap(setup, matched.live, relocalisation.map)
     frame, outcome = without_outliers(tracks, image, localisation, decisions)
-    outcome = replace(outcome, restarted=True, segment=relocalisation.segment)
+    outcome = replace(outcome, restarted=relocalisation.segment != state.segment, segment=relocalisation.segment)
     outcome = add_keyframe(setup, matched, outcome, frame)
     return (state, None) if outcome.segment is None else (matched, outcome)
 
 
-def recover(
-    setup: Setup, state: ModernMonocularState, image: NewImage, tracked: TrackingResult, failed: tuple[Decision, ...]
-) -> Outcome:
-    """Waits for a frame that matches the last localised one; after PATIENCE frames, or on pure rotation, starts a new
-    map."""
+def recover(setup: Setup, state: ModernMonocularState, image: NewImage, lost: NotLocalised) -> Outcome:
+    """Starts a new map, unless the image shows nothing; the next frames are still compared with the last localised
+    one."""
+    tracked, failed = lost.tracked, lost.decisions
     frame = tracked_frame(setup.camera, state.live, tracked, image.time_ns)
     last_ns, last = state.recent[-1]
     before = TrackedFrame(
         last_ns, state.live.ids, setup.camera.normalise(at_middle_row(setup.camera, state.live)), last
     )
     rotation_only = check_rotation_only(before, frame, setup.noise.width)
-    # The limit is that of a keyframe: later, too few tracks may be left to measure the rotation.
-    leaving = before.common(frame) < setup.min_share * len(before.ids)
-    if rotation_only is not None and (leaving or state.missed >= PATIENCE):
+    if rotation_only is not None:
         test, held = rotation_only
         frame = replace(frame, world_from_camera=held)
         return new_start(setup, state, tracked, frame, held, (*failed, _starts_new_map(test)))
     # A dark or covered lens cannot start a map.
-    if state.missed < PATIENCE or not has_contrast(image.grey, state.live.grey):
+    if not has_contrast(image.grey, state.live.grey):
         waiting = replace(failed[-1], consequence="the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
         return Outcome(tracked, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
@@ -289,6 +297,7 @@ def new_start(
         coasting=None if held is not None else partial(predict_pose, state.recent),
         joined=joined,
         lost=replace(local_map, keys=(), points=ScenePoints(), prior=None, relative_frames=()),
+        before_loss=replace(state, missed=state.missed + 1),
     )
     settled = tuple(local_map.trajectory())
-    return Outcome(tracked, Status.LOST, held, start=start, decisions=decisions, settled=settled, restarted=not joined)
+    return Outcome(tracked, Status.LOST, held, start=start, decisions=decisions, settled=settled)

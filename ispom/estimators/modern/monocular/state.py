@@ -62,6 +62,8 @@ class Start:
     """Held poses of frames that are no longer stored; they are interpolated once there is a map."""
     taken_back: bool = False
     """Whether a map of this initialisation was wrong and taken back."""
+    before_loss: ModernMonocularState | None = None
+    """The state before the loss, with which the next frames are tried, too; None without a loss, or long after it."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks that start in the reference, while that is the only frame."""
@@ -231,6 +233,8 @@ class Outcome:
     key_frame: bool = False
     restarted: bool = False
     """Whether a segment begins here: no observation connects position, rotation or scale to the frames before."""
+    segment_from_ns: int | None = None
+    """Time of the segment's first frame, if it is an earlier one."""
     segment: int | None = None
     """The earlier segment in whose world the frame was relocalised; None if it stays in its own."""
     decisions: tuple[Decision, ...] = ()

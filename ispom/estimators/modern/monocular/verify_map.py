@@ -101,8 +101,8 @@ def _follow_larger(
     frame = replace(tracked_frame(setup.camera, live, tracked, image.time_ns), world_from_camera=pose)
     outcome = new_start(setup, state, tracked, frame, None, decisions)
     # Keyframes were static in another world than the one followed now.
-    start = replace(required(outcome.start, "a new map has a start"), lost=None)
-    return replace(outcome, start=start, status=Status.INITIALISING, other_motion=other)
+    start = replace(required(outcome.start, "a new map has a start"), lost=None, before_loss=None)
+    return replace(outcome, start=start, status=Status.INITIALISING, other_motion=other, restarted=not start.joined)
 
 
 def find_other_motion(

@@ -80,3 +80,10 @@ def test_joined_stretches_are_one_segment_of_the_run() -> None:
     for time_ns, restarted, joins in ((0, False, None), (5, True, None), (7, True, None), (9, True, 1), (11, False, 0)):
         statistics.count("m", time_ns, 1.0, "tracking", restarted, joins)
     assert [world for _, world in statistics.segments("m")] == [0, 0, 2, 0]
+
+
+def test_a_segment_begins_at_its_first_frame_also_if_that_is_known_later() -> None:
+    statistics = RunStatistics()
+    statistics.count("m", 0, 1.0, "tracking", False)
+    statistics.count("m", 9, 1.0, "tracking", True, None, 4)
+    assert statistics.segments("m") == [(0, 0), (5, 1)]
