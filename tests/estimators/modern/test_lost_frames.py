@@ -9,7 +9,13 @@ import pytest
 
 from ispom.estimators.modern.monocular import lost_frames
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.monocular.lost_frames import MAX_LOST, TRIES, next_lost_frames, try_lost_frames
+from ispom.estimators.modern.monocular.lost_frames import (
+    MAX_LOST,
+    TRIES,
+    found_at_the_end,
+    next_lost_frames,
+    try_lost_frames,
+)
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import LOSS, Setup
 from ispom.estimators.modern.monocular.state import LostFrame, ModernMonocularState, Outcome
@@ -115,6 +121,13 @@ def test_one_that_is_found_is_settled_and_tried_no_more(setup: Setup, tried: lis
     state, after = try_lost_frames(setup, waiting(1, 100), outcome())
     assert [t for t, _ in after.settled] == [100] and [f.time_ns for f in state.lost_frames] == [1]
     assert tried == [100, 1]
+
+
+def test_at_the_end_each_is_tried_as_often_as_is_left(setup: Setup, tried: list[int]) -> None:
+    state = replace(waiting(1, 100), map=MAP)
+    assert [t for t, _ in found_at_the_end(setup, state)] == [100]
+    assert tried == [1] * TRIES + [100]
+    assert found_at_the_end(setup, waiting(100)) == (), "without a map"
 
 
 def test_frames_between_keyframes_try_none(setup: Setup, tried: list[int]) -> None:

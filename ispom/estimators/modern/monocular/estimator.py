@@ -34,7 +34,7 @@ from ispom.estimators.modern.monocular.localise import (
     localise,
     without_outliers,
 )
-from ispom.estimators.modern.monocular.lost_frames import try_lost_frames
+from ispom.estimators.modern.monocular.lost_frames import found_at_the_end, try_lost_frames
 from ispom.estimators.modern.monocular.map import Map, TracksInMap
 from ispom.estimators.modern.monocular.recover import (
     PATIENCE,
@@ -132,7 +132,8 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = state.start.held if state.start is not None else ()
-        poses = Trajectory.of([*state.settled, *held, *current], "video")
+        late = found_at_the_end(self._setup, state)
+        poses = Trajectory.of([*state.settled, *held, *current, *late], "video")
         return correct_by_loops(state.loops, in_common_world(state.worlds, poses))
 
     def step(self, state: ModernMonocularState, exposure: Measurement) -> tuple[ModernMonocularState, Step]:
@@ -217,7 +218,7 @@ def _resume(
     if isinstance(outcome, Outcome):
         return tried, again, outcome
     missed = before.missed + 1
-    before = replace(before, missed=missed, database=tried.database) if missed <= PATIENCE else None
+    before = replace(before, missed=missed, last_localised=tried.last_localised) if missed <= PATIENCE else None
     return replace(state, database=tried.database, start=replace(state.start, before_loss=before)), image, None
 
 

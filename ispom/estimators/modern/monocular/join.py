@@ -46,6 +46,9 @@ from ispom.types import Decision, Step, Trajectory
 
 VIEWS = 2
 """Number of keyframes that must agree: each has many points, and they differ in what they see."""
+EVERY = 4
+"""Where so many keyframes matched no earlier one, only one in so many is compared: describing one takes as long as
+tracking ten frames, and a place stays in sight for several."""
 KEPT = 12
 """Number of the last measured similarities that are compared."""
 AGREEING_DEPTHS, AGREEING_RAD = 0.1, float(np.radians(2.0))
@@ -91,9 +94,14 @@ def _look_back(
     setup: Setup, state: ModernMonocularState, local_map: Map, uncertainty: MapUncertainty, image: NewImage
 ) -> tuple[ModernMonocularState, tuple[Decision, ...]]:
     """Compares the newest keyframe with those of earlier segments; joins the segments if enough keyframes agree."""
+    unlike = state.worlds.unlike
+    later = replace(state, worlds=replace(state.worlds, unlike=unlike + 1))
+    if unlike >= EVERY and unlike % EVERY:
+        return later, ()
     state, recognised = _recognise(setup, state, local_map, uncertainty, image)
     if recognised is None:
-        return state, ()
+        return replace(state, worlds=later.worlds), ()
+    state = replace(state, worlds=replace(state.worlds, unlike=0))
     points, found = recognised
     if found is None:
         return state, (points,)

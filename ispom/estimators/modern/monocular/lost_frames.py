@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispom.errors import required
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recover import relocalise_alone
 from ispom.estimators.modern.monocular.setup import Setup
@@ -53,6 +54,18 @@ def try_lost_frames(
         elif frame.tries + 1 < TRIES:  # after all others, at a later keyframe
             waiting = (replace(frame, tries=frame.tries + 1), *waiting)
     return replace(state, lost_frames=waiting), replace(outcome, settled=(*outcome.settled, *found))
+
+
+def found_at_the_end(setup: Setup, state: ModernMonocularState) -> tuple[tuple[int, Pose], ...]:
+    """Returns the poses of those of the lost frames that the keyframes of the whole run localise."""
+    local_map, found = state.map, list[tuple[int, Pose]]()
+    for frame in state.lost_frames if local_map is not None else ():
+        for tries in range(frame.tries, TRIES):
+            state, pose = localise_lost_frame(setup, state, required(local_map, "no map"), replace(frame, tries=tries))
+            if pose is not None:
+                found.append((frame.time_ns, pose))
+                break
+    return tuple(found)
 
 
 def localise_lost_frame(

@@ -106,7 +106,10 @@ def _relocalise_in_old_images(
         return state, None
     moving = tracks_with_speeds(setup.camera, state.live.uv, state.live.speed)
     newest = Keyframe.of(last_ns, last.inverse(), (grey,), None, moving=moving, segment=state.segment)
-    before = (state.database.at(last_ns) or newest).described(setup.front_end.descriptor)
+    known = state.database.at(last_ns) or state.last_localised
+    before = newest if known is None or known.time_ns != last_ns else known
+    before = before.described(setup.front_end.descriptor)
+    state = replace(state, last_localised=before)
     return _relocalise(setup, state, local_map, image, before, state.missed)
 
 

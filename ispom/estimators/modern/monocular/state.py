@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.keyframe_database import KeyframeDatabase
+from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
@@ -177,6 +177,8 @@ class ModernMonocularState:
     """The last two poses, for the motion model."""
     missed: int = 0
     """Number of frames since the last pose."""
+    last_localised: Keyframe | None = None
+    """The last localised image, described for the comparison with frames since."""
     uncertainty: MapUncertainty | None = None
     """Uncertainty of the map, since the last keyframe."""
     depth_sigmas: tuple[float, ...] = ()

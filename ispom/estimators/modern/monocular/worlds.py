@@ -59,6 +59,8 @@ class Worlds:
     """By which keyframe each joined segment was joined with an earlier one."""
     recognised: tuple[Recognised, ...] = ()
     """Keyframes of the current segment that show an earlier one; not enough of them agree yet."""
+    unlike: int = 0
+    """Number of the last keyframes of the current segment that match no earlier one."""
     pending: range = range(0)
     """Indices of final poses that are still to be revised."""
 
@@ -66,7 +68,7 @@ class Worlds:
         """Returns the worlds after a frame in this segment; `settled`: the number of final poses before it."""
         if self.visits and self.visits[-1].segment == segment:
             return self
-        return replace(self, visits=(*self.visits, Visit(time_ns, segment, settled)), recognised=())
+        return replace(self, visits=(*self.visits, Visit(time_ns, segment, settled)), recognised=(), unlike=0)
 
     def join_of(self, segment: int) -> Recognised | None:
         """Returns by which keyframe the segment was joined with an earlier one; None if it was not."""
