@@ -61,7 +61,7 @@ class Decision:
 
 
 Relation = Literal[">=", "<=", ">", "<"]
-Topic = Literal["", "pose", "map", "scale", "motion", "loop"]
+Topic = Literal["", "pose", "map", "scale", "motion", "loop", "pair"]
 COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 
 

@@ -69,4 +69,18 @@ LOOP = EventKind(
     "loop", "Loop closure", Severity.OK, "Earlier keyframes are recognised, and poses corrected.", detect_loop
 )
 
-KINDS = (SCALE, MOTION, WARNING, LOOP)
+
+def detect_pair(moment: Moment) -> str | bool | None:
+    corrected = [d for d in moment.about("pair") if d.passed]
+    return moment.sentence(corrected[0]) if corrected else False
+
+
+PAIR = EventKind(
+    "pair",
+    "Pair levelled",
+    Severity.WARNING,
+    "The two images of the pairs are not level: the calibration is wrong, and is corrected from here on.",
+    detect_pair,
+)
+
+KINDS = (SCALE, MOTION, WARNING, LOOP, PAIR)

@@ -17,6 +17,7 @@ from ispom_app.engine.verdict import Severity
 from ispom.estimators.modern.loops.checks import LOOP_VIEWS
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.second_motion import SECOND_MOTION
+from ispom.estimators.modern.stereo.checks import LEVELLED
 from ispom.geometry import Pose
 from ispom.types import Decision, Landmarks, Status, Step
 
@@ -81,6 +82,11 @@ def test_each_segment_that_begins_as_the_scale_is_lost_says_so() -> None:
     found = logged([step(T), lost, step(T), lost, step(T)])
     assert told(found) == [("scale", 1, None), ("segment", 1, 2), ("segment", 3, 4)]
     assert all("70" in event.sentence for event in found.events if event.kind == "segment")
+
+
+def test_a_pair_that_is_levelled_is_reported_where_that_begins() -> None:
+    found = logged([step(T), step(T, LEVELLED.of(3.1, 10.0)), step(T)])
+    assert told(found) == [("pair", 1, 2)] and "3.1" in found.events[0].sentence
 
 
 def test_a_jump_says_how_far() -> None:

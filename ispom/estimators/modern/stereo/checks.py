@@ -78,6 +78,7 @@ LEVELLED = Check(
     "px).",
     fails="Pair not level: the right image is {value} px off its rows, too far to correct (limits: {threshold} px in "
     "the centre, 2 degrees).",
+    topic="pair",
 )
 ROWS_CHANGED = Check(
     "rows_changed",
