@@ -85,7 +85,8 @@ def test_each_segment_that_begins_as_the_scale_is_lost_says_so() -> None:
 
 
 def test_a_pair_that_is_levelled_is_reported_where_that_begins() -> None:
-    found = logged([step(T), step(T, LEVELLED.of(3.1, 10.0)), step(T)])
+    stereo = [replace(step(T, *found), method="stereo") for found in ((), (LEVELLED.of(3.1, 10.0),), ())]
+    found = logged(stereo)
     assert told(found) == [("pair", 1, 2)] and "3.1" in found.events[0].sentence
 
 
