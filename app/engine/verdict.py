@@ -71,7 +71,9 @@ def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
         headline, detail = made.words(warnings[0], WARNING)
         return made.verdict(Severity.WARNING, headline, detail, warnings[0])
     if step.provisional:
-        return made.verdict(Severity.PROVISIONAL, "Provisional pose", "waiting for the first stereo pairs")
+        unit = made.last("scale", passed=False)
+        why = "waiting for the first stereo pairs" if unit is None else made.words(unit, "")[1]
+        return made.verdict(Severity.PROVISIONAL, "Provisional pose", why, unit)
     return _initialising(made) if step.status == Status.INITIALISING else _tracking(made, values)
 
 

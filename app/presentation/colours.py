@@ -49,7 +49,7 @@ Each is at least 18 from all others in Lab (CIE 1976)."""
 EXTERNAL_COLOURS: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
 """Of trajectories of other programs, in turn."""
 PROVISIONAL: Rgb = (150, 150, 150)
-"""Of a camera whose pose waits for the first fit of an integration."""
+"""Of a camera whose pose is not metric yet."""
 TRUTH: Rgb = (138, 138, 138)
 ERROR: Rgb = (229, 57, 53)
 """Of the line from an estimate to the ground truth."""

@@ -25,7 +25,7 @@ ALIGNED = {
 }
 """The same in a column of a table."""
 PROVISIONAL = "provisional"
-"""Of a pose, or an error, before the first fit of an integration."""
+"""Of a pose that is not metric yet, or of its error."""
 ROUNDING_M = 1e-9
 """A length below a nanometre is rounding,"""
 ROUNDING_DEG = 1e-9

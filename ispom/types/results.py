@@ -157,7 +157,8 @@ class Step:
     parts: tuple[Step, ...] = ()
     """Steps at the same frame of the estimators that this one combines."""
     scale_sigma: float | None = None
-    """Standard deviation of the logarithm of the current scale relative to the first one; None where it is unknown."""
+    """Standard deviation of the logarithm of the current scale relative to the first one, or to the metre where a
+    method with a metric unit finds its scale on the way; None where it is unknown."""
     method: str = ""
     """The method's name, which the ensemble sets."""
     final_until_ns: int | None = None
@@ -170,7 +171,8 @@ class Step:
     """Number of an earlier segment whose world and scale the current one has, since its keyframes were recognised.
     Segments are counted from 0; each restart starts the next one. None where no earlier segment was recognised."""
     provisional: bool = False
-    """Whether the pose is the last one before the first fit of an integration, which will replace it."""
+    """Whether the pose is not metric yet: the last one before the first fit of an integration, which will replace it,
+    or one in a guessed unit."""
     calibration: Corrections = field(default_factory=Corrections)
     """The method's current corrections of the calibration."""
     segments: tuple[SegmentFit, ...] = ()

@@ -5,7 +5,9 @@ figures: the error, frames located and segments of each method on each recording
     that are not measured stay. --only and --methods choose.
 consistency: whether the covariances of the poses agree with their errors, over seeds of three simulations; with exact
     cameras, and with cameras whose calibration is wrong by what the methods allow for.
-schemes: whether the covariances of fused agree with its errors, by scheme of Table 2, over seeds of a simulated drive.
+uncertainty: the same in one number of every method that states a covariance, over seeds of what its sensors are
+    simulated for; of fused and its kin by scheme of Table 2. Rewrites tests/accuracy/uncertainty.json, which the table
+    of docs/evaluation/consistency.md is made of; methods that are not measured stay. --methods chooses.
 gaps: whether monocular and stereo are localised after 1 to 7 s without images, in which the camera may turn; sim:city
     (three seeds), sim:town, and KITTI 06 if it is in --data.
 loops: whether monocular and stereo find a loop after 541 m through sim:town, their error there with and without it, and
@@ -44,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--only", nargs="+", default=[], metavar="NAME", help="only these recordings of figures and scale"
     )
-    parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, schemes and loops")
+    parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)

@@ -67,17 +67,22 @@ that, as those of a good calibration are: there covariances are wider than error
 def measured(method: str, scene: str, cameras: str, seeds: int, folder: Path) -> dict[str, Any]:
     """By part of the pose: NEES over the seeds; empty where the method gives no covariances. `cameras`: of KNOWN."""
     cv2.setNumThreads(1)
-    runs, flight = list[Errors](), FLIGHTS[scene]
+    runs = list[Errors]()
     for seed in range(seeds):
-        place = folder / flight.title / str(seed)
-        found = open_simulated(flight.scene, seed, place, duration_s=flight.duration_s, world=flight.world)
-        runs.append(_errors(_known(found, seed, cameras), method))
+        runs.append(errors_of_run(_known(flown(scene, seed, folder), seed, cameras), method))
         if not len(runs[0].times_ns):
             return {}
     found = {name: consistency(runs, part) for name, part in PARTS.items()}
     given = {name: c for name, c in found.items() if c is not None}
     summary: dict[str, Any] = {n: {**asdict(c), "sigma_factor": c.sigma_factor} for n, c in given.items()}
     return summary | {"per_axis": _per_axis(runs), "rms": _rms(runs)} if summary else {}
+
+
+def flown(scene: str, seed: int, folder: Path) -> Sequence:
+    """Returns a flight of FLIGHTS, rendered below a folder."""
+    flight = FLIGHTS[scene]
+    place = folder / flight.title / str(seed)
+    return open_simulated(flight.scene, seed, place, duration_s=flight.duration_s, world=flight.world)
 
 
 def _known(sequence: Sequence, seed: int, cameras: str) -> Sequence:
@@ -89,8 +94,8 @@ def _known(sequence: Sequence, seed: int, cameras: str) -> Sequence:
     return sequence
 
 
-def _errors(sequence: Sequence, method: str) -> Errors:
-    """Of one run."""
+def errors_of_run(sequence: Sequence, method: str) -> Errors:
+    """Returns the errors of one run in the method's gauge; none where it states no covariance."""
     ensemble = build(Config(), (method,), sequence.rig)
     state, given = ensemble.start(), list[Step]()
     for i, kind in enumerate(sequence.kinds):

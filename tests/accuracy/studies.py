@@ -23,9 +23,10 @@ from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .honest_scale import print_scales
 from .loops import loops_found, print_loops
-from .schemes import print_schemes
 from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
+from .uncertainty import FILE as UNCERTAINTY
+from .uncertainty import Stated, markdown, means, read_table, write_table
 
 ROOT = Path(__file__).parents[2]
 CLIPS = {
@@ -73,12 +74,23 @@ def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
-def schemes(console: Console, options: Options) -> list[dict[str, Any]]:
-    """Covariances of `fused`, by scheme."""
+def uncertainty(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Covariances of every method that states them; those that are not measured stay as they are in the file."""
     measured = list[dict[str, Any]]()
-    for seed in range(options.seeds):
-        measured += rows_of(console, f"fused, seed {seed} of a drive", "schemes", {"seed": seed}) or []
-    print_schemes(console, measured)
+    with tempfile.TemporaryDirectory() as folder:
+        for method in [m for m in names() if not options.methods or m in options.methods]:
+            rows = list[dict[str, Any]]()
+            for seed in range(options.seeds):
+                task = {"method": method, "seed": seed, "folder": folder}
+                rows += rows_of(console, f"{method}: seed {seed} of {options.seeds}", "uncertainty", task) or []
+                if all(row["nees"] is None for row in rows):
+                    break
+            measured += rows
+            # Written after each method: a measurement of everything takes long, and may be interrupted.
+            if rows:
+                found = means(Stated(**row) for row in rows)
+                write_table({**read_table(UNCERTAINTY), method: found}, UNCERTAINTY)
+    console.print(markdown(read_table(UNCERTAINTY)))
     return measured
 
 
@@ -229,7 +241,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
     {
         "figures": figures,
         "consistency": consistency,
-        "schemes": schemes,
+        "uncertainty": uncertainty,
         "gaps": gaps,
         "loops": loops,
         "starts": starts,

@@ -21,7 +21,7 @@ class MethodStatus:
     error_m: float | None = None
     """Live error, as Stepped.errors_m; None where that is not known."""
     provisional: bool = False
-    """Whether its pose waits for the first fit of an integration."""
+    """Whether its pose is not metric yet."""
     word: str = ""
     """The headline of its verdict: "Tracking", "Provisional pose", "Scale unreliable"."""
     severity: Severity = Severity.OK

@@ -29,7 +29,7 @@ class MethodTally:
     lost: int = 0
     key_frames: int = 0
     provisional: bool = False
-    """Whether the latest pose waits for the first fit of an integration."""
+    """Whether the latest pose is not metric yet."""
 
     def after(self, step: Step) -> MethodTally:
         return replace(

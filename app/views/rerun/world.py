@@ -47,7 +47,7 @@ class World:
         self._map_drawn: dict[str, int] = {}
         """Frame at which keyframes and points were drawn last."""
         self._provisional: set[str] = set()
-        """Methods whose pose now is drawn as one that waits for a first fit."""
+        """Methods whose pose now is drawn as one that is not metric yet."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
         self._lined: set[str] = set()

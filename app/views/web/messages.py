@@ -198,7 +198,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
             hint.append(f"{ERROR.label} at this frame: {length(here.error_m)}, {here.aligned}, as known now.")
     if now is not None and now.provisional:
         error = error or PROVISIONAL
-        hint.append("Its pose at this frame is provisional: the first fit replaces it.")
+        hint.append("Its pose at this frame is provisional: it is not metric yet.")
     if now is not None and now.error_m is not None:
         hint.append(f"{LIVE_ERROR.label} at this frame: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []

@@ -58,6 +58,10 @@ class Result:
     """A new segment begins here."""
     revised: Trajectory = field(default_factory=Trajectory.empty)
     """Poses of earlier frames that this one improved; a method that has any gives them in `finish`, too."""
+    scale_sigma: float | None = None
+    """See Step."""
+    provisional: bool = False
+    """See Step."""
     status: Status | None = None
     """None: tracking with a pose; without one initialising before the first pose, and lost after it."""
 
@@ -117,6 +121,8 @@ class OneKind(Generic[Memory]):
             lines=result.lines,
             world_lines=result.world_lines,
             revised=result.revised,
+            scale_sigma=result.scale_sigma,
+            provisional=result.provisional,
         )
         return replace(state, memory=memory, poses=poses, last_ns=frame.time_ns), step
 

@@ -187,8 +187,7 @@ class Fused:
         state = replace(state, nodes=(*state.nodes, node)[-WAITING_NODES:])
         state = replace(state, frames=state.frames.appended((time_ns, node.number, Pose())))
         watch.lap("measure")
-        nodes = revised_nodes(state.nodes, dict(state.seen))
-        nodes = tuple(replace(node, noise=node.noise or state.noise) for node in nodes)  # the first ones have none
+        nodes = _with_noise(revised_nodes(state.nodes, dict(state.seen)), state.noise)
         frames = self._camera_from_rig, self._graph.rig_from_body
         start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
@@ -227,7 +226,8 @@ class Fused:
         decisions += [each for link in node.relative.values() for each in getattr(link, "decisions", ())]
         watch.lap("measure")
         assert state.prior is not None
-        nodes, misfits = self._optimised(revised_nodes((*state.nodes, node), dict(state.seen)), state.prior)
+        nodes = _with_noise(revised_nodes((*state.nodes, node), dict(state.seen)), state.noise)
+        nodes, misfits = self._optimised(nodes, state.prior)
         watch.lap("optimise")
         state = replace(state, nodes=nodes, frames=state.frames.appended((time_ns, node.number, Pose())))
         return self._reported(state, tuple(decisions), misfits, watch)
@@ -303,6 +303,11 @@ class Fused:
         prior = self._graph.first_prior(last, state.covariance + GAUGE**2 * np.eye(6), s=0.1)
         bare = replace(bare, nodes=(last,), prior=prior, first=prior, covariance=state.covariance, settled=settled)
         return replace(bare, number=state.number)
+
+
+def _with_noise(nodes: tuple[Node, ...], noise: MotionNoise | None) -> tuple[Node, ...]:
+    """Returns the nodes; those from before the images stated how certain they are have the noise that is known now."""
+    return tuple(replace(node, noise=node.noise or noise) for node in nodes)
 
 
 def method_of(name: str, images: frozenset[Kind], config: type, visual: str, survey: str) -> Method:

@@ -7,16 +7,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 from ispom.estimator import STEREO
 from ispom.estimators.survey.fused import Fused, FusedConfig, method_of
-from ispom.settings import checked
+from ispom.settings import Range, checked
 from ispom.types import Rig
 
 
 @dataclass(frozen=True)
 class FusedStereoConfig(FusedConfig):
     """Settings of `fused.stereo`."""
+
+    scale_percent: Annotated[float, Range(0.001, 20)] = 0.001
+    """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time. The unit of
+    a pair stays: it is off by its calibration only."""
 
     def build(self, rig: Rig) -> Fused:
         """Returns the estimator. Raises InputError without a sensor of the scheme, or without gtsam."""

@@ -127,12 +127,18 @@ HELD = Check(
     fails="Scale contradicted: the images want it {value:.1f} standard deviations off (limit {threshold}).",
     topic="scale",
 )  # fmt: skip
+METRE = Check(
+    "metre_sigma", "relative standard deviation of the unit, as a metre", "finding", "Is the pose metric?", "<=",
+    passes="Metric: the unit is a metre with a standard deviation of {value:.1%} (limit {threshold:.1%}).",
+    fails="Not metric: the unit would be a metre with a standard deviation of {value:.0%} (limit {threshold:.1%}).",
+    topic="scale",
+)  # fmt: skip
 OVERLAP = Check(
     "overlap_points", "points seen by two cameras at once", "finding",
     passes="{value} points are seen by two cameras at once.",
     fails="No overlap: {value} points are seen by two cameras at once.",
 )  # fmt: skip
-CHECKS = by_key(PARALLAX, INLIERS, SCALE, HELD, OVERLAP)
+CHECKS = by_key(PARALLAX, INLIERS, SCALE, HELD, METRE, OVERLAP)
 STAGES = {
     "track": "Follows the corners of each camera into its new image.",
     "overlap": "Searches points in the other cameras that see them.",
@@ -157,7 +163,8 @@ class MulticameraConfig:
     nearest_m: Annotated[float, Range(0.1, 100)] = 1.5
     """Least depth of points that are searched in a second camera [m]."""
     max_scale_sigma: Annotated[float, Range(0.001, 1)] = 0.05
-    """The scale is observable where its relative standard deviation is at most this."""
+    """The scale is observable where its relative standard deviation is at most this, and poses are metric where that of
+    their unit is."""
     assumed_depth_m: Annotated[float, Range(0.01, 1000)] = 10.0
     """Median depth of the first points where the scale is not observable: a guess [m]."""
     min_inliers: Annotated[int, Range(6, 500)] = 15
@@ -190,7 +197,10 @@ class Memory:
     scale_known: bool = False
     """The scale was observable at some time in this segment; else it is a guess."""
     unit_sigma: float = 1.0
-    """Relative standard deviation of the scale, from all windows of the segment."""
+    """With which the scale is held, relative: by all windows of the segment as if they were independent, so that it is
+    steady; 1 while it is a guess."""
+    metre_sigma: float | None = None
+    """Relative standard deviation of the unit, as a metre; None while it is a guess."""
     twist: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) velocity of the rig, for the prediction [1/s]."""
     begins: bool = False
@@ -245,11 +255,11 @@ class Multicamera(OneKind["Memory | None"]):
         watch.lap("pose")
         if moved is None:
             return self._not_located(memory, now, status, frame, decisions, watch)
-        adjusted, rescaled, scales, unit_sigma = self._adjusted(moved)
+        adjusted, rescaled, scales, unit_sigma, metre_sigma = self._adjusted(moved)
         watch.lap("window")
         located = replace(
             moved, window=adjusted.window, rho_sigma=adjusted.rho_sigma, located=True, unit_sigma=unit_sigma,
-            scale_known=moved.scale_known or rescaled or scales[0].passed, begins=False,
+            metre_sigma=metre_sigma, scale_known=moved.scale_known or rescaled or scales[0].passed, begins=False,
             last_pose=adjusted.window.pose(-1),
         )  # fmt: skip
         located, residual_px = self._without_outliers(located, adjusted)
@@ -412,10 +422,10 @@ class Multicamera(OneKind["Memory | None"]):
 
     # Steps 5 and 6: the window, and whether it determines the scale
 
-    def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, tuple[Decision, ...], float]:
-        """Returns the adjusted window, whether the scale is known for the first time or anew, the checks of it, and the
-        standard deviation of the scale from this window and those before: a Kalman filter of one number, whose update
-        is part of the adjustment."""
+    def _adjusted(self, memory: Memory) -> tuple[Adjusted, bool, tuple[Decision, ...], float, float | None]:
+        """Returns the adjusted window, whether the scale is known for the first time or anew, the checks of it, the
+        standard deviation of the scale from this window and those before (a Kalman filter of one number, whose update
+        is part of the adjustment), and that of the unit as a metre."""
         noise, window = self.config.noise_px, memory.window
         prior_sigma = float(np.hypot(memory.unit_sigma, SCALE_DRIFT)) if memory.scale_known else SCALE_DRIFT
         if not memory.scale_known:
@@ -431,7 +441,20 @@ class Multicamera(OneKind["Memory | None"]):
             found, prior_sigma, first_time = anew, 1.0, True
         known = memory.scale_known or first_time
         unit_sigma = (prior_sigma**-2 + found.scale_sigma**-2) ** -0.5 if known else 1.0
-        return found, first_time, (scale, *held), min(unit_sigma, 1.0)
+        metre = self._metre(memory, found, first_time) if known else None
+        return found, first_time, (scale, *held), min(unit_sigma, 1.0), metre
+
+    def _metre(self, memory: Memory, found: Adjusted, anew: bool) -> float | None:
+        """Returns the relative standard deviation with which the unit is a metre, after an adjusted window.
+
+        A keyframe is in as many windows as there are frames in one, and its observations shall count once: what a
+        window knows counts by one over its frames, and only where it has another keyframe.
+        """
+        if memory.metre_sigma is None or anew:
+            return found.scale_sigma
+        share = 1 / len(found.window.rotations) if memory.newest_is_key else 0.0
+        before = np.hypot(memory.metre_sigma, SCALE_DRIFT)
+        return float((before**-2 + share * found.scale_sigma**-2) ** -0.5)
 
     def _contradiction(
         self, found: Adjusted, prior_sigma: float, known: bool
@@ -592,7 +615,13 @@ class Multicamera(OneKind["Memory | None"]):
             if name in frame.images:
                 rgb[camera == c] = colours_at(frame.images[name], memory.uv[known][camera == c])
         landmarks = Landmarks(memory.ids[known], xyz, rgb)
-        return Result(memory.last_pose, decisions, tracks, landmarks, residual_px[np.isfinite(residual_px)])
+        found = Result(memory.last_pose, decisions, tracks, landmarks, residual_px[np.isfinite(residual_px)])
+        if not memory.located:
+            return found
+        sigma = MOST_SIGMA if memory.metre_sigma is None else min(memory.metre_sigma, MOST_SIGMA)
+        metre = METRE.of(sigma, self.config.max_scale_sigma)
+        known = None if memory.metre_sigma is None else sigma
+        return replace(found, decisions=(*decisions, metre), provisional=not metre.passed, scale_sigma=known)
 
 
 def _length(window: Window) -> float:

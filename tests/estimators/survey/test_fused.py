@@ -329,6 +329,21 @@ def test_the_noise_of_the_images_is_what_they_state() -> None:
     assert state.noise is None, "another world"
 
 
+def test_nodes_from_before_the_images_stated_their_noise_have_it_later() -> None:
+    """A pair starts at once: its first nodes are in the window still when a second has passed."""
+    rig = Rig.stereo(Camera(64, 48, 50.0, 50.0, 31.5, 23.5), 0.3).changed(wheel=EXACT["wheel"].sensor())
+    estimator: Any = FusedStereoConfig(scheme="8", node_s=0.4).build(rig)
+    state, grey = estimator.start(), np.zeros((48, 64), np.uint8)
+    for k in range(31):
+        time_ns, covariance = k * 100_000_000, np.diag([1e-4] * 3 + [4e-8 * k * 0.1] * 3)
+        place = Pose(translation=np.array([0.0, 0.0, 0.01 * k]))
+        visual = Step(time_ns, Status.TRACKING, "rig", place, covariance)
+        state, _ = estimator.step(state, Frame.stereo(time_ns, grey, grey), {"visual": visual})
+    assert len(state.nodes) >= 5 and state.nodes[0].time_ns <= 400_000_000
+    turns = [node.noise.turn for node in state.nodes if node.visual is not None]
+    assert turns == pytest.approx([2e-4] * len(turns), rel=1e-6)
+
+
 def test_an_error_of_a_rotation_is_one_about_the_middle_of_the_scene() -> None:
     noise = MotionNoise(turn=1e-3, share=0.0, scale_walk=0.0, depth=10.0)
     spread = noise.covariance(Pose(), 2.0, 1.0)

@@ -109,6 +109,60 @@ def test_a_turning_rig_without_overlap_finds_its_scale() -> None:
     assert np.linalg.norm(found.translation) == pytest.approx(np.linalg.norm(true.translation), rel=0.05)
 
 
+def test_a_pose_is_metric_only_where_the_unit_is_known() -> None:
+    """On the straight the images do not know it; of a rig that turns they do, from a later frame on."""
+    straight, _ = walked(outwards(3, turning=False))
+    turning, _ = walked(outwards(3, turning=True))
+    known = next(i for i, step in enumerate(turning) if step.restarted)
+    for step in (*straight, *turning[:known]):
+        if step.world_from_frame is not None:
+            assert step.provisional and step.scale_sigma is None
+    limit = MulticameraConfig().max_scale_sigma
+    for step in turning[known:]:
+        assert not step.provisional and step.scale_sigma is not None and step.scale_sigma <= limit
+    checks = decisions(turning[known - 1 :], "metre_sigma")
+    assert [check.passed for check in checks] == [False] + [True] * (len(checks) - 1)
+
+
+def test_a_unit_that_was_known_long_ago_is_not_the_metre_any_more() -> None:
+    sequence = outwards(3, turning=True)
+    estimator = MulticameraConfig().build(sequence.rig)
+    state, step = estimator.start(), None
+    for i in range(10):
+        state, step = estimator.step(state, sequence[i])
+    assert step is not None and not step.provisional and state.memory is not None
+    forgotten = replace(state, memory=replace(state.memory, metre_sigma=0.2, unit_sigma=0.2))
+    _, then = estimator.step(forgotten, sequence[10])
+    assert then.scale_sigma is not None and step.scale_sigma is not None
+    assert step.scale_sigma < then.scale_sigma < 0.2  # what the images know of it counts
+    straight = outwards(3, turning=False)
+    state = estimator.start()
+    for i in range(8):
+        state, step = estimator.step(state, straight[i])
+    assert state.memory is not None
+    forgotten = replace(state, memory=replace(state.memory, metre_sigma=0.2, unit_sigma=0.2, scale_known=True))
+    _, then = estimator.step(forgotten, straight[8])
+    assert then.provisional and then.scale_sigma == pytest.approx(0.2, abs=0.03)
+
+
+@pytest.mark.slow
+def test_the_stated_scale_of_a_ring_is_as_far_off_as_it_says() -> None:
+    squares = []
+    for seed in range(5):
+        sequence = open_sequence(f"sim:ring5?duration_s=4&seed={seed}")
+        assert sequence.truth is not None
+        steps = [step for step in walked(sequence)[0] if step.world_from_frame is not None]
+        off = []
+        for first, last in zip(steps[:-6], steps[6:], strict=True):
+            own = first.world_from_frame.inverse() @ last.world_from_frame  # type: ignore[union-attr]
+            true = sequence.truth.at(first.time_ns).inverse() @ sequence.truth.at(last.time_ns)  # type: ignore[union-attr]
+            ratio = np.linalg.norm(own.translation) / np.linalg.norm(true.translation)
+            assert last.scale_sigma is not None and not last.provisional
+            off.append((np.log(ratio) / last.scale_sigma) ** 2)
+        squares.append(np.mean(off))
+    assert 0.3 < np.mean(squares) < 2  # 1 is right
+
+
 def off_by(memory: Memory, degrees: float) -> float:
     """By which factor the window is too long, of a rig that turns by so much with each 0.12 m."""
     first, last = memory.window.pose(0), memory.window.pose(-1)

@@ -9,7 +9,9 @@ import pytest
 
 from ispom.ensemble import build
 from ispom.estimators.survey.trifocal import (
+    Expected,
     Views,
+    changes_of,
     errors_of,
     filtered,
     normal_equations,
@@ -19,8 +21,9 @@ from ispom.estimators.survey.trifocal import (
     transferred,
     trifocal_tensor,
 )
+from ispom.estimators.survey.trifocal_covariance import Changes
 from ispom.evaluation.metrics import path_errors
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.types import Sequence, Status
@@ -30,6 +33,7 @@ from tests.rounds import SCENARIOS, rig, world_from_rig
 KITTI = Path("../shared/data/kitti/sequences/06")
 BASELINE_M, LIMIT = 0.4, 2e-3
 MOTION = np.array([0.05, -0.02, 0.8, 0.01, -0.03, 0.02])
+UNKNOWN = Expected(np.zeros(6), 1e6 * np.eye(6))
 
 
 def normalised(xyz: Array) -> Array:
@@ -76,7 +80,7 @@ def test_ransac_finds_the_motion_among_outliers() -> None:
     spoilt = Views(views.left_before, views.right_before, left, right, BASELINE_M)
     sampled = ransac(spoilt, np.zeros(6), LIMIT)
     np.testing.assert_allclose(sampled, MOTION, atol=1e-3)
-    motion, covariance, left_over = filtered(spoilt, np.zeros(6), 1e6 * np.eye(6), sampled, LIMIT, 5e-4)
+    motion, covariance, left_over = filtered(spoilt, UNKNOWN, sampled, LIMIT, 5e-4)
     np.testing.assert_allclose(motion, MOTION, atol=1e-6)
     assert (left_over[50:] < 1e-6).all()
     assert (np.linalg.eigvalsh(covariance) > 0).all()
@@ -84,23 +88,95 @@ def test_ransac_finds_the_motion_among_outliers() -> None:
 
 def test_the_filter_keeps_to_its_prediction_as_much_as_it_is_sure() -> None:
     views = exact_views()
-    motion, covariance, _ = filtered(views, MOTION + 0.01, 1e-16 * np.eye(6), MOTION, 0.1, 1e-3)
+    motion, covariance, _ = filtered(views, Expected(MOTION + 0.01, 1e-16 * np.eye(6)), MOTION, 0.1, 1e-3)
     np.testing.assert_allclose(motion, MOTION + 0.01, atol=1e-6)
     assert (np.diag(covariance) <= 1e-16).all()
     nothing = views[np.zeros(0, int)]
-    motion, covariance, _ = filtered(nothing, MOTION, np.eye(6), MOTION, LIMIT, 1e-3)
+    motion, covariance, _ = filtered(nothing, Expected(MOTION, np.eye(6)), MOTION, LIMIT, 1e-3)
     np.testing.assert_allclose(motion, MOTION)
     np.testing.assert_allclose(covariance, np.eye(6))
 
 
+class NoisyTracks:
+    """Points at 6 to 40 m, followed over pairs by searches with independent errors of the size `noise`.
+
+    Where a point is found is where it is followed on from, and the right observation is searched from there. The
+    disparity of each point may have an error that stays, `lasting`.
+    """
+
+    def __init__(self, rng: np.random.Generator, noise: float, lasting: float = 0.0, count: int = 100) -> None:
+        self.xyz = rng.uniform((-6, -4, 6), (6, 4, 40), (count, 3))
+        self.rng, self.noise, self.offset = rng, noise, rng.normal(0, lasting, count)
+        self.left = normalised(self.xyz)
+        self.right = self._matched()
+
+    def views(self) -> Views:
+        """Moves on by MOTION."""
+        before = self.left, self.right
+        self.xyz = pose_of(MOTION).inverse().apply(self.xyz)
+        self.left = normalised(self.xyz) + self.rng.normal(0, self.noise, self.left.shape)
+        self.right = self._matched()
+        self.xyz = np.column_stack([self.left, np.ones(len(self.left))]) * self.xyz[:, 2:]
+        return Views(*before, self.left, self.right, BASELINE_M)
+
+    def _matched(self) -> Array:
+        disparity = BASELINE_M / self.xyz[:, 2] + self.offset
+        found = self.left - np.column_stack([disparity, 0 * disparity])
+        return found + self.rng.normal(0, self.noise, found.shape)
+
+
+def mean_nees(errors: list[Array], covariances: list[Array]) -> float:
+    """6 is right."""
+    return float(np.mean([e @ np.linalg.solve(p, e) for e, p in zip(errors, covariances, strict=True)]))
+
+
 def test_the_noise_of_observations_gives_the_stated_covariance() -> None:
-    views, rng, noise, found = exact_views(60), np.random.default_rng(3), 5e-4, []
+    rng, noise, errors, stated, by_tracks = np.random.default_rng(3), 2e-4, [], [], []
     for _ in range(60):
-        left, right = (seen + rng.normal(0, noise, seen.shape) for seen in (views.left, views.right))
-        noisy = Views(views.left_before, views.right_before, left, right, BASELINE_M)
-        motion, covariance, _ = filtered(noisy, MOTION, 1e6 * np.eye(6), MOTION, 0.1, noise)
-        found.append((motion - MOTION) @ np.linalg.solve(covariance, motion - MOTION))
-    assert 4.5 < np.mean(found) < 7.5  # chi-square of 6 degrees of freedom
+        views = NoisyTracks(rng, noise).views()
+        motion, covariance, _ = filtered(views, UNKNOWN, MOTION, 0.1, noise)
+        changes, by_prediction = changes_of(views, 500 * views.left, motion, UNKNOWN, noise)
+        errors.append(motion - MOTION)
+        stated.append(covariance)
+        by_tracks.append(changes.T @ changes + by_prediction)
+    assert 4.5 < mean_nees(errors, stated) < 7.5  # chi-square of 6 degrees of freedom
+    assert 4.5 < mean_nees(errors, by_tracks) < 7.5
+
+
+@pytest.mark.parametrize("lasting", [0.0, 3e-4])
+def test_errors_that_steps_share_are_in_the_covariance_of_the_path(lasting: float) -> None:
+    """Each disparity is used by two steps, and a part of its error by all of them."""
+    rng, noise, errors, stated = np.random.default_rng(4), 2e-4, [], []
+    step = pose_of(MOTION)
+    to_twist = Pose(step.rotation.T).adjoint
+    for _ in range(40):
+        tracks, pose, changes = NoisyTracks(rng, noise, lasting), Pose(), Changes()
+        for _ in range(6):
+            views = tracks.views()
+            motion, _, _ = filtered(views, UNKNOWN, MOTION, 0.1, 5e-4)
+            by_tracks, by_prediction = changes_of(views, 500 * views.left, motion, UNKNOWN, 5e-4)
+            by_prediction = to_twist @ by_prediction @ to_twist.T
+            changes = changes.after(pose_of(motion), np.arange(len(views)), by_tracks @ to_twist.T, by_prediction)
+            pose = pose @ pose_of(motion)
+        true = Pose()
+        for _ in range(6):
+            true = true @ step
+        errors.append((pose.inverse() @ true).log())
+        stated.append(changes.covariance)
+    assert 4.5 < mean_nees(errors, stated) < 7.5
+
+
+def test_tracks_that_end_keep_what_they_changed() -> None:
+    rng = np.random.default_rng(0)
+    first, second, none = rng.normal(size=(3, 6)), rng.normal(size=(2, 6)), np.zeros((6, 6))
+    once = Changes().after(Pose(), np.array([1, 4, 6]), first, none)
+    twice = once.after(Pose(), np.array([4, 9]), second, none)
+    expected = np.array([first[0], first[1] + second[0], first[2], second[1]])
+    np.testing.assert_allclose(twice.covariance, expected.T @ expected, atol=1e-12)
+    np.testing.assert_allclose(twice.ended().covariance, twice.covariance)
+    turned = twice.after(pose_of(MOTION), np.zeros(0, int), np.zeros((0, 6)), none).covariance
+    along = pose_of(MOTION).inverse().adjoint
+    np.testing.assert_allclose(turned, along @ twice.covariance @ along.T)
 
 
 def test_pairs_of_a_round_trip() -> None:

@@ -46,7 +46,7 @@ QUANTITIES = (
         unit="ns",
     ),
     StepQuantity("joins", lambda s, _: s.joins, "the earlier segment, from 0, whose world this one has"),
-    StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose waits for a first fit", "flag"),
+    StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose is not metric yet", "flag"),
     StepQuantity("error_m", lambda _, error: error, LIVE_ERROR.text, unit=LIVE_ERROR.unit),
     StepQuantity("scale", lambda s, _: s.scale, "factor that carried the unit into this step"),
     StepQuantity("scale_sigma", lambda s, _: s.scale_sigma, "standard deviation of the logarithm of the unit"),

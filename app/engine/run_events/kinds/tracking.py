@@ -115,7 +115,7 @@ def detect_jump(moment: Moment) -> str | bool | None:
     if not isinstance(moved, int | float) or not isinstance(usual, int | float):
         return None
     if moment.now.get("provisional") or moment.before.get("provisional"):
-        return None  # the first fit replaces such a pose
+        return None  # such a pose is not metric yet
     if moved <= max(JUMP_RATIO * usual, JUMP_RATIO * _known(moment.before, "moved"), JUMP_SIGMAS * _sigma(moment)):
         return False
     if math.hypot(*(_known(moment.before, key) for key in WAY)) < AT_REST * usual:

@@ -11,6 +11,7 @@ from ispom.estimators.modern.monocular import checks as monocular
 from ispom.estimators.modern.second_motion import SECOND_MOTION
 from ispom.estimators.modern.stereo import checks as stereo
 from ispom.estimators.paper import checks as paper
+from ispom.estimators.survey.multicamera import METRE
 from ispom.methods import BUILT_IN, method
 from ispom.types import Check, Decision, Status, Step
 
@@ -126,3 +127,9 @@ def test_a_check_may_have_its_headline_in_its_sentence() -> None:
 def test_a_pose_from_before_the_first_fit_is_provisional() -> None:
     made = found("integrated", Status.TRACKING, values={"inliers": 12}, provisional=True)
     assert (made.severity, made.headline) == (Severity.PROVISIONAL, "Provisional pose")
+
+
+def test_a_pose_in_a_guessed_unit_says_so() -> None:
+    made = found("multicamera", Status.TRACKING, METRE.of(100.0, 0.05), provisional=True)
+    assert (made.severity, made.headline) == (Severity.PROVISIONAL, "Provisional pose")
+    assert made.decisive is not None and made.decisive.key == "metre_sigma"
