@@ -20,9 +20,9 @@ then found in that folder's world, by points that its images have in common or, 
 directions. No step above but the first two is taken, and nothing is added to the reference.
 
 Limits. Without a reference, the position is that of the first frame, always: where the camera moves by more than about
-a hundredth of the distance of what it sees, a rotation is no longer the truth, and the check `rotation_only` fails. What
-moves in the scene must be the smaller part. A wrong focal length makes a turn close with a gap, which the averaging only
-spreads.
+a hundredth of the distance of what it sees, a rotation is no longer the truth, and the check `rotation_only` fails.
+What moves in the scene must be the smaller part. A wrong focal length makes a turn close with a gap, which the
+averaging only spreads.
 
 Measured: sim:city?motion=pan, every 20th video frame of a turn and back: orientations within 0.06 degrees of the truth
 (largest; ORB: 0.14). A film of a roller coaster by a panning telephone without calibration, 70 frames: all registered,
