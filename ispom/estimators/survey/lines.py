@@ -1,6 +1,7 @@
 """Motion of a stereo camera from straight lines: edges of doors, bricks and windows instead of points.
 
-Segments: LSD (Grompone von Gioi et al. 2010), or Canny's edges (1986) with Hough's transform (1962; Matas et al. 2000).
+Segments: LSD (Grompone von Gioi et al. 2010), or as Table 3 names them: Canny's edges (1986) with Hough's transform
+(1962; Matas et al. 2000), or Canny's edges and then lines. Both are fitted to the edge points, to the sub-pixel.
 Motion: Taylor and Kriegman, Structure and motion from line segments in multiple images, PAMI 1995; directions as an
 absolute reference: Coughlan and Yuille, Manhattan world, ICCV 1999, without the right angles unless `manhattan` asks
 for them. `lines.monocular` has the same with one camera, from three views.
