@@ -35,6 +35,10 @@ REFINEMENTS = 4
 """Times that a segment is measured: each leaves about two fifths of the offset, four a fortieth of it."""
 OFF_EDGE_PX = 0.7
 """A point so far from the others' median is not on the edge: something covers it, or another edge is near."""
+VOTES = 0.7
+"""Least share of a segment's pixels that are on an edge."""
+MIN_COSINE_ACROSS = np.cos(np.radians(22.5))
+"""Least cosine between the gradient on an edge and the direction across it: LSD takes the same angle."""
 HOUGH_GAP_PX = 6
 """Largest gap between edge pixels on a line of Hough's. An edge of whole pixels has steps, and leaves the line that is
 followed: of 160 sides of drawn, turned quadrangles 14 are missed with 3 px, and one with 6 or 8."""
@@ -74,16 +78,30 @@ def detect_segments(
 def _of_edges(grey: Image, detector: Detector, min_length_px: float) -> Array:
     """Returns segments (N, 2, 2) of Canny's edges, refined."""
     smooth = np.asarray(cv2.GaussianBlur(grey, (0, 0), 1.0), np.uint8)
-    gradients = [cv2.Sobel(smooth, cv2.CV_32F, *axis) for axis in ((1, 0), (0, 1))]
+    gradients = [np.asarray(cv2.Sobel(smooth, cv2.CV_32F, *axis), np.float32) for axis in ((1, 0), (0, 1))]
     upper = max(MIN_CANNY, CANNY * float(np.hypot(*(g.std() for g in gradients))))
     edges = np.asarray(cv2.Canny(smooth, upper / 2, upper), np.uint8)
     if detector == "canny":
         found = _pieces(edges, min_length_px)
     else:
-        votes = round(0.7 * min_length_px)
+        votes = round(VOTES * min_length_px)
         lines = cv2.HoughLinesP(edges, 1, np.pi / 360, votes, None, min_length_px, HOUGH_GAP_PX)
         found = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, float).reshape(-1, 2, 2)
-    return _once(_refined(smooth, found))
+    refined = _refined(smooth, found)
+    # Canny adds both components of the gradient, which is up to sqrt(2) times its length.
+    return _once(refined[_on_edge(gradients, refined, upper / 2 / 2**0.5)])
+
+
+def _on_edge(gradients: list[NDArray[np.float32]], uv: Array, least: float) -> NDArray[np.bool_]:
+    """Checks which segments (N, 2, 2) lie along an edge: the gradient of at least VOTES of their points is `least` or
+    more, and points across the segment to the same side. A line of Hough's may join edge pixels of a texture."""
+    along = uv[:, 1] - uv[:, 0]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    at = (uv[:, None, 0] + EDGE_POINTS[:, None] * along[:, None]).astype(np.float32)
+    gradient = np.stack([_remapped(g, at) for g in gradients], axis=2).astype(float)
+    beside = np.einsum("npi,ni->np", gradient, across)
+    steep = (beside >= least) & (beside >= MIN_COSINE_ACROSS * np.linalg.norm(gradient, axis=2))
+    return steep.mean(axis=1) >= VOTES
 
 
 def _pieces(edges: Image, min_length_px: float) -> Array:

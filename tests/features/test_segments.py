@@ -122,3 +122,11 @@ def test_the_disparity_along_a_segment_is_that_of_both_ends() -> None:
     assert (sigma[np.isfinite(disparity)] < 1.5).all()
     nothing, _ = disparity_along(left, np.full_like(right, 90), uv)
     assert np.isnan(nothing).all()
+
+
+@pytest.mark.parametrize("detector", ["hough", "canny"])
+def test_a_texture_without_edges_has_no_long_segments(detector: Detector) -> None:
+    rng = np.random.default_rng(4)
+    ground = cv2.GaussianBlur(rng.normal(0, 1, (240, 320)).astype(np.float32), (0, 0), 1.5)
+    image = np.clip(127 + 60 * ground / ground.std(), 0, 255).astype(np.uint8)
+    assert len(detect_segments(image, detector, 25.0)) <= 2

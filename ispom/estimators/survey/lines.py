@@ -22,10 +22,10 @@ none, and vertical ones alone leave the height unknown. Repeated edges (railings
 the prediction is off by half of their distance. Round things have no lines. No loop is closed, and no covariance is
 given: errors of neighbouring segments have common causes that no simple formula covers.
 
-Measured (`ispom run SOURCE --methods lines`): sim:indoor, 90 pairs of 27.7 m: ATE 3 mm, 0.01 % of the path, t_err
-0.05 %; with `--lines.detector hough` 11 mm and 0.17 %. KITTI 06, the first 51 pairs of 59.9 m: t_err 1.9 %, ATE 0.27 m.
-There `hough` finds too few of the same segments: 8 of 51 pairs are lost, t_err 34 %; a lower threshold of Canny (four
-lost, 17 %) costs it the textured walls indoors. EuRoC V1_01 at rest, 20 pairs: 0.6 mm.
+Measured (`ispom run SOURCE --methods lines`): sim:indoor, 90 pairs of 27.7 m: ATE 3 mm, 0.01 % of the path, t_err 0.05
+%; with `--lines.detector hough` 5 mm and 0.06 %, with `canny` 2 mm and 0.03 %. KITTI 06, the first 51 pairs of 59.9 m:
+t_err 1.9 %, ATE 0.27 m; `canny` 1.9 % and 0.28 m. There `hough` finds fewer of the same segments: 2 of 51 pairs are
+lost, t_err 9 %. EuRoC V1_01 at rest, 20 pairs: 0.6 mm.
 """
 
 from __future__ import annotations
