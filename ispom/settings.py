@@ -6,7 +6,7 @@ import ast
 import inspect
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -34,6 +34,12 @@ class Choices:
 
 
 @dataclass(frozen=True)
+class NamesFile:
+    """A text that names a file or folder, empty for none: `Annotated[str, NamesFile()]`. A run that was not written on
+    this machine may name only what lies in its own folder."""
+
+
+@dataclass(frozen=True)
 class WorthTrying:
     """Other values that the doctor tries where tracking is lost: `Annotated[int, Range(50, 3000), WorthTrying((2,))]`.
 
@@ -56,6 +62,8 @@ class Setting:
     config: type
     """The dataclass that has it."""
     worth_trying: WorthTrying = WorthTrying()
+    names_file: bool = False
+    """Whether its text names a file or folder."""
 
     @property
     def help(self) -> str:
@@ -76,13 +84,14 @@ def _declared(config: type) -> tuple[tuple[Setting, Choices | None], ...]:
     """Returns the fields of a config dataclass, in order, and the Choices of each."""
     hints, result = get_type_hints(config, include_extras=True), []
     for f in fields(config):
-        kind, limits, worth, choices = hints[f.name], None, WorthTrying(), None
+        kind, limits, worth, choices, file = hints[f.name], None, WorthTrying(), None, False
         if get_origin(kind) is Annotated:
             kind, *extras = get_args(kind)
             limits = next((e for e in extras if isinstance(e, Range)), None)
             worth = next((e for e in extras if isinstance(e, WorthTrying)), worth)
             choices = next((e for e in extras if isinstance(e, Choices)), None)
-        result.append((Setting(f.name, kind, limits, config, worth), choices))
+            file = any(isinstance(e, NamesFile) for e in extras)
+        result.append((Setting(f.name, kind, limits, config, worth, file), choices))
     return tuple(result)
 
 
@@ -92,6 +101,12 @@ def not_default(config: Any) -> tuple[tuple[str, Any], ...]:
     standard = type(config)()
     values = ((s.name, getattr(standard, s.name), getattr(config, s.name)) for s in settings(type(config)))
     return tuple((name, default) for name, default, own in values if not is_dataclass(own) and own != default)
+
+
+def files_named(config: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the files and folders that plain values of a config name, by setting; none of those that are empty."""
+    listed = (s.name for s in settings(config) if s.names_file)
+    return {name: value for name in listed if isinstance(value := values.get(name), str) and value}
 
 
 def alternatives(config: Any) -> tuple[tuple[str, Any], ...]:
@@ -144,6 +159,8 @@ def _fault(config: Any) -> tuple[str, str] | None:
             return setting.name, f"is {_float(value):g}, give a value from {limits.low:g} to {limits.high:g}"
         elif setting.type is bool and value not in (True, False):
             return setting.name, f"is {str(value)[:60]!r}, give True or False"
+        elif setting.names_file and not isinstance(value, str):
+            return setting.name, f"is {str(value)[:60]!r}, give the name of a file or folder as text"
         elif get_origin(setting.type) is Literal and value not in (names := get_args(setting.type)):
             return setting.name, f"is {str(value)[:60]!r}, choose from {', '.join(map(str, names))}"
     return None

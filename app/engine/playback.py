@@ -17,9 +17,11 @@ from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
 from ispom.estimator import STEREO
 from ispom.geometry import Pose, Similarity
+from ispom.io.files import Places, bounded, expanded
 from ispom.methods import Config, kinds_of
 from ispom.methods import method as registered
 from ispom.sequences.readable import MAX_UNREADABLE_SHARE
+from ispom.settings import files_named
 from ispom.solvers.influence.problem import Problem
 from ispom.stopwatch import cpu_clock
 from ispom.types import Rig, Sequence, Step, Trajectory
@@ -32,6 +34,21 @@ SPACING_NS = 1_000_000_000
 """Time between the poses of a reference that has one for each video frame: neighbours are too near to tell a unit."""
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of some methods. Raises InputError as `ispom.ensemble.build`."""
+
+
+def builder_within(places: Places, config: Config, builder: Builder) -> Builder:
+    """Returns a builder that reads, of the files that settings name, only those of this config and those in `places`,
+    links followed; None: any."""
+    if places is None:
+        return builder
+    named = [file for given in config.given.values() for file in files_named(type(given), vars(given)).values()]
+    allowed = (*places, *map(expanded, named))
+
+    def within(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
+        with bounded(allowed):
+            return builder(config, methods, rig)
+
+    return within
 
 
 @dataclass(frozen=True, eq=False)

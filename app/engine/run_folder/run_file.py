@@ -18,7 +18,7 @@ from ispom.io.files import exists
 from ispom.io.mapping import MAX_BYTES, mapping_of
 from ispom.io.rows import read_text
 from ispom.methods import Config, in_order, method, names, with_dependencies
-from ispom.settings import from_plain
+from ispom.settings import files_named, from_plain
 from ispom.types import Sequence
 
 from ..playback import Stage
@@ -72,6 +72,18 @@ class RunFile:
     def configs(self) -> Config:
         """The settings; InputError for what is none."""
         return _config(self.config, "config")
+
+    def files_named(self) -> dict[str, str]:
+        """The files and folders that its settings, and those before a fork, name, by `METHOD.SETTING`; of methods that
+        this installation knows."""
+        found, known = dict[str, str](), names()
+        for config in (*(entry.get("config") for entry in self.forked), self.config):
+            given = config.items() if isinstance(config, Mapping) else ()
+            for name, values in given:
+                if name in known and isinstance(values, Mapping):
+                    named = files_named(method(name).config, values)
+                    found |= {f"{name}.{setting}": file for setting, file in named.items()}
+        return found
 
     @property
     def frame(self) -> RunFrame:

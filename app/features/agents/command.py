@@ -18,7 +18,7 @@ from ispom.types import Sequence
 
 from ...engine import warmup
 from ...engine.options import SourceOptions
-from ...engine.playback import Builder
+from ...engine.playback import Builder, builder_within
 from ...session.review.stored import place_of
 from ...session.session import Session
 from ...session.setup import SessionSetup
@@ -69,7 +69,7 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
             variant=options.variant or "modern",
             config=options.config,
             compiling=warmup.start,
-            builder=builder,
+            builder=builder_within((*_named(options), expanded(runs)), options.config, builder),
             history_bytes=1_000_000 * options.history_mb,
             source_options=options.of_source,
             folders=Folders(),
@@ -90,11 +90,7 @@ def _opener(options: Mcp) -> Callable[..., Sequence]:
     runs."""
     stored, simulated = (SourcePolicy(root, devices=False, network=False) for root in (None, expanded(options.runs)))
 
-    files = (
-        *options.sources,
-        *(str(path) for path in (options.camera, options.sensors) if path not in (None, AUTO, NONE)),
-    )
-    named = tuple(place_of(expanded(file)) for file in files if not file.startswith(SIMULATION))
+    named = _named(options)
 
     def opened(source: str, of_source: SourceOptions | None = None) -> Sequence:
         if source in options.sources:
@@ -104,6 +100,15 @@ def _opener(options: Mcp) -> Callable[..., Sequence]:
         return (of_source or options).opened(source, policy)
 
     return opened
+
+
+def _named(options: Mcp) -> tuple[Path, ...]:
+    """The folders of the files that the command line names."""
+    files = (
+        *options.sources,
+        *(str(path) for path in (options.camera, options.sensors) if path not in (None, AUTO, NONE)),
+    )
+    return tuple(place_of(expanded(file)) for file in files if not file.startswith(SIMULATION))
 
 
 @contextmanager

@@ -8,13 +8,14 @@ from pathlib import Path
 from platformdirs import user_config_path, user_state_path
 
 from ispom.errors import InputError, is_text
+from ispom.io.files import expanded
 from ispom.methods import in_order
 from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
 from ...engine import warmup
 from ...engine.external_trajectories.placed import TrajectoryOption, external_trajectory, read_options
-from ...engine.playback import Builder, truth_from_start
+from ...engine.playback import Builder, builder_within, truth_from_start
 from ...session.session import Session
 from ...session.setup import SessionSetup
 from ...session.sources.folders import Folders, RecentSources
@@ -54,6 +55,8 @@ def open_page(command: Serve, builder: Builder) -> int:
     needed = in_order(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT)
     warmup.start(needed, command.config, gentle=source == DEMO)
 
+    places = None if command.root is None else (expanded(command.root),)
+
     def session(live: LiveStream) -> Session:
         found = Session(
             SessionSetup(
@@ -64,7 +67,7 @@ def open_page(command: Serve, builder: Builder) -> int:
                 variant=command.variant or "modern",
                 config=command.config,
                 compiling=warmup.start,
-                builder=builder,
+                builder=builder_within(places, command.config, builder),
                 history_bytes=1_000_000 * command.history_mb,
                 source_options=command.of_source,
                 folders=Folders(None if command.root is None else command.root.expanduser()),

@@ -109,7 +109,8 @@ def stored_source(
     if places is not None:
         allowed = (*places, place_of(expanded(source))) if given and not simulated else places
         sensors = None if options.sensors in (AUTO, NONE) else options.sensors
-        files = {"source": None if simulated or given else source, "camera": options.camera, "sensors": sensors}
+        files: dict[str, Path | str | None] = {"source": None if simulated or given else source}
+        files |= {"camera": options.camera, "sensors": sensors, **run.files_named()}
         for name, file in files.items():
             if file is not None and not is_below(expanded(file), allowed):
                 how = cure if name == "source" else "copy it into the folder of the run"

@@ -1,6 +1,7 @@
 """Motion of a stereo camera from straight lines: edges of doors, bricks and windows instead of points.
 
-Segments: LSD (Grompone von Gioi et al. 2010), or Canny's edges (1986) with Hough's transform (1962; Matas et al. 2000).
+Segments: LSD (Grompone von Gioi et al. 2010), or as Table 3 names them: Canny's edges (1986) with Hough's transform
+(1962; Matas et al. 2000), or Canny's edges and then lines. Both are fitted to the edge points, to the sub-pixel.
 Motion: Taylor and Kriegman, Structure and motion from line segments in multiple images, PAMI 1995; directions as an
 absolute reference: Coughlan and Yuille, Manhattan world, ICCV 1999, without the right angles unless `manhattan` asks
 for them. `lines.monocular` has the same with one camera, from three views.
@@ -21,10 +22,10 @@ none, and vertical ones alone leave the height unknown. Repeated edges (railings
 the prediction is off by half of their distance. Round things have no lines. No loop is closed, and no covariance is
 given: errors of neighbouring segments have common causes that no simple formula covers.
 
-Measured (`ispom run SOURCE --methods lines`): sim:indoor, 90 pairs of 27.7 m: ATE 3 mm, 0.01 % of the path, t_err
-0.05 %; with `--lines.detector hough` 11 mm and 0.17 %. KITTI 06, the first 51 pairs of 59.9 m: t_err 1.9 %, ATE 0.27 m.
-There `hough` finds too few of the same segments: 8 of 51 pairs are lost, t_err 34 %; a lower threshold of Canny (four
-lost, 17 %) costs it the textured walls indoors. EuRoC V1_01 at rest, 20 pairs: 0.6 mm.
+Measured (`ispom run SOURCE --methods lines`): sim:indoor, 90 pairs of 27.7 m: ATE 3 mm, 0.01 % of the path, t_err 0.05
+%; with `--lines.detector hough` 5 mm and 0.06 %, with `canny` 2 mm and 0.03 %. KITTI 06, the first 51 pairs of 59.9 m:
+t_err 1.9 %, ATE 0.27 m; `canny` 1.9 % and 0.28 m. There `hough` finds fewer of the same segments: 2 of 51 pairs are
+lost, t_err 9 %. EuRoC V1_01 at rest, 20 pairs: 0.6 mm.
 """
 
 from __future__ import annotations

@@ -49,7 +49,8 @@ class SegmentSettings:
     """Settings of both methods: which segments are found."""
 
     detector: Detector = "lsd"
-    """lsd: line segment detector; hough: Canny's edges and Hough's transform."""
+    """lsd: line segment detector; hough: Canny's edges and Hough's transform; canny: Canny's edges, split into straight
+    pieces."""
     max_segments: Annotated[int, Range(20, 2000)] = 400
     """The longest ones are used."""
     manhattan: bool = False

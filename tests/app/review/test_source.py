@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -166,3 +167,15 @@ def test_commands_refuse_a_foreign_source_in_one_sentence(run: Path, command, ca
     assert main(command(str(folder)), build) == 2
     printed = capsys.readouterr().err
     assert "Traceback" not in printed and "run.yaml was not written on this machine" in printed
+
+
+@pytest.mark.parametrize("forked_from", [False, True])
+def test_a_folder_that_a_setting_of_a_foreign_run_names_is_not_read(run: Path, drive: Path, forked_from: bool) -> None:
+    found = replace(read_run_file(foreign(run)), own=False)
+    config = {"panorama": {"reference": "/etc"}, "no such method": {"reference": "/etc"}}
+    forked = [{"run": "other", "at": 2, "methods": ["panorama"], "config": config}]
+    changed = replace(found, forked=forked) if forked_from else replace(found, config={**found.config, **config})
+    with pytest.raises(InputError, match=r"panorama\.reference"):
+        stored_source(run, changed, str(drive))
+    own = {"panorama": {"reference": str(run / "reference")}}
+    assert stored_source(run, replace(found, config={**found.config, **own}), str(drive)).source == str(drive)

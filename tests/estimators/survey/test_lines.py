@@ -10,6 +10,7 @@ import pytest
 
 from ispom.estimators.survey.lines import Lines, LinesConfig
 from ispom.evaluation.metrics import path_errors
+from ispom.features.segments import Detector
 from ispom.sequences import open_sequence
 from ispom.types import Frame, Sequence, Status, Step
 
@@ -42,8 +43,9 @@ def test_the_path_is_metric(run: tuple, flight: Sequence) -> None:
     assert path_errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.01
 
 
-def test_hough_gives_it_too(flight: Sequence) -> None:
-    estimator, _, state = steps_of(flight, LinesConfig(detector="hough", manhattan=True), 4)
+@pytest.mark.parametrize("detector", ["hough", "canny"])
+def test_the_other_detectors_give_it_too(flight: Sequence, detector: Detector) -> None:
+    estimator, _, state = steps_of(flight, LinesConfig(detector=detector, manhattan=True), 4)
     assert flight.truth is not None
     assert path_errors(estimator.finish(state), flight.truth, flight.rig, True)["ate_m"] < 0.02
 

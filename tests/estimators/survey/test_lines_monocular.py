@@ -9,6 +9,7 @@ import pytest
 
 from ispom.estimators.survey.lines_monocular import LinesMonocular, LinesMonocularConfig
 from ispom.evaluation.metrics import path_errors
+from ispom.features.segments import Detector
 from ispom.types import Frame, Sequence, Status, Step
 from tests.line_scene import line_sequence
 
@@ -22,7 +23,11 @@ def room() -> Sequence:
 
 @pytest.fixture(scope="module")
 def run(room: Sequence) -> Run:
-    estimator, steps = LinesMonocularConfig().build(room.rig), list[Step]()
+    return ran(room, LinesMonocularConfig())
+
+
+def ran(room: Sequence, config: LinesMonocularConfig) -> Run:
+    estimator, steps = config.build(room.rig), list[Step]()
     state = estimator.start()
     for i in range(len(room)):
         state, step = estimator.step(state, room[i])
@@ -47,6 +52,14 @@ def test_the_path_has_the_shape_of_the_true_one(run: Run, room: Sequence) -> Non
     assert room.truth is not None
     length = np.linalg.norm(np.diff(room.truth.translations, axis=0), axis=1).sum()
     assert path_errors(estimator.finish(state), room.truth, room.rig, False)["ate_m"] < 0.06 * length
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("detector", ["hough", "canny"])
+def test_the_other_detectors_give_it_too(room: Sequence, detector: Detector) -> None:
+    found = ran(room, LinesMonocularConfig(detector=detector))
+    test_it_starts_from_three_views_and_tracks_from_then_on(found)
+    test_the_path_has_the_shape_of_the_true_one(found, room)
 
 
 def test_lines_that_are_not_used_are_drawn_as_such(run: Run) -> None:

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import pytest
 from ispom_app.engine.options import SourceOptions
+from ispom_app.engine.playback import builder_within
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import MOST, Folders, RecentSources
 from ispom_app.session.sources.opening import SourceOpener
 
 from ispom.ensemble import build
 from ispom.errors import InputError
+from ispom.estimators.survey.panorama import PanoramaConfig
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.types import Guess
@@ -173,3 +175,22 @@ def test_finding_a_camera_that_has_no_calibration_is_reported():
         "double:3", None, None, Config(), strict=False, progress=messages.append
     )
     assert messages == ["double:3 has no calibration: finding focal length and distortion in its images"]
+
+
+def test_a_setting_names_no_folder_outside_of_the_root(tmp_path: Path) -> None:
+    """But for that of the command line; a link out of the root leads nowhere."""
+    root, elsewhere, sequence = tmp_path / "root", tmp_path / "elsewhere", open_sequence("sim:tiny")
+    for folder in (root, elsewhere, root / "inner"):
+        folder.mkdir()
+    (root / "link").symlink_to(elsewhere)
+
+    def fault(folder: Path, named: Path | None = None) -> str:
+        config = Config({"panorama": PanoramaConfig(reference=str(folder))})
+        given = Config() if named is None else Config({"panorama": PanoramaConfig(reference=str(named))})
+        with pytest.raises(InputError) as found:
+            builder_within((root,), given, build)(config, ("panorama",), sequence.rig)
+        return str(found.value)
+
+    assert "outside" in fault(elsewhere) and "outside" in fault(root / "link")
+    assert "outside" not in fault(root / "inner") and "outside" not in fault(elsewhere, elsewhere)
+    assert builder_within(None, Config(), build) is build
