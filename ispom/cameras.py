@@ -1,4 +1,5 @@
-"""Cameras, and the models of their lenses: OpenCV's (pinhole, radial-tangential, rational, fisheye), and packages' own.
+"""Cameras, and the models of their lenses: OpenCV's (pinhole, radial-tangential, rational, fisheye), equirectangular
+360-degree images, and packages' own.
 
 Sources: Brown 1966 (radial-tangential), Claus and Fitzgibbon 2005 (rational), Kannala and Brandt 2006 (fisheye).
 """
@@ -45,7 +46,8 @@ class Camera:
     empty for none."""
     lens: str = "opencv"
     """`opencv` (perspective with radial and tangential distortion; the number of coefficients names the model),
-    `fisheye` (equidistant; Kannala and Brandt 2006), or the name of a model of an installed package."""
+    `fisheye` (equidistant; Kannala and Brandt 2006), `equirectangular` (all directions), or the name of a model of an
+    installed package."""
     line_delay_s: float = 0.0
     """Of a rolling shutter: by how much later each row is exposed than the one above it. Times are the middle row's."""
 
@@ -114,6 +116,8 @@ class CameraModel(Protocol):
     """As in files and `Camera.lens`."""
     counts: tuple[int, ...]
     """Numbers of coefficients that `Camera.distortion` may have."""
+    all_around: bool = False
+    """Whether every direction has a pixel, also that to the back."""
 
     def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
         """Returns pixels (N, 2) of points (N, 3); NaN for points that have none."""
@@ -229,6 +233,51 @@ class Fisheye(_InFront):
         return np.asarray(uv, float).reshape(-1, 2)
 
 
+@dataclass(frozen=True)
+class Equirectangular(CameraModel):
+    """A panorama of all directions: columns are longitudes and rows latitudes, of equal angles.
+
+    The camera's axis is in the middle of the image; the direction to its back is at both sides. `fx` and `fy` are
+    pixels per radian. A point in the centre has no pixel; points right above and below it have no Jacobian.
+    """
+
+    name: str = "equirectangular"
+    counts: tuple[int, ...] = (0,)
+    all_around: bool = True
+
+    @staticmethod
+    def camera(width: int, height: int) -> Camera:
+        """Returns the camera of an image of the whole sphere."""
+        return Camera(
+            width, height, width / (2 * np.pi), height / np.pi, (width - 1) / 2, (height - 1) / 2, (), "equirectangular"
+        )
+
+    def project(self, camera: Camera, xyz_in_camera: Array) -> Array:
+        x, y, z = xyz_in_camera.T
+        longitude, latitude = np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))
+        uv = np.stack([camera.fx * longitude + camera.cx, camera.fy * latitude + camera.cy], axis=1)
+        uv[np.linalg.norm(xyz_in_camera, axis=1) <= LEAST_DEPTH] = np.nan
+        return uv
+
+    def unproject(self, camera: Camera, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
+        longitude, latitude = ((uv - (camera.cx, camera.cy)) / (camera.fx, camera.fy)).T
+        level = np.cos(latitude)
+        rays = np.stack([level * np.sin(longitude), np.sin(latitude), level * np.cos(longitude)], axis=1)
+        valid = (np.abs(longitude) <= np.pi + 1e-9) & (np.abs(latitude) <= np.pi / 2 + 1e-9)
+        return rays, valid
+
+    def jacobian(self, camera: Camera, xyz_in_camera: Array) -> Array:
+        x, y, z = xyz_in_camera.T
+        level, out = np.hypot(x, z), np.full((len(xyz_in_camera), 2, 3), np.nan)
+        some = level > LEAST_DEPTH
+        x, y, z, level = x[some], y[some], z[some], level[some]
+        square = level**2 + y**2
+        nothing = np.zeros_like(x)
+        out[some, 0] = camera.fx * np.stack([z / level**2, nothing, -x / level**2], axis=1)
+        out[some, 1] = camera.fy * np.stack([-x * y / (level * square), level / square, -z * y / (level * square)], 1)
+        return out
+
+
 def project_with_derivatives(camera: Camera, xyz: Array) -> tuple[Array, Array, Array]:
     """Projects points (N, 3) in front of a camera with one of OpenCV's models.
 
@@ -254,11 +303,11 @@ def _four(camera: Camera) -> Array:
     return np.array(camera.distortion or (0.0,) * 4, float)
 
 
-PINHOLE, FISHEYE = Pinhole(), Fisheye()
+PINHOLE, FISHEYE, EQUIRECTANGULAR = Pinhole(), Fisheye(), Equirectangular()
 RADIAL_TANGENTIAL = Perspective("radtan", (4, 5))
 RATIONAL = Perspective("rational", (8,))
 
-BUILT_IN = (PINHOLE, RADIAL_TANGENTIAL, RATIONAL, FISHEYE)
+BUILT_IN = (PINHOLE, RADIAL_TANGENTIAL, RATIONAL, FISHEYE, EQUIRECTANGULAR)
 CAMERA_MODELS: Registry[CameraModel] = Registry(
     "ispom.cameras",
     CameraModel,  # type: ignore[type-abstract]

@@ -1,6 +1,7 @@
 """Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and, optionally, `distortion` (OpenCV's
 coefficients).
 
+`model: equirectangular` is a 360-degree image, twice as wide as high, of which `width` and `height` say everything;
 `model: fisheye` marks the four coefficients of a fisheye lens, as do the names of other programs (`distortion_model:
 equidistant`, `fisheye_model: 1`); `line_delay_s` is that of a rolling shutter.
 """
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.cameras import CAMERA_MODELS, model_of
+from ispom.cameras import CAMERA_MODELS, EQUIRECTANGULAR, model_of
 from ispom.errors import InputError
 from ispom.geometry import Array
 from ispom.io.mapping import finite_numbers
@@ -30,6 +31,7 @@ _LENSES: dict[str, str] = {
     **dict.fromkeys(("opencv", "plumbbob", "radtan", "radialtangential", "radtan4", "radtan5", "radtan8"), "opencv"),
     **dict.fromkeys(("rationalpolynomial", "rational", "brown", "brownconrady", "standard"), "opencv"),
     **dict.fromkeys(("fisheye", "equidistant", "equi", "equid4", "opencvfisheye"), "fisheye"),
+    **dict.fromkeys(("equirectangular", "equirect", "spherical", "panorama", "panoramic"), EQUIRECTANGULAR.name),
     **dict.fromkeys(("kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb", "kb4"), "fisheye"),
 }
 COUNTS = {"opencv": (4, 5, 8), "fisheye": (4,)}
@@ -141,6 +143,8 @@ invertible."""
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     """Reads a mapping of `path` under `where` ("left."). Raises InputError that names the invalid value."""
     lens = lens_of(path, values, where, keys=LENS_KEYS)
+    if lens == EQUIRECTANGULAR.name:
+        values = _panoramic(path, values, where)
     numbers = {key: finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in (*SIZES, *INTRINSICS)}
     for key in ("width", "height", "fx", "fy"):
         if numbers[key] <= 0:
@@ -157,6 +161,28 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     intrinsics = [numbers[key] for key in INTRINSICS]
     camera = Camera(width, height, *intrinsics, distortion=tuple(distortion), lens=lens, line_delay_s=delay_s)
     return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
+
+
+def _panoramic(path: Path, values: dict[Any, Any], where: str) -> dict[Any, Any]:
+    """Returns the entries of a 360-degree image with those that follow from its size. Raises InputError where the size
+    is not that of the whole sphere, or an entry differs."""
+    width, height = (finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in SIZES)
+    if width != 2 * height:
+        raise InputError(
+            f"{path}: {where}width and {where}height are {width:g} and {height:g}, but a 360-degree image is twice as "
+            "wide as high: give the whole image, or a pinhole or fisheye model for a part of it"
+        )
+    whole = EQUIRECTANGULAR.camera(int(width), int(height))
+    for key in INTRINSICS:
+        value = finite_numbers(path, f"{where}{key}", [values.get(key, getattr(whole, key))], 1)[0]
+        if abs(value - getattr(whole, key)) > 1e-3:
+            raise InputError(
+                f"{path}: {where}{key} is {value:g}, but that of a 360-degree image of this size is "
+                f"{getattr(whole, key):g}: leave it out"
+            )
+    if line := values.get(LINE_DELAY):
+        raise InputError(f"{path}: {where}{LINE_DELAY} is {line}, and a 360-degree image has none here: leave it out")
+    return {**values, **{key: getattr(whole, key) for key in INTRINSICS}}
 
 
 def skipped_note(path: Path, values: dict[Any, Any]) -> tuple[str, ...]:

@@ -36,6 +36,15 @@ def read_timed_points(path: Path) -> TimedPoints:
     return TimedPoints(times, xyz)
 
 
+def holds_points(path: Path) -> bool:
+    """Checks for a PLY file, or a CSV file whose first line names x, y and z."""
+    if path.suffix.lower() == ".ply":
+        return True
+    require_file(path)
+    header = next(csv.reader(read_text(path, MAX_BYTES).splitlines()[:1]), [])
+    return set(COORDINATES) <= {name.strip().lower() for name in header}
+
+
 def timed_points_csv(points: TimedPoints) -> str:
     """Returns the file's content."""
     rows = zip(points.times_ns.tolist(), points.xyz_in_laser.tolist(), strict=True)

@@ -25,6 +25,7 @@ class FusionSettings:
     """Resolution, memory and filters of the fusion."""
 
     voxel_m: float
+    """Side of a voxel, in the unit of depths and poses: [m], or the unit of a method."""
     max_gb: float = 4.0
     """Memory of the voxels; a place that needs more raises an InputError with a size that fits."""
     truncation_voxels: float = 6.0
@@ -52,7 +53,7 @@ class Fusion:
         )
 
     def add(self, depth: Depth, image: Image, camera: Camera, world_from_camera: Pose, max_depth_m: float) -> None:
-        """Adds z (H, W) [m], 0 where unknown, of an RGB or grey image of a camera without distortion.
+        """Adds z (H, W), 0 where unknown, of an RGB or grey image of a camera without distortion.
 
         Raises InputError where the place is too large for its voxels.
         """
@@ -75,7 +76,7 @@ class Fusion:
         """Returns the surface with normals and colours. Raises InputError where none was observed often enough."""
         triangles = None if not self._looks else self._grid.extract_triangle_mesh(self._settings.min_looks)
         if triangles is None or not len(triangles.triangle.indices):
-            raise InputError("no surface was seen in two pairs: give a run with stereo images of textured places")
+            raise InputError("no surface was seen in two images: give a run with motion on images of textured places")
         mesh = without_crumbs(triangles, self._settings.min_triangles)
         if not len(mesh):
             raise InputError("no surface holds together: give a larger --voxel-m")
@@ -91,6 +92,6 @@ class Fusion:
         if gb > self._settings.max_gb:
             fitting = self._settings.voxel_m * 1.5
             raise InputError(
-                f"a map with voxels of {self._settings.voxel_m:g} m needs more than {self._settings.max_gb:g} GB: "
+                f"a map with voxels of {self._settings.voxel_m:g} needs more than {self._settings.max_gb:g} GB: "
                 f"give a larger --voxel-m, such as {fitting:.2g}, a smaller --max-depth-m, or a larger --memory-gb"
             )

@@ -65,10 +65,23 @@ class PlaneSweep:
         return np.where(good, 1 / np.maximum(best_inverse, 1 / farthest_m), 0).astype(np.float32)
 
 
-def undistorted(image: Image, camera: Camera) -> tuple[Image, Camera]:
-    """Returns the image of a camera without distortion, with the same focal lengths and centre, and that camera."""
-    ideal = replace(camera, distortion=(), lens="opencv")
-    return np.asarray(cv2.remap(image, *resampling(camera, ideal, np.eye(3)), cv2.INTER_LINEAR), np.uint8), ideal
+@dataclass(frozen=True, eq=False)
+class Undistortion:
+    """Makes images of a camera without distortion, with the same focal lengths and centre."""
+
+    ideal: Camera
+    """That camera."""
+    maps: tuple[NDArray, NDArray]
+
+    @staticmethod
+    def of(camera: Camera) -> Undistortion:
+        """Computes what all images of the camera share."""
+        ideal = replace(camera, distortion=(), lens="opencv")
+        return Undistortion(ideal, resampling(camera, ideal, np.eye(3)))
+
+    def image(self, image: Image) -> Image:
+        """Returns the image as the ideal camera has it."""
+        return np.asarray(cv2.remap(image, *self.maps, cv2.INTER_LINEAR), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from ispom.geometry import Array
 from ispom.plausibility import Doubt
 from ispom.plausibility.times import ANY_RATE, BEFORE_NS, Rates
 from ispom.sensors.fusion import Factor, GraphFrames, Node, NodeContext, Variable
-from ispom.types import Check, Kind, Measurement, Sensor
+from ispom.types import Check, Kind, Measurement, Sensor, TimedPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,8 @@ class FileOptions:
     """Standard deviation of positions [m]; None: that of the file."""
     origin: Array | None = None
     """(3,) latitude, longitude [deg] and height [m] of the local frame; None: the first position."""
+    scan_s: float = 0.0
+    """Time from the first beam of a scan to the last [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,8 @@ class Readings:
     times_ns: NDArray[np.int64]
     """(N,); where measurements are `between` times (N + 1,), the begin of the first one being the first."""
     values: Mapping[str, Array] = field(default_factory=dict)
-    """(N, ...) by the names of the kind; of kinds that are not read from files nothing."""
+    """(N, ...) by the names of the kind; of scans, arrays of all their points; of kinds that are not read from files
+    nothing."""
     between: bool = False
     """Whether each measurement spans the time from the one before."""
 
@@ -97,6 +100,8 @@ class SensorKind:
 
     has_files: bool = True
     """Whether tables of it are read, and all its measurements are small enough to be loaded together."""
+    takes_points: bool = False
+    """Whether files of points with times are read, too."""
     rates: Rates = ANY_RATE
     """Rates of its measurements, by which a wrong unit of times is recognised."""
 
@@ -122,6 +127,10 @@ class SensorKind:
         return self.label if self.label.isupper() else self.label.lower()
 
     # Files, and what is likely a mistake in them.
+
+    def readings_of_points(self, points: TimedPoints) -> Readings:
+        """Returns the readings of a file of points, of a kind that `takes_points`."""
+        raise NotImplementedError
 
     def readings(self, table: Table, options: FileOptions) -> Readings:
         """Returns the readings of a table. Raises InputError that names what is wrong."""

@@ -1,5 +1,7 @@
 """Laser scanners: scans whose points have times of their own, matched with the scan of the node before.
 
+Their files are tables of ranges, a row for each scan, or points with times (see `ispom.io.timed_points`).
+
 Scans are taken to see vertical walls. Reference: Koide 2024, "small_gicp" (generalised ICP).
 """
 
@@ -8,14 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import InputError
 from ispom.geometry import Array, Pose
+from ispom.plausibility.times import Rates
 from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, Factor, GraphFrames, Link, Node, NodeContext, between, link_in_rig
-from ispom.sensors.kind import SensorKind
+from ispom.sensors.kind import FileOptions, Readings, SensorKind, Table
 from ispom.sensors.simulated import LEVEL_FROM_VEHICLE, Scene, Scenery, SensorFaults
 from ispom.settings import Range
 from ispom.solvers.trajectory.continuous import poses_at
@@ -38,6 +43,10 @@ PATH_NS = 1_500_000_000
 """Length of the path by which scans are straightened."""
 SAMPLE_NS = 2_000_000
 """Interval of the true poses that a spline joins: a shake of 4 Hz is exact to 1e-9 m."""
+BACK_RAD = 1.0
+"""A scan ends where the azimuth turns back by more than this: noise turns it back by less."""
+PAUSE_NS = 1_000_000_000
+"""A scan ends where nothing is measured for longer: no scanner turns as slowly."""
 NEAREST_M = 0.3
 """Simulated scanners measure nothing that is nearer."""
 
@@ -116,6 +125,64 @@ class SimulatedLaser(SensorFaults):
             yield LaserScan(int(self.stamps_ns(np.array([end_ns]))[0]), points, self.name)
 
 
+# Files.
+
+
+def sweeps(times_ns: NDArray[np.int64], xyz: Array) -> NDArray[np.intp]:
+    """Returns the scan (N,) of each point (N, 3), from 0 on; points are in the order of time, in the scanner's frame.
+
+    A scan ends where the azimuth turns back against the direction of the beams, or after a pause. So one that sees to
+    the back, along -x, is in two parts there.
+    """
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
+    step = np.diff(azimuth)
+    forward = np.sign(np.median(np.sign(step[step != 0]))) if step.any() else 0.0
+    ends = (step * forward < -BACK_RAD) | (np.diff(times_ns) > PAUSE_NS)
+    return np.concatenate([[0], np.cumsum(ends)]).astype(np.intp)
+
+
+def readings_of_points(points: TimedPoints) -> Readings:
+    """Returns the scans of points with times."""
+    order = np.argsort(points.times_ns, kind="stable")
+    times_ns, xyz = points.times_ns[order], points.xyz_in_laser[order]
+    scan = sweeps(times_ns, xyz)
+    ends_ns = times_ns[np.append(np.flatnonzero(np.diff(scan)), len(scan) - 1)]
+    return Readings("laser", ends_ns, _values(xyz, scan, ends_ns[scan] - times_ns))
+
+
+def readings_of_ranges(table: Table, options: FileOptions) -> Readings:
+    """Returns the scans of a table with a row for each, whose columns are beams, named by their azimuths [deg].
+
+    Times are those of the first beam. A range that is not positive is none.
+    """
+    angles = np.radians([_angle_deg(table.path, name) for name in table.columns])
+    ranges = np.stack(list(table.columns.values()), axis=1)
+    scan, beam = np.nonzero(ranges > 0)
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
+    left_ns = np.rint(1e9 * options.scan_s * np.linspace(1, 0, len(angles))).astype(np.int64)
+    values = _values(ranges[scan, beam, None] * directions[beam], scan, left_ns[beam])
+    return Readings("laser", table.times_ns + round(1e9 * options.scan_s), values)
+
+
+def _values(xyz: Array, scan: NDArray[np.int64], before_ns: NDArray[np.int64]) -> dict[str, Array]:
+    """Values of readings: of each point its place (P, 3), its scan (P,), not decreasing, and by how much it was
+    measured before that one's end (P,)."""
+    return {"xyz": xyz, "scan": scan.astype(float), "before_ns": before_ns.astype(float)}
+
+
+def _angle_deg(path: Path, name: str) -> float:
+    try:
+        angle_deg = float(name)
+    except ValueError:
+        angle_deg = np.nan
+    if not abs(angle_deg) <= 360:
+        raise InputError(
+            f"{path} has the column {name[:40]!r}, which is no angle of a beam [deg]: name beams by their angles, or "
+            "give points with the columns x, y, z [m]"
+        )
+    return angle_deg
+
+
 # What is observed between two nodes.
 
 
@@ -191,8 +258,26 @@ class LaserKind(SensorKind):
 
     name, label, phrase, order = "laser", "Laser", "a laser scanner", 4
     sensor, measurement, simulated = LaserScanner, LaserScan, SimulatedLaser
-    has_files = False
+    takes_points = True
+    rates = Rates((0.5, 200.0), (1.0, 100.0))
     measures, needs = "relative", ("small_gicp",)
+
+    def readings_of_points(self, points: TimedPoints) -> Readings:
+        return readings_of_points(points)
+
+    def readings(self, table: Table, options: FileOptions) -> Readings:
+        return readings_of_ranges(table, options)
+
+    def collected(self, measured: Sequence[Any]) -> Readings:
+        """Returns the times of scans: their points stay where they are."""
+        return Readings(self.name, np.array([scan.time_ns for scan in measured], np.int64))
+
+    def measurements(self, found: Readings, frames_ns: NDArray[np.int64], name: str) -> Iterator[Measurement]:
+        first = np.searchsorted(found.values["scan"], np.arange(len(found) + 1))
+        for i in np.flatnonzero(found.within(frames_ns)).tolist():
+            of_scan, time_ns = slice(first[i], first[i + 1]), int(found.times_ns[i])
+            times_ns = time_ns - found.values["before_ns"][of_scan].astype(np.int64)
+            yield LaserScan(time_ns, TimedPoints(times_ns, found.values["xyz"][of_scan]), name)
 
     def remembered(self, memory: Any, measurement: Any, oldest_ns: int) -> Any:
         return replace(memory or Scans(), waiting=measurement)

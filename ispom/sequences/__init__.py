@@ -33,6 +33,7 @@ from ispom.sequences.formats.vamr import looks_like_malaga, looks_like_parking, 
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.formats.video_folder import chapters_in, join_line, looks_like_video_folder, open_video_folder
 from ispom.sequences.formats.vslam_lab import looks_like_vslam_lab, open_vslam_lab
+from ispom.sequences.panoramic import with_faces
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.readable import require_readable
@@ -146,7 +147,7 @@ def open_sequence(
             sequence = opened
         else:
             sequence, own = two_rate(opened, stereo_every, video_scale), opened.sensors
-        sequence = _within(sequence, policy)
+        sequence = _within(with_faces(sequence), policy)
     frames = max(map(sequence.kinds.count, FRAME_KINDS))
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")

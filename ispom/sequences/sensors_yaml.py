@@ -6,6 +6,7 @@ Each entry is a sensor by name, as in a rig.yaml (`sensor`: its kind; `rig_from_
     columns: {time_s: Time}     # the usual names of columns to the file's, where they differ
     clock_offset_s: 0.52        # added to its times, which gives those of the frames
     sigma_m: 0.5                # of GNSS fixes without standard deviations
+    scan_s: 0.1                 # from the first beam of a laser scan to the last, of tables of ranges
     origin: [49.0, 8.4, 116]    # latitude, longitude [deg] and height [m] of the local frame; default: the first fix
 
 Without `file` it is the sensor of that name that lies in or beside the source (see `recorded_sensors`), whose pose and
@@ -25,6 +26,7 @@ from ispom.errors import InputError
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rig import sensor_of
 from ispom.io.sensor_tables import read_measurements
+from ispom.io.timed_points import holds_points, read_timed_points
 from ispom.io.values import MAX_TIME_S, number, sensor_name
 from ispom.plausibility.times import time_doubts
 from ispom.sensors import SENSOR_KINDS
@@ -34,11 +36,13 @@ from ispom.sequences.recorded_sensors import RecordedSensor, measurements_of
 from ispom.sequences.sensor_doubts import file_kinds, frames_ns_of, mount_doubts, sensor_doubts
 from ispom.types import Found, Kind, Measurement, Rig, Sensor, Sequence
 
-OWN = ("file", "columns", "clock_offset_s", "sigma_m", "origin")
+OWN = ("file", "columns", "clock_offset_s", "sigma_m", "origin", "scan_s")
 """Entries that a rig.yaml does not have."""
-OF_FILES = ("columns", "origin")
+OF_FILES = ("columns", "origin", "scan_s")
 """Those that go with `file`."""
 MAX_HEIGHT_M = 1e6
+MAX_SCAN_S = 10.0
+"""Longest duration of a laser scan."""
 NOWHERE = {"translation_m": [0.0, 0.0, 0.0], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]}
 
 
@@ -141,8 +145,13 @@ def _read(path: Path, name: str, entry: dict[Any, Any], beside: Mapping[str, Rec
         bounds = ((-90, 90), (-360, 360), (-MAX_HEIGHT_M, MAX_HEIGHT_M))
         values = finite_numbers(path, f"{name}.origin", entry["origin"], 3)
         origin = np.array([number(f"{path}: {name}.origin", v, *b) for v, b in zip(values, bounds, strict=True)])
-    options = FileOptions(f"{path}: {name}", _sigma_m(path, name, entry), origin)
-    read = SENSOR_KINDS.get(entry["sensor"]).readings(read_measurements(path.parent / given, columns), options)
+    scan_s = _number(path, name, entry, "scan_s", 0.0, 0.0, MAX_SCAN_S)
+    options = FileOptions(f"{path}: {name}", _sigma_m(path, name, entry), origin, scan_s)
+    kind, file = SENSOR_KINDS.get(entry["sensor"]), path.parent / given
+    if kind.takes_points and not columns and holds_points(file):
+        read = kind.readings_of_points(read_timed_points(file))
+    else:
+        read = kind.readings(read_measurements(file, columns), options)
     return _on_clock(path, name, entry, read)
 
 

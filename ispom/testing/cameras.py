@@ -22,7 +22,7 @@ def check_camera_model(camera: Camera) -> None:
 
     Rays of valid pixels are unit vectors that are projected back onto them at every depth; at least half of the pixels
     are valid. Jacobians are those of difference quotients. A point behind the camera has neither a pixel nor a
-    Jacobian. Raises AssertionError with one sentence for what does not hold.
+    Jacobian, unless the model sees all around. Raises AssertionError with one sentence for what does not hold.
     """
     model = camera.model
     u, v = np.meshgrid(np.linspace(0, camera.width - 1, GRID), np.linspace(0, camera.height - 1, GRID))
@@ -48,7 +48,7 @@ def check_camera_model(camera: Camera) -> None:
     _require(np.allclose(flat[ahead], expected, atol=1e-6), camera, "normalises pixels to other places than its rays")
     behind = np.array([[0.0, 0.0, -1.0]])
     nothing = np.isnan(camera.project(behind)).all() and np.isnan(camera.project_jacobian(behind)).all()
-    _require(nothing, camera, "projects a point right behind it")
+    _require(nothing or model.all_around, camera, "projects a point right behind it")
     empty = camera.project(np.zeros((0, 3))), camera.normalise(np.zeros((0, 2)))
     _require(all(result.shape == (0, 2) for result in empty), camera, "does not take in no points at all")
     _require(len(camera.distortion) in (0, *model.counts), camera, "has a number of coefficients that it does not name")

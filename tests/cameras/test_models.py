@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ispom import registry
-from ispom.cameras import BUILT_IN, CAMERA_MODELS, Camera, CameraModel, Pinhole, model_of
+from ispom.cameras import BUILT_IN, CAMERA_MODELS, Camera, CameraModel, Equirectangular, Pinhole, model_of
 from ispom.errors import InputError
 from ispom.testing.cameras import check_camera_model
 
@@ -21,11 +21,14 @@ COEFFICIENTS = {
     "radtan": st.one_of(st.tuples(*[SMALL] * 4), st.tuples(*[SMALL] * 5)),
     "rational": st.tuples(*[SMALL] * 8),
     "fisheye": st.tuples(*[SMALL] * 4),
+    "equirectangular": st.just(()),
 }
 """By model, coefficients of lenses whose distortion can be undone in the whole image."""
 
 
 def camera(name: str, focal_px: float, distortion: Sequence[float]) -> Camera:
+    if name == "equirectangular":
+        return Equirectangular.camera(2 * round(focal_px), round(focal_px))
     lens = "fisheye" if name == "fisheye" else "opencv"
     return Camera(640, 480, focal_px, 1.02 * focal_px, 318.2, 243.1, tuple(distortion), lens)
 
@@ -50,6 +53,18 @@ def test_pixels_that_no_ray_explains_are_not_valid() -> None:
         rays, valid = strong.unproject(np.array([[319.5, 239.5], [0.0, 0.0]]))
         assert valid.tolist() == [True, False] and np.isfinite(rays).all(), lens
         np.testing.assert_allclose(rays[0], [0, 0, 1], atol=1e-9)
+
+
+def test_a_panorama_has_every_direction() -> None:
+    found = Equirectangular.camera(640, 320)
+    x = np.array([[0, 0, 1.0], [2, 0, 0], [-3, 0, 0], [0, 1, 1.0], [1e-12, 0, -1], [0, -1, 0]])
+    expected = [[319.5, 159.5], [479.5, 159.5], [159.5, 159.5], [319.5, 239.5], [639.5, 159.5], [319.5, -0.5]]
+    np.testing.assert_allclose(found.project(x), expected, atol=1e-6)
+    assert np.isnan(found.project(np.zeros((1, 3)))).all() and np.isnan(found.project_jacobian(x[-1:])).all()
+    u, v = np.meshgrid(np.arange(640.0), np.arange(320.0))
+    _, valid = found.unproject(np.stack([u.ravel(), v.ravel()], axis=1))
+    assert valid.all()
+    assert not found.unproject(np.array([[-2.0, 100.0], [50.0, 321.0]]))[1].any()
 
 
 def test_points_behind_have_no_jacobian() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Pose
-from ispom.reconstruction.plane_sweep import PlaneSweep, undistorted
+from ispom.reconstruction.plane_sweep import PlaneSweep, Undistortion
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Flight
 from ispom.simulation.places.city import build_city
@@ -49,7 +49,8 @@ def test_an_undistorted_image_is_that_of_the_ideal_camera() -> None:
     real = RIG.camera("video")
     renderer, pose = Renderer(build_city(0)), Flight.seeded(0).pose_at(BEGIN_NS) @ RIG.rig_from_video
     bent, straight = (exposed(renderer.image(c, pose, 2), 0, 0.0) for c in (real, CAMERA))
-    found, camera = undistorted(bent, real)
-    assert camera == CAMERA
+    undistortion = Undistortion.of(real)
+    found = undistortion.image(bent)
+    assert undistortion.ideal == CAMERA
     inside = (slice(20, -20), slice(20, -20))
     assert np.median(np.abs(found[inside].astype(int) - straight[inside].astype(int))) <= 2

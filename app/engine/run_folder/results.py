@@ -57,7 +57,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
             entry |= metrics.path_errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
-        segments = list(_segments(trajectory, statistics.segments(method)))
+        segments = list(segments_of(trajectory, statistics.segments(method)))
         if len(segments) > 1:
             entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
         stereo = registered(method).asks.get("stereo")
@@ -72,12 +72,12 @@ def trajectory_files(
 ) -> Iterator[tuple[str, str]]:
     """Names and contents: all poses, and where segments begin, the poses of each by itself."""
     yield trajectory_file(method), tum_text(trajectory)
-    segments = list(_segments(trajectory, starts))
+    segments = list(segments_of(trajectory, starts))
     for number, segment in enumerate(segments if len(segments) > 1 else (), 1):
         yield segment_file(method, number), tum_text(segment)
 
 
-def _segments(trajectory: Trajectory, starts: Sequence[tuple[int, int]]) -> Iterator[Trajectory]:
+def segments_of(trajectory: Trajectory, starts: Sequence[tuple[int, int]]) -> Iterator[Trajectory]:
     """The parts that no observation joins to each other, each of one world: those that have poses."""
     if not starts:
         return

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from ispom.io.meshes import glb_bytes, open3d, surface_ply
 from ispom.io.timed_points import timed_points_csv
 from ispom.io.whole import create_file, part_of, require_no_links, write_whole
 from ispom.reconstruction.model import Mesh, simplified
-from ispom.types import TimedPoints
+from ispom.types import TimedPoints, Trajectory
 
 from ...engine.outputs import claim_folder
 from ...engine.run_folder.made_map import MAP, MAP_NUMBERS, MAP_PREVIEW, MAP_RECORDING
@@ -33,7 +34,18 @@ from ...views.rerun.streams import APPLICATION
 from ..headless.console import progress
 from .inputs import Ran, read_ran
 from .laser import TRUE, Placed, measured, placed
-from .looks import MAX_DEPTH_BASELINES, VOXELS_PER_BASELINE, Dense, DenseSettings, dense, looks, stereo_pairs
+from .looks import (
+    MAX_DEPTH_BASELINES,
+    NEAREST_BASELINES,
+    VOXELS_IN_NEAR_DEPTH,
+    VOXELS_PER_BASELINE,
+    Dense,
+    DenseSettings,
+    dense,
+    has_pairs,
+    looks,
+    stereo_pairs,
+)
 from .options import Map
 
 MESH, CLOUD, GLTF, MEASURED = "mesh.ply", "cloud.ply", "mesh.glb", "points.csv"
@@ -122,17 +134,17 @@ def _make_map(options: Map) -> int:
     method = ran.method(options.method)
     if options.dense:
         open3d()  # before long work
-    settings = _settings(options, ran) if options.dense else None
+    chosen = _chosen(options, ran, method) if options.dense else None
     laser = None if options.laser is None else measured(ran, options.laser, int(ran.file.options.get("seed") or 0))
     folder = options.out or options.run / MAP
     if options.out is None:
         require_no_links(options.run, folder / "any")
     claim_folder(folder, "map")
     found = None
-    if settings is not None:
-        made_of = looks(ran.sequence, ran.paths[method], settings)
+    if chosen is not None:
+        made_of = looks(ran.sequence, chosen.path, chosen.settings)
         with progress(len(made_of)) as advance:
-            found = dense(made_of, settings, advance)
+            found = dense(made_of, chosen.settings, advance)
         write_dense(folder, found)
     points: dict[str, Placed] = {}
     if laser is not None:
@@ -143,20 +155,54 @@ def _make_map(options: Map) -> int:
             _print_line(laser.unmeasured)
         _draw(options, points)
     write_recording(folder, options.run, method, found, points)
-    write_numbers(folder, _numbers(method, options, settings, found, points))
-    _print(options, method, found, points)
+    write_numbers(folder, _numbers(method, options, chosen, found, points))
+    _print(options, method, chosen, found, points)
     return 0
 
 
-def _settings(options: Map, ran: Ran) -> DenseSettings:
-    stereo_pairs(ran.sequence)
-    baseline_m = ran.sequence.rig.baseline_m
-    voxel_m = baseline_m / VOXELS_PER_BASELINE if options.voxel_m is None else options.voxel_m
-    depth_m = baseline_m * MAX_DEPTH_BASELINES if options.max_depth_m is None else options.max_depth_m
-    for flag, value in (("voxel-m", voxel_m), ("max-depth-m", depth_m), ("memory-gb", options.memory_gb)):
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """What the dense model is made with."""
+
+    path: Trajectory
+    settings: DenseSettings
+    segment: tuple[int, list[int]] | None
+    """Of a method with a unit of its own: the segment's index, and the number of poses of each segment."""
+
+
+def _chosen(options: Map, ran: Ran, method: str) -> _Chosen:
+    """InputError where the run does not allow what the options ask for."""
+    segment = None
+    if method in ran.own:
+        index = ran.segment(method, options.segment)
+        segment, path = (index, [len(part) for part in ran.own[method]]), ran.own[method][index]
+    elif options.segment is not None:
+        raise InputError(f"--segment is for methods with a unit of their own, and {method} is metric: leave it out")
+    else:
+        path = ran.paths[method]
+    paired = segment is None and has_pairs(ran.sequence)
+    depth_from = options.depth_from or ("stereo" if paired else "video")
+    if depth_from != "video" and segment is not None:
+        raise InputError(f"{method} has a unit of its own, and a pair's depth is in metres: give --depth-from video")
+    if depth_from != "video":
+        stereo_pairs(ran.sequence)
+    if paired:
+        baseline = ran.sequence.rig.baseline_m
+        voxel = baseline / VOXELS_PER_BASELINE
+    else:
+        near = ran.near_depth(method, path)
+        baseline, voxel = near / NEAREST_BASELINES, near / VOXELS_IN_NEAR_DEPTH
+    settings = _settings(options, baseline, voxel)
+    return _Chosen(path, replace(settings, depth_from=depth_from, as_given=not paired), segment)
+
+
+def _settings(options: Map, baseline: float, voxel: float) -> DenseSettings:
+    voxel = voxel if options.voxel_m is None else options.voxel_m
+    depth = baseline * MAX_DEPTH_BASELINES if options.max_depth_m is None else options.max_depth_m
+    for flag, value in (("voxel-m", voxel), ("max-depth-m", depth), ("memory-gb", options.memory_gb)):
         if not 0 < value < math.inf:
             raise InputError(f"--{flag} is {value:g}: give a positive number")
-    return DenseSettings(voxel_m, depth_m, options.memory_gb, options.interpolate, options.depth_from)
+    return DenseSettings(baseline, voxel, depth, options.memory_gb, options.interpolate)
 
 
 def _draw(options: Map, points: dict[str, Placed]) -> None:
@@ -173,13 +219,19 @@ def _draw(options: Map, points: dict[str, Placed]) -> None:
 
 
 def _numbers(
-    method: str, options: Map, settings: DenseSettings | None, found: Dense | None, points: dict[str, Placed]
+    method: str, options: Map, chosen: _Chosen | None, found: Dense | None, points: dict[str, Placed]
 ) -> dict[str, Any]:
     numbers: dict[str, Any] = {"method": method, "interpolate": options.interpolate}
-    if found is not None and settings is not None:
+    if found is not None and chosen is not None:
+        settings = chosen.settings
+        if chosen.segment is None:
+            sizes: dict[str, Any] = {"unit": "m", "voxel_m": settings.voxel, "max_depth_m": settings.max_depth}
+        else:
+            index, counts = chosen.segment
+            sizes = {"unit": "own", "voxel": settings.voxel, "max_depth": settings.max_depth}
+            sizes |= {"segment": index + 1, "segments": len(counts)}
         numbers["dense"] = {
-            "voxel_m": settings.voxel_m,
-            "max_depth_m": settings.max_depth_m,
+            **sizes,
             "depth_from": settings.depth_from,
             "fused": found.fused,
             "skipped": found.skipped,
@@ -191,12 +243,12 @@ def _numbers(
     return numbers
 
 
-def _print(options: Map, method: str, found: Dense | None, points: dict[str, Placed]) -> None:
-    if found is not None:
+def _print(options: Map, method: str, chosen: _Chosen | None, found: Dense | None, points: dict[str, Placed]) -> None:
+    if found is not None and chosen is not None:
         skipped = f", {found.skipped} skipped" if found.skipped else ""
         _print_line(
-            f"{found.fused} {LOOKS[options.depth_from]} with the poses of {method}{skipped}: "
-            f"{len(found.mesh)} triangles, {len(found.cloud)} points"
+            f"{found.fused} {LOOKS[chosen.settings.depth_from]} with the poses of {method}{skipped}: "
+            f"{len(found.mesh)} triangles, {len(found.cloud)} points, {_unit(method, chosen)}"
         )
     if points:
         table = Table(title=f"Laser points, poses interpolated by {options.interpolate}")
@@ -208,6 +260,17 @@ def _print(options: Map, method: str, found: Dense | None, points: dict[str, Pla
             table.add_row(name, f"{each.poses_hz:.1f}", str(len(each.points)), *errors)
         Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH).print(table)
     _print_line(f"in {options.out or options.run / MAP}")
+
+
+def _unit(method: str, chosen: _Chosen) -> str:
+    """What lengths are in, and of which segment the model is."""
+    if chosen.segment is None:
+        return "in metres"
+    index, counts = chosen.segment
+    if len(counts) == 1:
+        return f"in the own unit of {method}"
+    others = f"the other {len(counts) - 1} share no unit with it (--segment N)"
+    return f"in the own unit of {method}, segment {index + 1} of {len(counts)} with {counts[index]} poses; {others}"
 
 
 def _print_line(line: str) -> None:

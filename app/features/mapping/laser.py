@@ -69,6 +69,10 @@ class Measured:
 def measured(ran: Ran, laser: str, seed: int) -> Measured:
     """The points of a file, or those of the profiler in a simulation. InputError where there are none, or nothing says
     where the laser is on the rig."""
+    if not ran.paths:
+        raise InputError(
+            f"{ran.folder} has no metric poses, by which a laser's points are placed: run stereo or integrated"
+        )
     simulated = rendered_source(ran.file.source, seed)
     surface, unmeasured = None, ""
     if simulated is not None:

@@ -80,8 +80,21 @@ class SfmState:
 
     images: PersistentList[KeyImage] = PersistentList()
     last: KeyImage | None = None
+    """None at the start, and where the visual method began a new segment since."""
     segment: int = 0
+    """That of the newest key image."""
+    worlds: tuple[int | None, ...] = (0,)
+    """Of each segment of the visual method: the segment that its first key image is in; None before that."""
+    joins: int | None = None
+    """The earlier segment whose world the visual method's newest one has, until a Step says so."""
     last_ns: int | None = None
+
+
+def _joined(state: SfmState) -> tuple[SfmState, int | None]:
+    """Returns the earlier segment that the newest one joins, once it has a key image, and the state after that."""
+    if state.joins is None or state.worlds[-1] is None:
+        return state, None
+    return replace(state, joins=None), state.joins
 
 
 class Sfm:
@@ -99,25 +112,29 @@ class Sfm:
         frame, watch = require_frame(measurement, VIDEO, state.last_ns, self._rig), Stopwatch()
         visual, state = inputs["visual"], replace(state, last_ns=frame.time_ns)
         if visual.restarted:
-            state = replace(state, segment=state.segment + 1, last=None)
+            state = replace(state, last=None, worlds=(*state.worlds, None), joins=None)
+        if visual.joins is not None and visual.joins < len(state.worlds):
+            state = replace(state, joins=state.worlds[visual.joins])
         pose, tracks = visual.world_from_frame, visual.tracks.get("video")
         waiting = Status.LOST if len(state.images) else Status.INITIALISING
         if visual.status is not Status.TRACKING or pose is None or tracks is None or not visual.key_frame:
             status = visual.status if pose is not None and len(state.images) else waiting
             watch.lap("collect")
             shown = pose if status is Status.TRACKING else None
-            return state, Step(frame.time_ns, status, "video", shown, seconds=watch.seconds)
+            state, joins = _joined(state)
+            return state, Step(frame.time_ns, status, "video", shown, seconds=watch.seconds, joins=joins)
         used = np.flatnonzero(tracks.status < TrackStatus.LOST)
         used = used[np.argsort(tracks.ids[used])]
-        image = KeyImage(frame.time_ns, tracks.ids[used], tracks.uv[used], pose, state.segment)
+        restarted = state.last is None and len(state.images) > 0
         decisions = ()
         if state.last is not None:
-            shared = SHARED.of(np.isin(image.ids, state.last.ids).sum(), self._config.min_shared)
-            decisions = (shared,)
-            if not shared.passed:
-                image = replace(image, segment=state.segment + 1)
+            shared = SHARED.of(np.isin(tracks.ids[used], state.last.ids).sum(), self._config.min_shared)
+            decisions, restarted = (shared,), not shared.passed
+        image = KeyImage(frame.time_ns, tracks.ids[used], tracks.uv[used], pose, state.segment + restarted)
         watch.lap("collect")
-        after = replace(state, images=state.images.appended(image), last=image, segment=image.segment)
+        worlds = (*state.worlds[:-1], image.segment if state.worlds[-1] is None else state.worlds[-1])
+        after = replace(state, images=state.images.appended(image), last=image, segment=image.segment, worlds=worlds)
+        after, joins = _joined(after)
         return after, Step(
             frame.time_ns,
             Status.TRACKING,
@@ -129,7 +146,8 @@ class Sfm:
             residuals_px=visual.residuals_px,
             decisions=decisions,
             seconds=watch.seconds,
-            restarted=state.last is not None and image.segment != state.segment,
+            restarted=restarted,
+            joins=joins,
         )
 
     def finish(self, state: SfmState, inputs: Mapping[str, Trajectory], /) -> Trajectory:

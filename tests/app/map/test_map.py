@@ -125,7 +125,7 @@ def test_review_finds_the_map(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["{run}", "--method", "monocular"], "has no metric poses of monocular: give --method as one of"),
+        (["{run}", "--method", "monocular"], "has no poses of monocular: give --method as one of"),
         (["{run}", "--voxel-m", "-1"], "--voxel-m is -1: give a positive number"),
         (["{run}", "--no-dense"], "leaves nothing to do"),
         (["{run}", "--laser", "{folder}/none.csv"], "none.csv"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,20 @@ def test_all_images_are_adjusted_together_and_only_key_images_have_poses() -> No
     assert found.times_ns.tolist() == [i for i in range(12) if i % 3 != 2]
     expected = np.array([true[t].translation for t in found.times_ns])
     assert_allclose(found.translations, expected, atol=1e-4)
+
+
+def test_a_new_segment_of_the_visual_method_is_one_here_and_joins_as_it_does() -> None:
+    """Frame 4 begins a segment without a key image, which only frame 6 is; frame 8 recognises the first one."""
+    sfm: Any = SfmConfig().build(Rig.single(CAMERA))
+    state, steps = sfm.start(), []
+    for i in range(10):
+        pose = Pose(translation=np.array([0.4 * i, 0.0, 0.0]))
+        visual = replace(seen(pose, i % 2 == 0 and i != 4, i), restarted=i == 4, joins=0 if i == 8 else None)
+        state, step = sfm.step(state, Frame.video(i, GREY), {"visual": visual})
+        steps.append(step)
+    assert [i for i, step in enumerate(steps) if step.restarted] == [6]
+    assert [(i, step.joins) for i, step in enumerate(steps) if step.joins is not None] == [(8, 0)]
+    assert [image.segment for image in state.images] == [0, 0, 1, 1]
 
 
 def test_it_keeps_the_contract_and_gives_fewer_poses_than_frames() -> None:
