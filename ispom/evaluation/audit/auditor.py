@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.evaluation.audit.body import body
+from ispom.evaluation.audit.axes import axes
 from ispom.evaluation.audit.clock import clock
 from ispom.evaluation.audit.conventions import conventions
 from ispom.evaluation.audit.correction import Correction, undone
 from ispom.evaluation.audit.explanation import SAMPLES_NEEDED, Explanation, Scene
 from ispom.evaluation.audit.finding import Finding, Measures
 from ispom.evaluation.audit.jumps import Jump, jumps, parts
+from ispom.evaluation.audit.lever_arm import lever_arm
 from ispom.evaluation.audit.samples import Path
 from ispom.evaluation.audit.stretches import copied, frozen
 from ispom.evaluation.audit.unit import unit
@@ -30,6 +31,8 @@ MOST_FINDINGS = 4
 """Largest number of explanations that are applied one after the other."""
 AS_GOOD = float(np.log(1.1))
 """Difference of the logarithms of errors below which two explanations are as good: 10 %."""
+SAME_KEY = 0.5
+"""Least gain, relative to the better one, with which either of both files may follow a convention."""
 NESTED = {("offset", "drift"), ("offset", "time_unit")}
 """Pairs of which the first one is a special case of the second: it is preferred where both are as good."""
 NOTHING = 0.5
@@ -140,7 +143,8 @@ def _explanations(scene: Scene) -> Iterator[Explanation]:
     if len(before) < SAMPLES_NEEDED:
         return
     yield from conventions(scene, before)
-    yield from body(scene, before)
+    yield from axes(scene, before)
+    yield from lever_arm(scene, before)
     yield from unit(scene, before)
 
 
@@ -150,12 +154,18 @@ def _best(explanations: list[Explanation]) -> tuple[Explanation, list[Explanatio
     if not named:
         return None
     best = max(named, key=lambda e: e.gain)
-    level = best.level
-    equal = [e for e in named if e is best or _left(e, level) - _left(best, level) <= AS_GOOD and e.gain > best.gain - 2 * AS_GOOD]
-    equal.sort(key=lambda e: (e.parameters, -e.gain))
+    equal = [e for e in named if e is best or _as_good(e, best)]
+    equal.sort(key=lambda e: (e.parameters, _whose(e) == "reference", -e.gain))
     first = equal[0]
-    rivals = [e for e in equal[1:] if (first.key, e.key) not in NESTED]
-    return first, rivals
+    return first, [e for e in equal[1:] if (first.key, e.key) not in NESTED]
+
+
+def _as_good(other: Explanation, best: Explanation) -> bool:
+    if other.key == best.key:
+        # The same of the other file: its errors are of other poses, and only roughly comparable.
+        return other.gain >= SAME_KEY * best.gain
+    level = best.level
+    return other.gain >= best.gain - 2 * AS_GOOD and _left(other, level) - _left(best, level) <= AS_GOOD
 
 
 def _left(explanation: Explanation, level: int) -> float:
@@ -193,7 +203,7 @@ def _finding(
         explanation.sigmas,
         *measured,
         stretch_s=min(scene.own.span_s, scene.true.span_s) / blocks if scene.timed else None,
-        fall=float(np.exp(-explanation.gain)),
+        fall=float(np.exp(-explanation.shown)),
         correction=correction,
         rivals=tuple(_name(rival) for rival in rivals),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.evaluation.audit.blocks import Errors, errors, groups_of, levels
+from ispom.evaluation.audit.blocks import FEWEST_BLOCKS, Errors, errors, groups_of, levels
 from ispom.evaluation.audit.correction import Correction
 from ispom.evaluation.audit.samples import Path, Samples, clocks_at, samples_at
 from ispom.geometry import Array
@@ -20,6 +20,13 @@ sentence, not chance."""
 MIN_GROUPS_BETTER = 0.75
 """Least share of the groups of blocks that must not become worse: what is wrong with a file is wrong everywhere, while
 one bad stretch is the method's."""
+MIN_GROUPS = 3
+"""Least number of groups whose blocks say something about an explanation."""
+CHANGED = 0.1
+"""Least change of a block's logarithmic error by which the block says something: a lever arm does not show on a
+straight road."""
+MIN_CHANGED = 0.1
+"""Least share of the blocks that must say something, else all are counted."""
 NO_WORSE = -0.02
 """Gain of a group that says nothing about an explanation, such as one without rotations about a lever arm."""
 SIGNIFICANT = 3.0
@@ -60,25 +67,50 @@ class Explanation:
     """What was fitted, by name with unit."""
     sigmas: Mapping[str, float] = field(default_factory=dict)
     significant: bool = True
+    by_motions: float | None = None
+    """Mean gain of motions that name it, where these show it better than blocks do."""
 
     @property
     def level(self) -> int:
         """The number of the level that shows it best."""
-        return int(np.argmax([gain.mean() for gain in self.gains]))
+        return int(np.argmax([informative(gain)[0] for gain in self.gains]))
 
     @property
     def gain(self) -> float:
+        """Mean logarithm of the errors before over those after, of all blocks, where it is largest."""
         return max((float(gain.mean()) for gain in self.gains), default=0.0)
+
+    @property
+    def shown(self) -> float:
+        """Mean gain of what shows it."""
+        return self.by_motions if self.by_motions is not None else informative(self.gains[self.level])[0]
 
     @property
     def named(self) -> bool:
         """Whether it explains enough to be named."""
-        if not self.gains or not self.significant or self.gain < MIN_GAIN:
+        if not self.gains or not self.significant:
             return False
+        if self.by_motions is not None:
+            return True
         gain = self.gains[self.level]
+        shown, blocks = informative(gain)
+        if shown < MIN_GAIN:
+            return False
         group = groups_of(len(gain))
-        by_group = np.array([gain[group == g].mean() for g in np.unique(group)])
-        return bool((by_group >= NO_WORSE).mean() >= MIN_GROUPS_BETTER)
+        by_group = np.array([gain[blocks & (group == g)].mean() for g in np.unique(group[blocks])])
+        return len(by_group) >= MIN_GROUPS and bool((by_group >= NO_WORSE).mean() >= MIN_GROUPS_BETTER)
+
+
+def informative(gain: Array) -> tuple[float, NDArray[np.bool_]]:
+    """Returns the mean gain of the blocks (B,) that an explanation changes, and which they are.
+
+    Blocks that become worse count as those that become better, so that the choice favours no explanation. Where too
+    few change, all blocks count.
+    """
+    blocks = abs(gain) > CHANGED
+    if blocks.sum() < max(FEWEST_BLOCKS, MIN_CHANGED * len(gain)):
+        blocks = np.ones(len(gain), bool)
+    return float(gain[blocks].mean()), blocks
 
 
 def errors_by_level(samples: Samples, with_scale: bool) -> list[Errors]:

@@ -1,14 +1,13 @@
-"""Asks whether both trajectories are of the same body: its axes, and the lever arm between two bodies on one rig."""
+"""Asks whether both trajectories are of a body with the same axes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.evaluation.audit.blocks import Errors, errors, groups_of, levels, residuals, world_rotation
+from ispom.evaluation.audit.blocks import Errors, errors, groups_of, levels, world_rotation
 from ispom.evaluation.audit.correction import Correction
 from ispom.evaluation.audit.explanation import SIGNIFICANT, Explanation, Scene, held_out, jackknife_sigma
 from ispom.evaluation.audit.samples import Samples
@@ -18,17 +17,13 @@ MIN_TURN_RAD = np.radians(5.0)
 """Least angle between the axes of two bodies that is called another convention; a smaller one is an error of a mount's
 calibration."""
 ITERATIONS = 8
-"""Of the alternating fits of a turn, and of Gauss-Newton for a lever arm, which converge in three to five."""
-STEP = 1e-4
-"""Step of numeric derivatives of a lever arm, relative to the path's extent."""
+"""Of the alternating fits of the turn and of the worlds, which converge in three to five."""
 
 
-def body(scene: Scene, before: Samples) -> Iterator[Explanation]:
-    """Returns the explanations by other axes, and by a lever arm."""
+def axes(scene: Scene, before: Samples) -> Iterator[Explanation]:
+    """Returns the explanation by other axes, where both have rotations."""
     if before.rotations is not None:
         yield _axes(scene, before)
-    if before.own_rotations is not None or before.true_rotations is not None:
-        yield _lever_arm(scene, before)
 
 
 def turned(samples: Samples, turn: Array) -> Samples:
@@ -118,84 +113,3 @@ def _starts_without(starts: NDArray[np.intp], group: NDArray[np.intp], left_out:
     """Returns the first samples of the blocks once those of a group are gone."""
     lengths = np.diff(np.append(starts, count))[group != left_out]
     return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.intp)
-
-
-def with_lever_arm(samples: Samples, arm: Array) -> Samples:
-    """Samples of the body at `arm` (3,) in the estimate's body; in the reference's, where only that has rotations."""
-    if samples.own_rotations is not None:
-        return samples.moved(samples.own + samples.own_rotations @ arm, samples.own_rotations)
-    assert samples.true_rotations is not None
-    return replace(samples, true=samples.true - samples.true_rotations @ arm)
-
-
-def _lever_arm(scene: Scene, before: Samples) -> Explanation:
-    gains, after, arms, sigmas = [], [], [], []
-    for starts in levels(len(before)):
-        arm, fits = _fitted_arm(before, starts, scene.with_scale)
-
-        def at(vector: Array, starts: NDArray[np.intp] = starts) -> Errors:
-            return errors(with_lever_arm(before, vector), starts, scene.with_scale)
-
-        left = held_out(at, fits, groups_of(len(starts)))
-        gains.append(errors(before, starts, scene.with_scale).gain(left))
-        after.append(left)
-        arms.append(arm)
-        sigmas.append(jackknife_sigma(fits))
-    best = int(np.argmax([gain.mean() for gain in gains]))
-    arm, sigma = arms[best], sigmas[best]
-    in_estimate = before.own_rotations is not None
-    body = Pose(np.eye(3), arm) if in_estimate else None
-    length = float(np.linalg.norm(arm))
-    along = float(np.sqrt(((arm * sigma) ** 2).sum()) / max(length, 1e-12))
-    values = {f"lever_{axis}": float(value) for axis, value in zip("xyz", arm, strict=True)}
-    deviations = {f"lever_{axis}": float(value) for axis, value in zip("xyz", sigma, strict=True)}
-    return Explanation(
-        "lever_arm",
-        Correction(body=body),
-        tuple(gains),
-        tuple(after),
-        3,
-        {"lever": length, **values},
-        {"lever": along, **deviations},
-        length >= SIGNIFICANT * along,
-    )
-
-
-def _fitted_arm(samples: Samples, starts: NDArray[np.intp], with_scale: bool) -> tuple[Array, Array]:
-    """Returns the lever arm (3,), and those (G, 3) without each group of blocks, by Gauss-Newton.
-
-    Each block has its own noise: its residuals weigh by the inverse of their variance.
-    """
-    counts = np.diff(np.append(starts, len(samples)))
-    of_block = np.repeat(np.arange(len(starts)), counts)
-    extent = float(np.sqrt(((samples.true - samples.true.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    arm, step = np.zeros(3), STEP * max(extent, 1e-9)
-    floor = (1e-5 * extent) ** 2 + 1e-30
-
-    def left(vector: Array) -> Array:
-        moved = with_lever_arm(samples, vector)
-        return residuals(moved.own, moved.true, starts, with_scale)
-
-    hessian = gradient = np.zeros(0)
-    for _ in range(ITERATIONS):
-        now = left(arm)
-        slopes = np.stack([(left(arm + step * e) - left(arm - step * e)) / (2 * step) for e in np.eye(3)], axis=-1)
-        variance = np.add.reduceat((now**2).sum(axis=1), starts) / counts + floor
-        weighed = slopes / variance[of_block][:, None, None]
-        hessian = np.add.reduceat(np.einsum("nij,nik->njk", weighed, slopes), starts)
-        gradient = np.add.reduceat(np.einsum("nij,ni->nj", weighed, now), starts)
-        change = _solved(hessian.sum(axis=0), gradient.sum(axis=0))
-        arm = arm - change
-        if np.linalg.norm(change) <= 1e-6 * extent:
-            break
-    group = groups_of(len(starts))
-    fits = []
-    for g in np.unique(group):
-        rest = group != g
-        fits.append(arm - _solved(hessian[rest].sum(axis=0), gradient[rest].sum(axis=0)))
-    return arm, np.array(fits)
-
-
-def _solved(hessian: Array, gradient: Array) -> Array:
-    """Directions that no rotation shows, such as the axis of a car's, stay zero."""
-    return np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ gradient
