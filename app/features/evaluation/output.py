@@ -14,6 +14,7 @@ from ispom.io.poses.dialect import TrajectoryFile
 
 from ...engine.outputs import csv_of
 from ...presentation.texts import length_unit
+from .audit import Audit
 from .evaluated import Evaluated, frame_of
 
 JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
@@ -49,8 +50,8 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
     for column in table.columns[1:]:
         column.justify, column.overflow = "right", "fold"
     columns = [item.measures for item in items]
-    for key, (title, form) in ROWS.items():
-        values = [column[key] for column in columns]
+    for key, title, form, rows in _rows(items):
+        values = [column[key] if i in rows else None for i, column in enumerate(columns)]
         if form == LENGTH:
             error = key.partition("_")[0]
             unit = length_unit(c[k] for c in columns for k in ROWS if k.startswith(error) and ROWS[k][1] == LENGTH)
@@ -62,19 +63,74 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
         console.print(_plain(note))
 
 
+SAME_INTERVAL = 1.5
+"""Largest ratio of the times of motions whose errors stand in one row: those of a keyframe trajectory are of longer
+motions, and larger for that reason alone."""
+
+
+def _rows(items: list[Evaluated]) -> list[tuple[str, str, str, tuple[int, ...]]]:
+    """Returns key, title and form of each row, and the numbers of the estimates that it holds."""
+    everyone, groups = tuple(range(len(items))), rpe_groups(items)
+    found = []
+    for key, (title, form) in ROWS.items():
+        if not key.startswith("rpe_"):
+            found.append((key, title, form, everyone))
+    place = next(i for i, row in enumerate(found) if row[0] == "kitti_t_percent")
+    rpe = []
+    for group in groups:
+        interval = items[group[0]].rpe_interval_s
+        words = "" if len(groups) == 1 or interval is None else f" over {interval:.3g} s"
+        for key, (title, form) in ROWS.items():
+            if key.startswith("rpe_"):
+                rpe.append((key, title.replace("RPE", f"RPE{words}"), form, group))
+    return [*found[:place], *rpe, *found[place:]]
+
+
+def rpe_groups(items: list[Evaluated]) -> list[tuple[int, ...]]:
+    """Returns the numbers of the estimates whose relative errors are of motions of about the same time."""
+    if not items or items[0].found.delta.unit != "poses":
+        return [tuple(range(len(items)))]
+    times = [item.rpe_interval_s for item in items]
+    groups: list[list[int]] = []
+    for i, time in enumerate(times):
+        for group in groups:
+            other = times[group[0]]
+            if time is None or other is None or 1 / SAME_INTERVAL <= time / max(other, 1e-12) <= SAME_INTERVAL:
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return [tuple(group) for group in groups]
+
+
 def _plain(text: str) -> str:
     """Without control characters, however long."""
     return "".join(map(printable, text))
 
 
-def json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> str:
+def json_text(
+    reference: TrajectoryFile,
+    protocol: dict[str, str],
+    items: list[Evaluated],
+    notes: list[str],
+    audits: list[Audit] | None,
+) -> str:
+    """`audits` of the same estimates; None where none was asked for."""
+    found = [None] * len(items) if audits is None else [each.json() for each in audits]
     report = {
         "protocol": protocol,
         "notes": notes,
         "reference": _about(reference),
         "estimates": [
-            {"name": item.name, **_about(item.file), **item.measures, "local_scale": local_scale(item.found)}
-            for item in items
+            {
+                "name": item.name,
+                **_about(item.file),
+                **item.measures,
+                "rpe_interval_s": item.rpe_interval_s,
+                "local_scale": local_scale(item.found),
+                "audit": findings,
+            }
+            for item, findings in zip(items, found, strict=True)
         ],
     }
     return json.dumps(report, indent=2, allow_nan=False) + "\n"

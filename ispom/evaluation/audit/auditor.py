@@ -21,8 +21,8 @@ from ispom.evaluation.audit.lever_arm import lever_arm
 from ispom.evaluation.audit.samples import Path
 from ispom.evaluation.audit.stretches import copied, frozen
 from ispom.evaluation.audit.unit import unit
-from ispom.evaluation.comparison import AT_REST_M
-from ispom.evaluation.relative_error import rpe
+from ispom.evaluation.comparison import AT_REST_M, Delta
+from ispom.evaluation.relative_error import motion_errors
 from ispom.evaluation.trajectory_error import MIN_POSES, Alignment, TrajectoryError, rms
 from ispom.geometry import rotation_angle_rad
 from ispom.types import Trajectory
@@ -35,6 +35,8 @@ SAME_KEY = 0.5
 """Least gain, relative to the better one, with which either of both files may follow a convention."""
 NESTED = {("offset", "drift"), ("offset", "time_unit")}
 """Pairs of which the first one is a special case of the second: it is preferred where both are as good."""
+FEW = 0.5
+"""Share of the poses of common times that must be associated, else the largest difference of times is widened."""
 NOTHING = 0.5
 """Least error of aligned positions, relative to the extent of the reference, of two paths that have nothing in
 common."""
@@ -48,32 +50,38 @@ class Question:
 
     estimate: Trajectory
     reference: Trajectory
-    associated: Callable[[Trajectory, Trajectory], Pairs]
-    """Returns the associated poses of both, equally long, also none."""
+    associated: Callable[[Trajectory, Trajectory, float | None], Pairs]
+    """Returns the associated poses of both, equally long, also none; the number is the largest difference of times [s]
+    where it is not the one asked for."""
     alignment: Alignment
     timed: bool = True
     paired: bool = False
     """Whether poses are paired by other means than times."""
     rotations: tuple[bool, bool] = (True, True)
     """Whether estimate and reference have rotations."""
-    delta: int = 1
+    delta: Delta = Delta(1)
+    align_first: int | None = None
+    """Number of first poses that determine the alignment; None for all."""
 
     @property
     def with_scale(self) -> bool:
         return self.alignment in ("sim3", "scale")
 
     def pairs(self, correction: Correction) -> Pairs:
-        return self.associated(correction.of_estimate(self.estimate), correction.of_reference(self.reference))
+        estimate, reference = correction.of_estimate(self.estimate), correction.of_reference(self.reference)
+        return self.associated(estimate, reference, correction.max_difference_s)
 
     def scene(self, correction: Correction) -> Scene:
         """Poses as corrected; stretches that are excluded are gaps of the reference."""
         estimate = correction.of_estimate(self.estimate)
         reference = undone(self.reference, correction.reference_conventions)
         if self.paired:
-            estimate, reference = self.associated(estimate, reference)
+            estimate, reference = self.associated(estimate, reference, None)
         origin_ns = int(reference.times_ns[0])
         own, true = (Path.of(t, origin_ns, has) for t, has in zip((estimate, reference), self.rotations, strict=True))
-        spans = [(first - origin_ns * 1e-9 - 1e-6, last - origin_ns * 1e-9 + 1e-6) for first, last in correction.excluded_s]
+        spans = [
+            (first - origin_ns * 1e-9 - 1e-6, last - origin_ns * 1e-9 + 1e-6) for first, last in correction.excluded_s
+        ]
         with_scale = self.with_scale or correction.with_scale
         return Scene(own.without(spans), true.without(spans), with_scale, self.timed, self.paired)
 
@@ -83,13 +91,21 @@ class Question:
         if len(own) < MIN_POSES:
             return {}
         kind = _scaled(self.alignment) if correction.with_scale else self.alignment
-        error = TrajectoryError(own, true, kind)
-        found: dict[str, float | None] = {"ate_m": error.ate_m, "ate_deg": None, "rpe_m": None, "rpe_deg": None}
+        error = TrajectoryError(own, true, kind, self.align_first)
+        found: dict[str, float | None] = {
+            "poses": len(own),
+            "ate_m": error.ate_m,
+            "ate_deg": None,
+            "rpe_m": None,
+            "rpe_deg": None,
+        }
         if all(self.rotations):
             turns = np.swapaxes(true.rotations, 1, 2) @ error.aligned.rotations
             found["ate_deg"] = rms(np.degrees(rotation_angle_rad(turns)))
-            if len(own) > self.delta:
-                found["rpe_m"], found["rpe_deg"] = rpe(error.aligned, true, self.delta)
+            first, last = self.delta.motions(true)
+            if len(first):
+                metres, radians = motion_errors(error.aligned, true, first, last)
+                found["rpe_m"], found["rpe_deg"] = rms(metres), rms(np.degrees(radians))
         return found
 
 
@@ -101,9 +117,11 @@ def audit(question: Question) -> list[Finding]:
     """Returns what is wrong with the question, the most important first; empty where nothing is."""
     if min(len(question.estimate), len(question.reference)) < MIN_POSES:
         return []
-    still = _no_motion(question)
-    if still:
-        return still
+    rests = [float(np.ptp(t.translations, axis=0).max()) <= AT_REST_M for t in (question.estimate, question.reference)]
+    if any(rests):
+        # Nothing can be explained by a trajectory that rests. Where both rest, that is right.
+        whose = "estimate" if rests[0] else "reference"
+        return [] if all(rests) else [Finding("no_motion", whose, before=question.measures(Correction()))]
     faults = _faults(question, Correction())
     findings = _explained(question, _excluding(faults))
     clock_changed = any(f.key in ("offset", "drift", "time_unit") for f in findings)
@@ -126,9 +144,11 @@ def _explained(question: Question, spans: tuple[tuple[float, float], ...]) -> li
         if best is None:
             break
         explanation, rivals = best
-        correction = _merged(correction, explanation.correction)
+        own = _associating(question, correction.then(explanation.correction))
+        wider = own.max_difference_s if own.max_difference_s != correction.max_difference_s else None
+        correction, own = own, replace(explanation.correction, max_difference_s=wider)
         after = question.measures(correction)
-        found.append(_finding(scene, explanation, rivals, correction, (before, after)))
+        found.append(_finding(scene, explanation, rivals, (own, correction), (before, after)))
         before = after
         if rivals:
             break  # what follows would depend on which of them is right
@@ -175,24 +195,23 @@ def _left(explanation: Explanation, level: int) -> float:
     return float((np.log(after.position) + turns).mean())
 
 
-def _merged(known: Correction, new: Correction) -> Correction:
-    body = known.body if new.body is None else new.body if known.body is None else known.body @ new.body
-    return Correction(
-        known.conventions + new.conventions,
-        known.reference_conventions + new.reference_conventions,
-        body,
-        known.clock_rate * new.clock_rate,
-        known.offset_s + new.offset_s,
-        known.with_scale or new.with_scale,
-        known.excluded_s,
-    )
+def _associating(question: Question, correction: Correction) -> Correction:
+    """Widens the association, where a clock is corrected so that the times of hardly any poses are close."""
+    own, true = correction.of_estimate(question.estimate), correction.of_reference(question.reference)
+    if not question.timed or question.paired or min(len(own), len(true)) < MIN_POSES:
+        return correction
+    shorter, longer = sorted((own, true), key=len)
+    common = (shorter.times_ns >= longer.times_ns[0]) & (shorter.times_ns <= longer.times_ns[-1])
+    if len(question.pairs(correction)[0]) >= FEW * common.sum():
+        return correction
+    return replace(correction, max_difference_s=float(np.ceil(0.5e-6 * np.median(np.diff(longer.times_ns))) * 1e-3))
 
 
 def _finding(
     scene: Scene,
     explanation: Explanation,
     rivals: list[Explanation],
-    correction: Correction,
+    corrections: tuple[Correction, Correction],
     measured: tuple[Measures, Measures],
 ) -> Finding:
     blocks = len(explanation.gains[explanation.level])
@@ -204,7 +223,8 @@ def _finding(
         *measured,
         stretch_s=min(scene.own.span_s, scene.true.span_s) / blocks if scene.timed else None,
         fall=float(np.exp(-explanation.shown)),
-        correction=correction,
+        own=corrections[0],
+        correction=corrections[1],
         rivals=tuple(_name(rival) for rival in rivals),
     )
 
@@ -215,15 +235,6 @@ def _whose(explanation: Explanation) -> str:
 
 def _name(explanation: Explanation) -> str:
     return f"{explanation.key} of the reference" if _whose(explanation) == "reference" else explanation.key
-
-
-def _no_motion(question: Question) -> list[Finding]:
-    """Nothing can be explained by a trajectory that rests while the other one moves."""
-    rests = [float(np.ptp(t.translations, axis=0).max()) <= AT_REST_M for t in (question.estimate, question.reference)]
-    if rests[0] == rests[1]:
-        return []
-    whose = "estimate" if rests[0] else "reference"
-    return [Finding("no_motion", whose, before=question.measures(Correction()))]
 
 
 def _faults(question: Question, correction: Correction) -> list[Finding]:
@@ -245,9 +256,20 @@ def _faults(question: Question, correction: Correction) -> list[Finding]:
             taken += spans
             without = replace(correction, excluded_s=tuple(taken))
             after = question.measures(without)
-            rows = tuple(_rows(whole, mine, a, b, question, correction if whose == "estimate" else None) for a, b in ends)
+            rows = tuple(
+                _rows(whole, mine, a, b, question, correction if whose == "estimate" else None) for a, b in ends
+            )
             found.append(
-                Finding(key, whose, before=before, after=after, correction=without, spans_s=spans, rows=rows)
+                Finding(
+                    key,
+                    whose,
+                    before=before,
+                    after=after,
+                    own=Correction(excluded_s=spans),
+                    correction=without,
+                    spans_s=spans,
+                    rows=rows,
+                )
             )
             before = after
     return found + _steps(question, replace(correction, excluded_s=tuple(taken)), before)

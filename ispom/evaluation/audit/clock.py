@@ -178,7 +178,9 @@ def _samples(scene: Scene, times_s: Array, rate: float, offset_s: float) -> Samp
     )
 
 
-def _refined(scene: Scene, times_s: Array, rate: float, offset_s: float, starts: NDArray[np.intp]) -> tuple[float, Array]:
+def _refined(
+    scene: Scene, times_s: Array, rate: float, offset_s: float, starts: NDArray[np.intp]
+) -> tuple[float, Array]:
     """Returns the best offset, and those (G,) without each group of blocks, by parabolas through the least costs."""
     group = groups_of(len(starts))
     width = 2 * max(scene.own.interval_s * rate, scene.true.interval_s)
@@ -287,9 +289,7 @@ def _drift(scene: Scene, offset_s: float) -> Explanation | None:
     )
 
 
-def _local_offsets(
-    scene: Scene, times_s: Array, offset_s: float, starts: NDArray[np.intp]
-) -> tuple[Array, Array]:
+def _local_offsets(scene: Scene, times_s: Array, offset_s: float, starts: NDArray[np.intp]) -> tuple[Array, Array]:
     """Returns middle times (G,) of the groups, and the offset (G,) that fits each."""
     group = groups_of(len(starts))
     width = max(1.0, 10 * max(scene.own.interval_s, scene.true.interval_s))

@@ -92,6 +92,22 @@ class Correction:
     """Whether the scale is fitted where the asked alignment does not."""
     excluded_s: tuple[tuple[float, float], ...] = ()
     """First and last times of stretches of the reference's clock that are not compared [s]."""
+    max_difference_s: float | None = None
+    """Largest time difference of associated poses [s], where the asked one associates hardly any of them."""
+
+    def then(self, new: Correction) -> Correction:
+        """Returns this correction, followed by another one."""
+        body = self.body if new.body is None else new.body if self.body is None else self.body @ new.body
+        return Correction(
+            self.conventions + new.conventions,
+            self.reference_conventions + new.reference_conventions,
+            body,
+            self.clock_rate * new.clock_rate,
+            self.offset_s + new.offset_s,
+            self.with_scale or new.with_scale,
+            self.excluded_s + new.excluded_s,
+            self.max_difference_s if new.max_difference_s is None else new.max_difference_s,
+        )
 
     def of_estimate(self, estimate: Trajectory) -> Trajectory:
         moved = undone(estimate, self.conventions)
@@ -106,7 +122,7 @@ class Correction:
 
 def shifted_ns(times_ns: NDArray[np.int64], rate: float, offset_s: float) -> NDArray[np.int64]:
     """Returns the times (N,) of a clock of another rate and offset, about the first of them."""
-    if rate == 1.0 and offset_s == 0.0 or not len(times_ns):
+    if (rate == 1.0 and offset_s == 0.0) or not len(times_ns):
         return times_ns
     since = times_ns - times_ns[0]
     scaled = since if rate == 1.0 else np.rint(since * rate).astype(np.int64)

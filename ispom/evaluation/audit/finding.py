@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ispom.evaluation.audit.correction import Correction
 
 Measures = Mapping[str, float | None]
-"""ate_m, ate_deg, rpe_m, rpe_deg; None where it cannot be computed."""
+"""poses, ate_m, ate_deg, rpe_m, rpe_deg; None where it cannot be computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,10 @@ class Finding:
     fall: float | None = None
     """Error of these stretches after over before, where the correction was fitted to the others; of positions times
     that of rotations."""
+    own: Correction = field(default_factory=Correction)
+    """What corrects this finding."""
     correction: Correction = field(default_factory=Correction)
-    """All corrections, with those of the findings before this one."""
+    """The same with what was corrected before."""
     rivals: tuple[str, ...] = ()
     """Keys of what explains as much: the data cannot tell."""
     spans_s: tuple[tuple[float, float], ...] = ()

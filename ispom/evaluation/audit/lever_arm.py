@@ -103,8 +103,8 @@ def by_motions(samples: Samples, lag: int) -> Motions | None:
     )
     sigma = jackknife_sigma(np.array(fits))
     determined = abs(whole[ARM]) >= CLEARLY * sigma
-    # The body's point in the estimate is at -arm from that in the reference.
-    return Motions(whole[ARM] * determined / whole[0], sigma / whole[0], shown, bool(named and determined.any()))
+    scale = whole[0] if whole[0] > 0 else 1.0
+    return Motions(whole[ARM] * determined / scale, sigma / scale, shown, bool(named and determined.any()))
 
 
 def _least_squares(design: Array, true: Array, weights: Array) -> Array:
@@ -140,7 +140,9 @@ def _lever_arm(scene: Scene, before: Samples) -> Explanation:
     motions = [found for lag in LAGS if (found := by_motions(before, lag)) is not None and found.named]
     if motions:
         clearest = max(motions, key=lambda found: found.shown)
-        arm, sigma, shown = clearest.arm, clearest.sigma, clearest.shown
+        shown = clearest.shown
+        if not arm.any() or (clearest.sigma**2).sum() < (sigma**2).sum():
+            arm, sigma = clearest.arm, clearest.sigma
     length = float(np.linalg.norm(arm))
     along = float(np.sqrt(((arm * sigma) ** 2).sum()) / max(length, 1e-12))
     values = {f"lever_{axis}": float(value) for axis, value in zip("xyz", arm, strict=True)}
@@ -161,7 +163,8 @@ def _lever_arm(scene: Scene, before: Samples) -> Explanation:
 def _fitted_arm(samples: Samples, starts: NDArray[np.intp], with_scale: bool) -> tuple[Array, Array]:
     """Returns the lever arm (3,), and those (G, 3) without each group of blocks, by Gauss-Newton.
 
-    It is zero along directions that are not determined, such as the vertical one of a car's. Each block has its own noise: its residuals weigh by the inverse of their variance.
+    It is zero along directions that are not determined, such as the vertical one of a car's. Each block has its own
+    noise: its residuals weigh by the inverse of their variance.
     """
     counts = np.diff(np.append(starts, len(samples)))
     of_block = np.repeat(np.arange(len(starts)), counts)

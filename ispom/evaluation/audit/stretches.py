@@ -24,9 +24,9 @@ def frozen(poses: Trajectory, other: Trajectory) -> list[tuple[int, int]]:
     steps = np.linalg.norm(np.diff(other.translations, axis=0), axis=1)
     moving = steps[steps > 0]
     found = []
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
         # The pose before the first equal step is the one that is repeated.
-        first, last = int(first) - 1, int(end) - 1
+        first, last = int(begin) - 1, int(end) - 1
         moved = float(np.linalg.norm(other.translations[first : last + 1] - other.translations[first], axis=1).max())
         if last - first + 1 >= MIN_POSES and len(moving) and moved > MIN_MOVED * np.median(moving):
             found.append((first, last))
