@@ -184,8 +184,8 @@ class Evaluated:
         values = measures(self.found)
         if self.without_rotations:
             values = {k: None if k.endswith("_deg") or k.startswith(OF_BODY) else v for k, v in values.items()}
-        if rests(self.found.estimate) or rests(self.found.reference):
-            values = values | {"alignment_scale": None if kind_has_scale(self.found) else values["alignment_scale"]}
+        if kind_has_scale(self.found) and rests(self.found.estimate) != rests(self.found.reference):
+            values = values | {"alignment_scale": None}
         return values if self.file.timed else values | {"longest_gap_s": None}
 
     def notes(self, kind: Alignment) -> list[str]:

@@ -140,7 +140,8 @@ def _explained(question: Question, spans: tuple[tuple[float, float], ...]) -> li
     before = question.measures(correction)
     for _ in range(MOST_FINDINGS):
         scene = question.scene(correction)
-        best = _best(list(_explanations(scene)))
+        known = {finding.key for finding in found}
+        best = _best([e for e in _explanations(scene) if e.key not in known])
         if best is None:
             break
         explanation, rivals = best

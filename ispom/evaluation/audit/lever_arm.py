@@ -140,9 +140,7 @@ def _lever_arm(scene: Scene, before: Samples) -> Explanation:
     motions = [found for lag in LAGS if (found := by_motions(before, lag)) is not None and found.named]
     if motions:
         clearest = max(motions, key=lambda found: found.shown)
-        shown = clearest.shown
-        if not arm.any() or (clearest.sigma**2).sum() < (sigma**2).sum():
-            arm, sigma = clearest.arm, clearest.sigma
+        arm, sigma, shown = clearest.arm, clearest.sigma, clearest.shown
     length = float(np.linalg.norm(arm))
     along = float(np.sqrt(((arm * sigma) ** 2).sum()) / max(length, 1e-12))
     values = {f"lever_{axis}": float(value) for axis, value in zip("xyz", arm, strict=True)}
