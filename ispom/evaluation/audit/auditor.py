@@ -33,10 +33,17 @@ AS_GOOD = float(np.log(1.1))
 """Difference of the logarithms of errors below which two explanations are as good: 10 %."""
 SAME_KEY = 0.5
 """Least gain, relative to the better one, with which either of both files may follow a convention."""
+USUAL = (
+    *("inverse", "w-first", "axes", "scale", "offset", "time_unit", "mirrored", "lever_arm"),
+    *("w-last", "rotations-inverse", "drift"),
+)
+"""Mistakes by how often people report them, the most frequent first: the order of equally good explanations."""
 NESTED = {("offset", "drift"), ("offset", "time_unit")}
 """Pairs of which the first one is a special case of the second: it is preferred where both are as good."""
 FEW = 0.5
 """Share of the poses of common times that must be associated, else the largest difference of times is widened."""
+CLOCKS, BODIES = ("offset", "drift", "time_unit"), ("axes", "lever_arm")
+"""Keys of explanations by clocks, and by another body."""
 NOTHING = 0.5
 """Least error of aligned positions, relative to the extent of the reference, of two paths that have nothing in
 common."""
@@ -124,7 +131,7 @@ def audit(question: Question) -> list[Finding]:
         return [] if all(rests) else [Finding("no_motion", whose, before=question.measures(Correction()))]
     faults = _faults(question, Correction())
     findings = _explained(question, _excluding(faults))
-    clock_changed = any(f.key in ("offset", "drift", "time_unit") for f in findings)
+    clock_changed = any(f.key in CLOCKS for f in findings)
     if clock_changed:
         # Only now the poses of both are of the same moments.
         later = _faults(question, findings[-1].correction)
@@ -136,12 +143,25 @@ def audit(question: Question) -> list[Finding]:
 
 
 def _explained(question: Question, spans: tuple[tuple[float, float], ...]) -> list[Finding]:
+    found = _greedy(question, spans)
+    keys = [finding.key for finding in found]
+    clocks = [key for key in CLOCKS if key in keys]
+    if clocks and any(key in BODIES for key in keys[: keys.index(clocks[0])]):
+        # A lever arm that was fitted to poses of different moments is not that of the body.
+        found = _greedy(question, spans, first=clocks[0])
+    return found
+
+
+def _greedy(question: Question, spans: tuple[tuple[float, float], ...], first: str = "") -> list[Finding]:
+    """Applies the best explanation, and asks again; `first` is the key of one that is applied before all others."""
     correction, found = Correction(excluded_s=spans), list[Finding]()
     before = question.measures(correction)
     for _ in range(MOST_FINDINGS):
         scene = question.scene(correction)
         known = {finding.key for finding in found}
-        best = _best([e for e in _explanations(scene) if e.key not in known])
+        explanations = [e for e in _explanations(scene) if e.key not in known]
+        leading = [e for e in explanations if e.key == first and e.named]
+        best = _best(leading or explanations)
         if best is None:
             break
         explanation, rivals = best
@@ -170,13 +190,13 @@ def _explanations(scene: Scene) -> Iterator[Explanation]:
 
 
 def _best(explanations: list[Explanation]) -> tuple[Explanation, list[Explanation]] | None:
-    """Returns the best explanation, the simplest of equally good ones, and its rivals; None where none is named."""
+    """Returns the best explanation, the most usual of equally good ones, and its rivals; None where none is named."""
     named = [e for e in explanations if e.named]
     if not named:
         return None
     best = max(named, key=lambda e: e.gain)
     equal = [e for e in named if e is best or _as_good(e, best)]
-    equal.sort(key=lambda e: (e.parameters, _whose(e) == "reference", -e.gain))
+    equal.sort(key=lambda e: (_whose(e) == "reference", USUAL.index(e.key)))
     first = equal[0]
     return first, [e for e in equal[1:] if (first.key, e.key) not in NESTED]
 

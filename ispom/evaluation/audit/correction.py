@@ -17,6 +17,9 @@ from ispom.types import Trajectory
 Convention = Literal["inverse", "rotations-inverse", "w-first", "w-last", "mirrored-x", "mirrored-y", "mirrored-z"]
 """inverse: the poses are FRAME_from_world; rotations-inverse: only their rotations are; w-first: quaternions have w
 first, but were read with w last, w-last the reverse; mirrored: world and body are left-handed, by this axis."""
+ROUNDED_NS = 1000
+"""Dates in seconds as floats are good to 0.2 us, and files have microseconds: a pose belongs to the end of a stretch
+that is this close [ns]."""
 Poses = tuple[Array | None, Array]
 """Rotations (N, 3, 3), None where there are none, and positions (N, 3)."""
 
@@ -133,11 +136,11 @@ def outside(times_ns: NDArray[np.int64], spans_s: tuple[tuple[float, float], ...
     """Returns (N,) whether times are outside of all spans, whose ends belong to them."""
     good = np.ones(len(times_ns), bool)
     for first, last in spans_s:
-        good &= (times_ns < _ns(first)) | (times_ns > _ns(last))
+        good &= (times_ns < _ns(first) - ROUNDED_NS) | (times_ns > _ns(last) + ROUNDED_NS)
     return good
 
 
 def _ns(seconds: float) -> int:
-    """Exact for dates, whose seconds as floats are good to 0.2 us; what has no end has the largest time."""
-    bound = np.iinfo(np.int64).max
-    return int(np.clip(np.longdouble(seconds) * 1e9, -bound, bound))
+    """What has no end has the largest time."""
+    bound = np.iinfo(np.int64).max - ROUNDED_NS
+    return int(np.rint(np.clip(np.longdouble(seconds) * 10**9, -bound, bound)))
