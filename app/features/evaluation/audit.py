@@ -14,7 +14,7 @@ from ispom.evaluation.audit.unit import unit_name
 from ispom.evaluation.trajectory_error import Alignment
 from ispom.geometry import Array, rotation_angle_rad, so3_log
 
-from ...presentation.texts import digits, length
+from ...presentation.texts import angle, digits, length
 
 LISTED = 3
 """Largest number of stretches that a sentence lists."""
@@ -224,7 +224,7 @@ def _change(finding: Finding) -> str:
         a, b = before.get(key), after.get(key)
         if b is None or (a is not None and b > CHANGED * a):
             continue
-        shown = [x if x is None else length(x) if metres else f"{digits(x)} deg" for x in (a, b)]
+        shown = [x if x is None else length(x) if metres else angle(x) for x in (a, b)]
         changes.append(f"{name} {shown[1]} instead of {shown[0]}" if a is not None else f"{name} {shown[1]}")
     if not changes and finding.fall is not None:
         stretch = f"stretches of {digits(finding.stretch_s)} s" if finding.stretch_s else "short stretches"

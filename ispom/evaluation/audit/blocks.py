@@ -84,7 +84,8 @@ def residuals(own: Array, true: Array, starts: NDArray[np.intp], with_scale: boo
     return np.einsum("nij,nj->ni", rotation[of_block], a) - b
 
 
-def errors(samples: Samples, starts: NDArray[np.intp], with_scale: bool) -> Errors:
+def errors(samples: Samples, starts: NDArray[np.intp], with_scale: bool, tied: bool = True) -> Errors:
+    """Returns the errors of the blocks; without `tied` rotations are not compared with those that positions need."""
     counts = np.diff(np.append(starts, len(samples)))
     of_block = np.repeat(np.arange(len(starts)), counts)
     left = residuals(samples.own, samples.true, starts, with_scale)
@@ -99,17 +100,16 @@ def errors(samples: Samples, starts: NDArray[np.intp], with_scale: bool) -> Erro
     u, singular, vt = np.linalg.svd(products)
     singular[:, 2] *= np.where(np.linalg.det(u) * np.linalg.det(vt) > 0, 1.0, -1.0)
     rotation = _angle(singular.sum(axis=1))
-    world = world_rotation(samples, with_scale)
-    tied = None if world is None else _angle(np.einsum("ij,bij->b", world, products))
-    return Errors(position, rotation, tied)
+    world = world_rotation(samples, with_scale) if tied else None
+    return Errors(position, rotation, None if world is None else _angle(np.einsum("ij,bij->b", world, products)))
 
 
 def world_rotation(samples: Samples, with_scale: bool) -> Array | None:
     """Returns the rotation (3, 3) true_world_from_own_world that the positions determine; None where they do not."""
     onto = umeyama(samples.own, samples.true, with_scale)
     left = onto.apply(samples.own) - samples.true
-    across = np.linalg.svd(samples.true - samples.true.mean(axis=0), compute_uv=False)[1]
-    if across <= 0 or np.sqrt((left**2).sum()) > MAX_UNDETERMINED_RAD * across:
+    across = len(left) * np.linalg.eigvalsh(np.cov(samples.true.T, bias=True))[1]
+    if across <= 0 or (left**2).sum() > MAX_UNDETERMINED_RAD**2 * across:
         return None
     return onto.pose.rotation
 

@@ -143,7 +143,7 @@ def _cost(scene: Scene, offset_s: float) -> float:
     starts = levels(len(samples))
     if not starts:
         return np.inf
-    return float(_log_errors(errors(samples, starts[min(1, len(starts) - 1)], scene.with_scale)).mean())
+    return float(_log_errors(errors(samples, starts[min(1, len(starts) - 1)], scene.with_scale, tied=False)).mean())
 
 
 def _log_errors(found: Errors) -> Array:
@@ -189,7 +189,7 @@ def _refined(
     for _ in range(ROUNDS):
         grid = centre + width * np.linspace(-1, 1, OFFSETS)
         costs = np.array(
-            [_log_errors(errors(_samples(scene, times_s, rate, o), starts, scene.with_scale)) for o in grid]
+            [_log_errors(errors(_samples(scene, times_s, rate, o), starts, scene.with_scale, tied=False)) for o in grid]
         )
         centre = _least(grid, costs.sum(axis=1))
         width *= 4 / OFFSETS
@@ -308,7 +308,7 @@ def _local_offsets(scene: Scene, times_s: Array, offset_s: float, starts: NDArra
                 scene.true.positions_at(theirs),
                 scene.true.rotations_at(theirs),
             )
-            found = _log_errors(errors(samples, starts, scene.with_scale))
+            found = _log_errors(errors(samples, starts, scene.with_scale, tied=False))
             costs[i] = np.bincount(group, found)
         centres = np.array([c + _least(steps, costs[:, g]) for g, c in enumerate(centres)])
         width *= 4 / OFFSETS
