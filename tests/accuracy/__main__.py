@@ -48,6 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, schemes and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
+    parser.add_argument("--table", type=Path, help="write the table of audit to this page of the documentation")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:
@@ -55,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     if given.frames < MIN_EXPOSURES:
         parser.error(f"--frames is {given.frames}: give at least {MIN_EXPOSURES}")
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only))
+    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only), table=given.table)
     rows = STUDIES[given.study](console, options)
     if given.json is not None:
         given.json.write_text(json_text(rows, 2))

@@ -236,6 +236,46 @@ def print_audit(console: Console, found: list[Found]) -> None:
             console.print(f"! {f.pair}: {f.plant or 'right pair'}: {f.first or 'nothing found'}{words}")
 
 
+BEGIN, END = "<!-- python -m tests.accuracy audit: begin -->", "<!-- python -m tests.accuracy audit: end -->"
+
+
+def write_table(page: Path, found: list[Found]) -> None:
+    """Replaces what stands between the marks of a page of the documentation."""
+    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, mark, after = rest.partition(END)
+    if not mark:
+        raise ValueError(f"{page} has no lines '{BEGIN}' and '{END}'")
+    page.write_text(f"{before}{BEGIN}\n\n{markdown(found)}\n\n{END}{after}", encoding="utf-8")
+
+
+def markdown(found: list[Found]) -> str:
+    """How often each kind of mistake is named first, by pairs of other programs and simulated ones; and the misses."""
+    planted, groups = [f for f in found if f.plant], (False, True)
+    lines = ["| planted | named first, real pairs | named first, simulated | cannot tell | clock |", "| --- " * 5 + "|"]
+    for kind in dict.fromkeys(f.kind for f in planted):
+        cells = []
+        for simulated in groups:
+            some = [f for f in planted if f.kind == kind and f.pair.startswith("sim:") == simulated]
+            cells.append(f"{sum(f.right for f in some)} of {len(some)}" if some else "")
+        undecided = sum(f.cannot_tell for f in planted if f.kind == kind)
+        errors = [abs(f.offset_error_s) for f in planted if f.kind == kind == "clock" and f.offset_error_s is not None]
+        worst = f"within {1e3 * max(errors):.1f} ms" if errors else ""
+        lines.append(f"| {kind} | {cells[0]} | {cells[1]} | {undecided or ''} | {worst} |")
+    right = [f for f in found if not f.plant]
+    share = 100 * sum(f.right for f in planted) / max(len(planted), 1)
+    lines += [
+        "",
+        f"Named first: {sum(f.right for f in planted)} of {len(planted)} ({share:.1f} %). Right pairs with a false "
+        f"alarm: {sum(not f.right for f in right)} of {len(right)}.",
+        "",
+    ]
+    for f in found:
+        if not f.right:
+            words = "; it says that it cannot tell them apart" if f.cannot_tell else ""
+            lines.append(f"- {f.pair}, {f.plant or 'the right pair'}: {f.first or 'no finding'}{words}")
+    return "\n".join(lines).rstrip()
+
+
 def audits_found(rows: list[dict[str, Any]]) -> list[Found]:
     """What a process printed."""
     return [Found(**row) for row in rows]

@@ -15,7 +15,7 @@ from rich.console import Console
 from ispom.methods import names
 
 from . import child
-from .audit import audits_found, pairs_in, print_audit
+from .audit import audits_found, pairs_in, print_audit, write_table
 from .blocks import print_blocks
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
@@ -52,6 +52,8 @@ class Options:
     """Recordings of figures; empty for all."""
     file: Path = FILE
     """Where figures are written to."""
+    table: Path | None = None
+    """The page of the documentation whose table audit writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -203,6 +205,8 @@ def audit(console: Console, options: Options) -> list[dict[str, Any]]:
         measured += rows_of(console, f"mistakes planted in {name}", "audit", task) or []
     if measured:
         print_audit(console, audits_found(measured))
+        if options.table is not None:
+            write_table(options.table, audits_found(measured))
     return measured
 
 
