@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from ispom.evaluation.audit.blocks import Errors, errors, groups_of, levels
 from ispom.evaluation.audit.correction import Correction
@@ -94,8 +93,9 @@ def offsets(own: Path, true: Path) -> list[float]:
         signals.append((_turn_rates(own, step), _turn_rates(true, step)))
     for mine, theirs in signals:
         correlation, lags = _correlation(mine, theirs, round(MIN_OVERLAP * shorter / step))
-        peaks, _ = find_peaks(np.concatenate([[-2.0], correlation, [-2.0]]))
-        best = sorted(peaks - 1, key=lambda i: -correlation[i])[:PEAKS]
+        before, after = np.append(-2.0, correlation[:-1]), np.append(correlation[1:], -2.0)
+        peaks = np.flatnonzero((correlation > before) & (correlation >= after))
+        best = peaks[np.argsort(-correlation[peaks], kind="stable")][:PEAKS]
         found += [float(lags[i] * step + true.times_s[0] - own.times_s[0]) for i in best]
     return found
 
