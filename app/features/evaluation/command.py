@@ -23,7 +23,7 @@ from ...engine.outputs import require_own, write_file
 from .audit import Audit, odd_one
 from .evaluated import Evaluated, Pairs, constant_rotation, distinct_names, pairs_by_name, protocol_of, repeated_note
 from .options import Evaluate
-from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
+from .output import CSV_HEAD, JSON_HEAD, LATEX_HEAD, csv_text, json_text, latex_text, print_table
 from .values import delta_of, spans_of
 
 MAX_DIFFERENCE_S = 3600.0
@@ -63,10 +63,13 @@ def evaluate(options: Evaluate) -> int:
         write_file(options.json, text, JSON_HEAD)
     if options.csv is not None:
         write_file(options.csv, csv_text(protocol, items), CSV_HEAD)
+    if options.latex is not None:
+        write_file(options.latex, latex_text(protocol, items), LATEX_HEAD)
     if options.plots is not None:
-        from .plots import write_plots  # brings matplotlib
+        from .plots import PlotStyle, write_plots  # brings matplotlib
 
-        write_plots(options.plots, options.plot_format, items, f"alignment {options.alignment}", reference.timed)
+        style = PlotStyle(options.plot_format, f"alignment {options.alignment}", reference.timed, options.runs)
+        write_plots(options.plots, items, style)
     return 0
 
 
@@ -85,7 +88,7 @@ def _check(options: Evaluate) -> None:
         raise InputError(f"--clock-rate is {options.clock_rate:g}: give a positive factor, such as 1.00002 or 0.001")
     delta_of(options.delta)
     spans_of(options.exclude)
-    for path, head in ((options.json, JSON_HEAD), (options.csv, CSV_HEAD)):
+    for path, head in ((options.json, JSON_HEAD), (options.csv, CSV_HEAD), (options.latex, LATEX_HEAD)):
         if path is not None:
             require_own(path, head)
 

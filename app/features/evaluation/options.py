@@ -59,7 +59,12 @@ class Evaluate:
     """Write all numbers and the protocol as JSON to this file."""
     csv: Path | None = None
     """Write a line per estimate to this file."""
+    latex: Path | None = None
+    """Write a table for LaTeX (with booktabs) to this file: a row per estimate, with its coverage beside its errors."""
     plots: Path | None = None
     """Write plots of trajectories, errors and scale to this folder."""
+    runs: bool = False
+    """The estimates are runs of one method: the plot of errors shows them as a band, from the least to the largest,
+    with the median."""
     plot_format: Literal["png", "svg"] = "png"
     """Format of the plots."""

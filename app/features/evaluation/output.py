@@ -17,7 +17,7 @@ from ...presentation.texts import length_unit
 from .audit import Audit
 from .evaluated import Evaluated, frame_of
 
-JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
+JSON_HEAD, CSV_HEAD, LATEX_HEAD = '"protocol": {', "estimate,", "% ispom evaluate"
 """How the files begin: by this they are known as ours."""
 LENGTH = "length"
 """A row of lengths, in a unit that it shares with the others of the same error."""
@@ -151,3 +151,33 @@ def csv_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
     stated = {key: protocol[key] for key in ("reference", "frames", "association", "alignment", "RPE")}
     rows = [{"estimate": item.name, **item.measures, **stated} for item in items]
     return csv_of(list(rows[0]), (list(row.values()) for row in rows))
+
+
+LATEX_COLUMNS = (
+    ("ate_rmse_m", "ATE"),
+    ("ate_rmse_deg", "rotation [deg]"),
+    ("rpe_rmse_m", "RPE"),
+    ("rpe_rmse_deg", "rotation [deg]"),
+)
+"""Errors in the table for LaTeX, and their titles; lengths have their unit in the title."""
+ESCAPED = str.maketrans({c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"})
+
+
+def latex_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
+    """A table with booktabs: one row per estimate, its coverage first, and the protocol as a comment."""
+    columns = [item.measures for item in items]
+    units = {key: length_unit(c[key] for c in columns) for key, _ in LATEX_COLUMNS if key.endswith("_m")}
+    titles = [f"{title} [{units[key].name}]" if key in units else title for key, title in LATEX_COLUMNS]
+    rows = []
+    for item, values in zip(items, columns, strict=True):
+        share = 100 * (values["poses_given"] or 0) / max(values["poses_asked"] or 0, 1)
+        cells = [_plain(item.name).translate(ESCAPED), f"{share:.0f}"]
+        for key, _ in LATEX_COLUMNS:
+            value = values[key]
+            cells.append("--" if value is None else units[key].of(value) if key in units else f"{value:.3f}")
+        rows.append(" & ".join(cells) + r" \\")
+    head = " & ".join(["", r"poses [\%]", *titles]) + r" \\"
+    comments = [f"% {name}: {_plain(text)}" for name, text in protocol.items()]
+    begin, end = rf"\begin{{tabular}}{{l{'r' * (1 + len(titles))}}}", r"\end{tabular}"
+    lines = [LATEX_HEAD, *comments, begin, r"\toprule", head, r"\midrule", *rows, r"\bottomrule", end]
+    return "\n".join(lines) + "\n"
