@@ -185,7 +185,7 @@ def _explanations(scene: Scene) -> Iterator[Explanation]:
         return
     yield from conventions(scene, before)
     yield from axes(scene, before)
-    yield from lever_arm(scene, before)
+    yield from lever_arm(before)
     yield from unit(scene, before)
 
 

@@ -20,12 +20,12 @@ from ispom.evaluation.audit.explanation import (
     MIN_GROUPS_BETTER,
     NO_WORSE,
     Explanation,
-    Scene,
     held_out,
     jackknife_sigma,
 )
 from ispom.evaluation.audit.samples import Samples
 from ispom.geometry import Array, Pose, skew
+from ispom.solvers.trajectory.alignment import umeyama
 
 ITERATIONS = 8
 """Of Gauss-Newton, which converges in three to five."""
@@ -39,6 +39,8 @@ straight road."""
 CLEARLY = 5.0
 """Least size of a component along an axis, in standard deviations between groups: a weak axis, such as the vertical one
 of a car, takes up what is left of other errors, which are alike in all groups."""
+MIN_LEFT = 0.05
+"""Least part of what a lever arm changes that remains after an alignment with scale."""
 NUISANCE, ARM = 4, slice(4, 7)
 """Columns of what any two calibrations differ by (scale, and a small turn), and of the lever arm."""
 
@@ -56,10 +58,10 @@ class Motions:
     named: bool
 
 
-def lever_arm(scene: Scene, before: Samples) -> Iterator[Explanation]:
+def lever_arm(before: Samples) -> Iterator[Explanation]:
     """Returns the explanation by a lever arm, where one of both has rotations."""
     if before.own_rotations is not None or before.true_rotations is not None:
-        yield _lever_arm(scene, before)
+        yield _lever_arm(before)
 
 
 def by_motions(samples: Samples, lag: int) -> Motions | None:
@@ -122,16 +124,31 @@ def with_lever_arm(samples: Samples, arm: Array) -> Samples:
     return replace(samples, true=samples.true - samples.true_rotations @ arm)
 
 
-def _lever_arm(scene: Scene, before: Samples) -> Explanation:
+def _no_scale(samples: Samples, arm: Array) -> bool:
+    """Checks that a lever arm moves positions in a way that no alignment takes away.
+
+    On a circle a lever arm is a scale, and a larger circle makes the same noise a smaller error.
+    """
+    moved = with_lever_arm(samples, arm)
+    pairs = ((samples.own, moved.own), (samples.true, moved.true))
+    own, other = max(pairs, key=lambda pair: float(abs(pair[1] - pair[0]).max()))
+    change = other - own - (other - own).mean(axis=0)
+    left = umeyama(own, other, True).apply(own) - other
+    return bool((left**2).sum() > MIN_LEFT**2 * (change**2).sum())
+
+
+def _lever_arm(before: Samples) -> Explanation:
+    """Blocks are aligned with a scale, also where the asked alignment has none: a small error of the scale is not to
+    look like a lever arm."""
     gains, after, arms, sigmas = [], [], [], []
     for starts in levels(len(before)):
-        arm, fits = _fitted_arm(before, starts, scene.with_scale)
+        arm, fits = _fitted_arm(before, starts, True)
 
         def at(vector: Array, starts: NDArray[np.intp] = starts) -> Errors:
-            return errors(with_lever_arm(before, vector), starts, scene.with_scale)
+            return errors(with_lever_arm(before, vector), starts, True)
 
         left = held_out(at, fits, groups_of(len(starts)))
-        gains.append(errors(before, starts, scene.with_scale).gain(left))
+        gains.append(errors(before, starts, True).gain(left))
         after.append(left)
         arms.append(arm)
         sigmas.append(jackknife_sigma(fits))
@@ -153,7 +170,7 @@ def _lever_arm(scene: Scene, before: Samples) -> Explanation:
         3,
         {"lever": length, **values},
         {"lever": along, **deviations},
-        length > 0,
+        length > 0 and _no_scale(before, arm),
         shown,
     )
 

@@ -17,6 +17,8 @@ from ispom.geometry import Array
 MIN_CHANGE = 0.05
 """Least difference of a scale from 1 that is called another unit; a smaller one is an error of the method or of its
 baseline, which is what the errors are to show."""
+NOTHING = 0.5
+"""Least error of positions, relative to a block's extent, of paths that have nothing in common."""
 UNITS: Mapping[str, float] = MappingProxyType(
     {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 )
@@ -44,6 +46,8 @@ def unit(scene: Scene, before: Samples) -> Iterator[Explanation]:
         sigmas.append(float(jackknife_sigma(fits)[0]))
     best = int(np.argmax([gain.mean() for gain in gains]))
     change = abs(np.log(scales[best]))
+    # An estimate that has nothing of the motion fits best once it is shrunk to a point.
+    follows = float(np.exp(np.log(after[best].position).mean())) < NOTHING
     yield Explanation(
         "scale",
         Correction(with_scale=True),
@@ -52,7 +56,7 @@ def unit(scene: Scene, before: Samples) -> Iterator[Explanation]:
         1,
         {"scale": scales[best]},
         {"scale": scales[best] * sigmas[best]},
-        bool(np.isfinite(change) and change >= max(np.log1p(MIN_CHANGE), SIGNIFICANT * sigmas[best])),
+        follows and bool(np.isfinite(change) and change >= max(np.log1p(MIN_CHANGE), SIGNIFICANT * sigmas[best])),
     )
 
 

@@ -206,3 +206,27 @@ def test_short_files_have_no_audit() -> None:
     few = TRUTH.select(slice(0, 20))
     assert not audit(question(few, few))
     assert not audit(question(TRUTH.select(slice(0, 1)), TRUTH))
+
+
+def circling() -> Trajectory:
+    """A body that drives in a circle: a lever arm and a scale are the same there."""
+    times_ns = np.arange(600, dtype=np.int64) * 50_000_000
+    angle = 0.4e-9 * times_ns
+    still = np.zeros_like(angle)
+    return Trajectory(
+        times_ns,
+        so3_exp(np.stack([still, still, angle], axis=1)),
+        10 * np.stack([np.cos(angle), np.sin(angle), still], axis=1),
+    )
+
+
+@pytest.mark.parametrize("alignment", ["se3", "sim3"])
+def test_a_circle_has_no_lever_arm(alignment: str) -> None:
+    true = circling()
+    assert not audit(question(noisy(true, 0, 0.005, 0.2), true, alignment))  # type: ignore[arg-type]
+
+
+def test_noise_about_a_point_is_no_other_unit() -> None:
+    quiet = replace(TRUTH, translations=1e-4 * TRUTH.translations + 0.002 * np.sin(TRUTH.times_ns[:, None] * 1e-9))
+    found = audit(question(noisy(quiet), quiet))
+    assert [f.key for f in found] == ["nothing_in_common"]
