@@ -40,6 +40,9 @@ USUAL = (
 """Mistakes by how often people report them, the most frequent first: the order of equally good explanations."""
 NESTED = {("offset", "drift"), ("offset", "time_unit")}
 """Pairs of which the first one is a special case of the second: it is preferred where both are as good."""
+MAX_ATE = 1.1
+"""Largest ratio of the ATE with a correction to that without it: axes leave it unchanged, and where drift is most of
+the error, a lever arm hardly reduces it."""
 FEW = 0.5
 """Share of the poses of common times that must be associated, else the largest difference of times is widened."""
 CLOCKS, BODIES = ("offset", "drift", "time_unit"), ("axes", "lever_arm")
@@ -161,19 +164,36 @@ def _greedy(question: Question, spans: tuple[tuple[float, float], ...], first: s
         known = {finding.key for finding in found}
         explanations = [e for e in _explanations(scene) if e.key not in known]
         leading = [e for e in explanations if e.key == first and e.named]
-        best = _best(leading or explanations)
-        if best is None:
+        step = _step(question, leading or explanations, correction, before)
+        if step is None:
             break
-        explanation, rivals = best
-        own = _associating(question, correction.then(explanation.correction))
-        wider = own.max_difference_s if own.max_difference_s != correction.max_difference_s else None
-        correction, own = own, replace(explanation.correction, max_difference_s=wider)
-        after = question.measures(correction)
-        found.append(_finding(scene, explanation, rivals, (own, correction), (before, after)))
-        before = after
+        explanation, rivals, corrections, after = step
+        found.append(_finding(scene, explanation, rivals, corrections, (before, after)))
+        correction, before = corrections[1], after
         if rivals:
             break  # what follows would depend on which of them is right
     return found
+
+
+def _step(
+    question: Question, explanations: list[Explanation], correction: Correction, before: Measures
+) -> tuple[Explanation, list[Explanation], tuple[Correction, Correction], Measures] | None:
+    """Returns the best explanation and its rivals, its correction and that with all before it, and the errors then;
+    None where none is named. One that increases the ATE explains stretches only by making noise look small."""
+    while (best := _best(explanations)) is not None:
+        explanation, rivals = best
+        whole = _associating(question, correction.then(explanation.correction))
+        wider = whole.max_difference_s if whole.max_difference_s != correction.max_difference_s else None
+        after = question.measures(whole)
+        if not _worse(before, after):
+            return explanation, rivals, (replace(explanation.correction, max_difference_s=wider), whole), after
+        explanations = [e for e in explanations if e is not explanation]
+    return None
+
+
+def _worse(before: Measures, after: Measures) -> bool:
+    a, b = before.get("ate_m"), after.get("ate_m")
+    return a is not None and (b is None or b > MAX_ATE * a + 1e-9)
 
 
 def _explanations(scene: Scene) -> Iterator[Explanation]:
