@@ -31,6 +31,8 @@ ITERATIONS = 8
 """Of Gauss-Newton, which converges in three to five."""
 STEP = 1e-4
 """Step of numeric derivatives of a lever arm, relative to the path's extent."""
+REWEIGHTED = 4
+"""Number of times that a robust fit is weighed anew."""
 LAGS = (8, 16, 32)
 """Numbers of samples from the start of a motion to its end."""
 MIN_MOTIONS = 0.05
@@ -71,31 +73,14 @@ def by_motions(samples: Samples, lag: int) -> Motions | None:
     """
     if samples.rotations is None or len(samples) < 4 * lag:
         return None
-    own_rotations, true_rotations = samples.rotations
-    first = np.arange(0, len(samples) - lag, max(1, lag // 4))
-    last = first + lag
-    back, true_back = np.swapaxes(own_rotations[first], 1, 2), np.swapaxes(true_rotations[first], 1, 2)
-    own = np.einsum("nij,nj->ni", back, samples.own[last] - samples.own[first])
-    true = np.einsum("nij,nj->ni", true_back, samples.true[last] - samples.true[first])
-    design = np.concatenate([own[:, :, None], -skew(own), back @ own_rotations[last] - np.eye(3)], axis=2)
-    weights = np.ones(len(first))
-    for _ in range(4):
-        left = np.linalg.norm(true - design @ _least_squares(design, true, weights), axis=1)
-        weights = 1 / (left**2 + np.median(left) ** 2 + 1e-18)
+    design, true = _displacements(samples, lag)
+    weights = _weights(design, true)
     whole = _least_squares(design, true, weights)
-    group = groups_of(len(first))
-    errors_before, errors_after, fits = np.zeros(len(first)), np.zeros(len(first)), []
-    for g in np.unique(group):
-        rest, mine = group != g, group == g
-        plain = _least_squares(design[rest][:, :, :NUISANCE], true[rest], weights[rest])
-        fit = _least_squares(design[rest], true[rest], weights[rest])
-        errors_before[mine] = np.linalg.norm(true[mine] - design[mine][:, :, :NUISANCE] @ plain, axis=1)
-        errors_after[mine] = np.linalg.norm(true[mine] - design[mine] @ fit, axis=1)
-        fits.append(fit[ARM])
-    changed = np.linalg.norm(design[:, :, ARM] @ whole[ARM], axis=1) > np.median(errors_before)
-    floor = 1e-3 * float(np.median(errors_before)) + 1e-12
-    gain = np.log((errors_before[changed] + floor) / (errors_after[changed] + floor))
-    by_group = np.array([gain[group[changed] == g].mean() for g in np.unique(group[changed])])
+    before, after, fits = _held_out_errors(design, true, weights)
+    changed = np.linalg.norm(design[:, :, ARM] @ whole[ARM], axis=1) > np.median(before)
+    floor = 1e-3 * float(np.median(before)) + 1e-12
+    gain, group = np.log((before[changed] + floor) / (after[changed] + floor)), groups_of(len(true))[changed]
+    by_group = np.array([gain[group == g].mean() for g in np.unique(group)])
     shown = float(gain.mean()) if len(gain) else 0.0
     named = (
         changed.mean() >= MIN_MOTIONS
@@ -103,10 +88,44 @@ def by_motions(samples: Samples, lag: int) -> Motions | None:
         and len(by_group) >= MIN_GROUPS
         and (by_group >= NO_WORSE).mean() >= MIN_GROUPS_BETTER
     )
-    sigma = jackknife_sigma(np.array(fits))
+    sigma = jackknife_sigma(fits)
     determined = abs(whole[ARM]) >= CLEARLY * sigma
     scale = whole[0] if whole[0] > 0 else 1.0
     return Motions(whole[ARM] * determined / scale, sigma / scale, shown, bool(named and determined.any()))
+
+
+def _displacements(samples: Samples, lag: int) -> tuple[Array, Array]:
+    """Returns the design (N, 3, 7) of displacements over `lag` samples, and those of the reference (N, 3)."""
+    assert samples.rotations is not None
+    own_rotations, true_rotations = samples.rotations
+    first = np.arange(0, len(samples) - lag, max(1, lag // 4))
+    last = first + lag
+    back, true_back = np.swapaxes(own_rotations[first], 1, 2), np.swapaxes(true_rotations[first], 1, 2)
+    own = np.einsum("nij,nj->ni", back, samples.own[last] - samples.own[first])
+    true = np.einsum("nij,nj->ni", true_back, samples.true[last] - samples.true[first])
+    return np.concatenate([own[:, :, None], -skew(own), back @ own_rotations[last] - np.eye(3)], axis=2), true
+
+
+def _weights(design: Array, true: Array) -> Array:
+    """Returns weights (N,) of a robust fit: Cauchy's, with the median residual as width."""
+    weights = np.ones(len(true))
+    for _ in range(REWEIGHTED):
+        left = np.linalg.norm(true - design @ _least_squares(design, true, weights), axis=1)
+        weights = 1 / (left**2 + np.median(left) ** 2 + 1e-18)
+    return weights
+
+
+def _held_out_errors(design: Array, true: Array, weights: Array) -> tuple[Array, Array, Array]:
+    """Returns errors (N,) without and with a lever arm, fitted to the other groups, and the arms (G, 3) of these."""
+    group, before, after, arms = groups_of(len(true)), np.zeros(len(true)), np.zeros(len(true)), []
+    for g in np.unique(group):
+        rest, mine = group != g, group == g
+        plain = _least_squares(design[rest][:, :, :NUISANCE], true[rest], weights[rest])
+        fit = _least_squares(design[rest], true[rest], weights[rest])
+        before[mine] = np.linalg.norm(true[mine] - design[mine][:, :, :NUISANCE] @ plain, axis=1)
+        after[mine] = np.linalg.norm(true[mine] - design[mine] @ fit, axis=1)
+        arms.append(fit[ARM])
+    return before, after, np.array(arms)
 
 
 def _least_squares(design: Array, true: Array, weights: Array) -> Array:
