@@ -32,11 +32,11 @@ def turned(samples: Samples, turn: Array) -> Samples:
     return samples.moved(samples.own, samples.own_rotations @ turn)
 
 
-def fitted_turn(samples: Samples, starts: NDArray[np.intp], with_scale: bool) -> Array:
+def fitted_turn(samples: Samples, starts: NDArray[np.intp], with_scale: bool, preferred: Array | None = None) -> Array:
     """Returns the rotation (3, 3) own_body_from_true_body that fits all rotations, one world rotation per block.
 
     Motions about one axis only do not determine it; the rotation of the world that the positions determine decides
-    then.
+    then, or the one that fits as well as any other and is nearest to the `preferred` one.
     """
     assert samples.rotations is not None
     own, true = samples.rotations
@@ -46,6 +46,8 @@ def fitted_turn(samples: Samples, starts: NDArray[np.intp], with_scale: bool) ->
     if world is not None:
         tied = _nearest((np.swapaxes(own, 1, 2) @ world.T @ true).sum(axis=0))
         seeds = [tied, *seeds]
+    if preferred is not None:
+        seeds = [preferred, *seeds]
     found = []
     for seed in seeds:
         turn = seed
@@ -77,11 +79,10 @@ def _axes(scene: Scene, before: Samples) -> Explanation:
     for starts in levels(len(before)):
         group = groups_of(len(starts))
         of_sample = np.repeat(group, np.diff(np.append(starts, len(before))))
-        fits = []
+        turn, fits = fitted_turn(before, starts, scene.with_scale), []
         for g in np.unique(group):
             rest = before.select(of_sample != g)
-            fits.append(fitted_turn(rest, _starts_without(starts, group, g, len(before)), scene.with_scale))
-        turn = fitted_turn(before, starts, scene.with_scale)
+            fits.append(fitted_turn(rest, _starts_without(starts, group, g, len(before)), scene.with_scale, turn))
         vectors = np.array([so3_log(turn.T @ fit) for fit in fits])
 
         def at(vector: Array, turn: Array = turn, starts: NDArray[np.intp] = starts) -> Errors:

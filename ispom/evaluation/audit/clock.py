@@ -30,10 +30,15 @@ MIN_OVERLAP = 0.5
 chance."""
 GRID = 20_000
 """Largest number of samples of the speeds that are correlated."""
-PEAKS = 6
+PEAKS = 12
 """Number of peaks of the correlation that are tried."""
+NEAR = 20
+"""Least distance between two peaks, in samples: noise makes several of each."""
 OFFSETS = 21
 """Number of offsets in each round of the refinement."""
+AS_GOOD = 1.0
+"""Difference of the logarithms of errors within which a smaller offset is preferred before both are refined: a wrong
+one is worse by a factor of ten and more, as is a right one that is half a sample off."""
 ROUNDS = 3
 """Rounds of the refinement, each finer by OFFSETS / 4."""
 UNITS = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)
@@ -56,8 +61,8 @@ def clock(scene: Scene) -> Iterator[Explanation]:
         candidates = offsets(scaled.own, scaled.true)
         if rate == 1.0:
             candidates = [0.0, *candidates]
-        best = min(candidates, key=lambda offset: _cost(scaled, offset), default=None)
-        if best is None or not np.isfinite(_cost(scaled, best)):
+        best = _least_shifted(scaled, candidates)
+        if best is None:
             continue
         found = _offset(scene, rate, best)
         if found is not None:
@@ -66,6 +71,28 @@ def clock(scene: Scene) -> Iterator[Explanation]:
             drift = _drift(scene, best)
             if drift is not None:
                 yield drift
+
+
+def _least_shifted(scene: Scene, offsets_s: list[float]) -> float | None:
+    """Returns the smallest of the offsets that are as good as the best one: a motion that repeats itself fits at each
+    of its periods. None where none has enough samples."""
+    step = 0.5 * max(scene.own.interval_s, scene.true.interval_s)
+    tried = []
+    for offset in offsets_s:
+        near = np.array([offset - step, offset, offset + step]) if scene.timed else np.array([offset])
+        costs = np.array([_cost(scene, o) for o in near])
+        if not np.isfinite(costs).all():
+            continue
+        # The offset between two tried ones may be much better than both.
+        better = float(near[int(np.argmin(costs))])
+        if scene.timed:
+            centre = _least(near, costs)
+            costs = np.append(costs, _cost(scene, centre))
+            better = centre if costs[-1] <= costs[:-1].min() else better
+        tried.append((float(costs.min()), better))
+    least = min((cost for cost, _ in tried), default=np.inf)
+    good = [offset for cost, offset in tried if cost <= least + AS_GOOD]
+    return min(good, key=abs, default=None)
 
 
 def with_rate(scene: Scene, rate: float) -> Scene:
@@ -95,9 +122,20 @@ def offsets(own: Path, true: Path) -> list[float]:
         correlation, lags = _correlation(mine, theirs, round(MIN_OVERLAP * shorter / step))
         before, after = np.append(-2.0, correlation[:-1]), np.append(correlation[1:], -2.0)
         peaks = np.flatnonzero((correlation > before) & (correlation >= after))
-        best = peaks[np.argsort(-correlation[peaks], kind="stable")][:PEAKS]
-        found += [float(lags[i] * step + true.times_s[0] - own.times_s[0]) for i in best]
+        start = true.times_s[0] - own.times_s[0]
+        found += [float(lag * step + start) for lag in _apart(lags[peaks], correlation[peaks], -start / step)]
     return found
+
+
+def _apart(lags: NDArray[np.int64], correlation: Array, unshifted: float) -> list[float]:
+    """Returns the lags of the highest peaks, none next to a higher one, and that of the peak near no shift."""
+    near, best = abs(lags - unshifted) <= NEAR, list[float]()
+    for i in np.argsort(-correlation, kind="stable"):
+        if len(best) == PEAKS:
+            break
+        if all(abs(lags[i] - other) > NEAR for other in best):
+            best.append(float(lags[i]))
+    return [*best, float(lags[near][np.argmax(correlation[near])])] if near.any() else best
 
 
 def _speeds(path: Path, step: float) -> Array:
