@@ -54,6 +54,46 @@ motion.
 """
 
 
+@dataclass(frozen=True)
+class Delta:
+    """Distance between the two poses of a relative error."""
+
+    value: float
+    """A whole number of poses, or any positive number of metres or seconds."""
+    unit: Literal["poses", "m", "s"] = "poses"
+
+    def motions(self, reference: Trajectory) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Returns indices of the first and last poses (K,) of all motions of that distance.
+
+        In metres, it is the path of the reference up to the first pose that is at least that far; in seconds, the last
+        pose is the one nearest in time, and a motion across a gap, whose time differs by more than a quarter, is none.
+        """
+        first: NDArray[np.intp] = np.arange(len(reference))
+        if self.unit == "poses":
+            first = first[: max(len(reference) - int(self.value), 0)]
+            return first, first + int(self.value)
+        if self.unit == "m":
+            steps = np.linalg.norm(np.diff(reference.translations, axis=0), axis=1)
+            travelled = np.concatenate([[0.0], np.cumsum(steps)])
+            # A little less, as sums of steps are rounded.
+            last = np.searchsorted(travelled, travelled + self.value * (1 - 1e-9))
+            inside = last < len(reference)
+            return first[inside], last[inside]
+        since = (reference.times_ns - reference.times_ns[:1]) * 1e-9
+        after = np.searchsorted(since, since + self.value).clip(1, max(len(since) - 1, 1))
+        nearer = abs(since[after - 1] - since - self.value) <= abs(since[after] - since - self.value)
+        last = np.where(nearer, after - 1, after)
+        good = abs(since[last] - since - self.value) <= MAX_OFF * self.value
+        return first[good], last[good]
+
+    def __str__(self) -> str:
+        return f"{self.value:g}{'' if self.unit == 'poses' else self.unit}"
+
+
+MAX_OFF = 0.25
+"""Largest relative difference of the time of a motion from the one asked for."""
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Associated poses (N, at least MIN_POSES) of both, the estimate's aligned."""
@@ -62,8 +102,7 @@ class Comparison:
     coverage: Coverage
     scale: StepScale | None
     """Scale of the estimate before alignment; None where the path is too short."""
-    delta: int
-    """Number of poses between those of a relative error."""
+    delta: Delta
 
     @property
     def estimate(self) -> Trajectory:
@@ -101,19 +140,25 @@ class Comparison:
 
     @property
     def relative_errors(self) -> tuple[Array, Array]:
-        """Errors (K,) [m] and (K,) [deg] of all motions from pose i to i + delta; empty with too few poses."""
-        first: NDArray[np.intp] = np.arange(max(len(self.reference) - self.delta, 0))
-        translation, rotation_rad = motion_errors(self.estimate, self.reference, first, first + self.delta)
+        """Errors (K,) [m] and (K,) [deg] of all motions over `delta`; empty with too few poses."""
+        first, last = self.delta.motions(self.reference)
+        translation, rotation_rad = motion_errors(self.estimate, self.reference, first, last)
         return translation, np.degrees(rotation_rad)
 
 
 def compare(
-    estimate: Trajectory, reference: Trajectory, pairs: tuple[Trajectory, Trajectory], kind: Alignment, delta: int = 1
+    estimate: Trajectory,
+    reference: Trajectory,
+    pairs: tuple[Trajectory, Trajectory],
+    kind: Alignment,
+    delta: Delta = Delta(1),
+    first: int | None = None,
 ) -> Comparison:
-    """Compares whole trajectories; `pairs` are the associated poses of both (at least MIN_POSES)."""
+    """Compares whole trajectories; `pairs` are the associated poses of both (at least MIN_POSES). The first `first`
+    of them determine the alignment, by default all."""
     own, partners = pairs
     return Comparison(
-        TrajectoryError(own, partners, kind),
+        TrajectoryError(own, partners, kind, first),
         coverage(estimate, reference, partners.times_ns),
         step_scale(own, partners),
         delta,

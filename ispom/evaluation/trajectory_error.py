@@ -106,11 +106,15 @@ class TrajectoryError:
     """The estimate in its own world and unit."""
     reference: Trajectory
     alignment: Alignment
+    first: int | None = None
+    """Number of first poses that determine the alignment; None for all."""
 
     @cached_property
     def reference_from_estimate(self) -> Similarity:
         """The alignment."""
-        return alignment(self.estimate, self.reference, self.alignment)
+        own, true = (t if self.first is None else t[: self.first] for t in (self.estimate, self.reference))
+        assert isinstance(own, Trajectory) and isinstance(true, Trajectory)
+        return alignment(own, true, self.alignment)
 
     @cached_property
     def aligned(self) -> Trajectory:
@@ -132,7 +136,7 @@ class TrajectoryError:
         common = np.isin(self.estimate.times_ns, times_ns)
         if common.sum() < MIN_POSES:
             return None
-        return TrajectoryError(self.estimate.select(common), self.reference.select(common), self.alignment)
+        return TrajectoryError(self.estimate.select(common), self.reference.select(common), self.alignment, self.first)
 
 
 def trajectory_error(estimate: Trajectory, reference: Trajectory, kind: Alignment) -> TrajectoryError | None:

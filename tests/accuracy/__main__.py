@@ -19,6 +19,8 @@ cameras: the errors of the modern methods on one flight (16 seeds) filmed by oth
 scale: whether the scale within a segment of monocular changes by no more than the method states and promises, on each
     recording with truth. --only chooses.
 soak: whether time and memory per frame grow in a long run over small made images.
+audit: what `ispom evaluate` says of mistakes that are planted in right pairs of trajectories: other programs' that are
+    in --data, and simulated ones. --only chooses.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
@@ -44,10 +46,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the folder of recordings")
     parser.add_argument("--methods", nargs="+", choices=names(), default=[], help="only these methods")
     parser.add_argument(
-        "--only", nargs="+", default=[], metavar="NAME", help="only these recordings of figures and scale"
+        "--only", nargs="+", default=[], metavar="NAME", help="only these recordings, or pairs of audit"
     )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
+    parser.add_argument("--table", type=Path, help="write the table of audit to this page of the documentation")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:
@@ -55,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
     if given.frames < MIN_EXPOSURES:
         parser.error(f"--frames is {given.frames}: give at least {MIN_EXPOSURES}")
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only))
+    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only), table=given.table)
     rows = STUDIES[given.study](console, options)
     if given.json is not None:
         given.json.write_text(json_text(rows, 2))

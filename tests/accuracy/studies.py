@@ -15,6 +15,7 @@ from rich.console import Console
 from ispom.methods import names
 
 from . import child
+from .audit import audits_found, pairs_in, print_audit, write_table
 from .blocks import print_blocks
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
@@ -52,6 +53,8 @@ class Options:
     """Recordings of figures; empty for all."""
     file: Path = FILE
     """Where figures are written to."""
+    table: Path | None = None
+    """The page of the documentation whose table audit writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -206,6 +209,19 @@ def scale(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def audit(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Mistakes planted in pairs of trajectories."""
+    measured, pairs = list[dict[str, Any]](), pairs_in(options.data)
+    for name in [name for name in pairs if not options.only or name in options.only]:
+        task = {"pair": name, "data": str(options.data.absolute())}
+        measured += rows_of(console, f"mistakes planted in {name}", "audit", task) or []
+    if measured:
+        print_audit(console, audits_found(measured))
+        if options.table is not None:
+            write_table(options.table, audits_found(measured))
+    return measured
+
+
 def blocks(console: Console, options: Options) -> list[dict[str, Any]]:
     """Times of the building blocks, and the unit in which machines compare."""
     with child.progress("building blocks"):
@@ -248,6 +264,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "cameras": cameras,
         "scale": scale,
         "soak": soak,
+        "audit": audit,
         "blocks": blocks,
     }
 )

@@ -11,7 +11,7 @@ from evo.core import metrics, sync
 from evo.core.trajectory import PosePath3D, PoseTrajectory3D
 from evo.tools import file_interface
 
-from ispom.evaluation.comparison import Comparison, compare, measures
+from ispom.evaluation.comparison import Comparison, Delta, compare, measures
 from ispom.evaluation.relative_error import rpe
 from ispom.evaluation.trajectory_error import Alignment, associate
 from ispom.io.poses.recognised import read_trajectory
@@ -110,6 +110,6 @@ def test_rpe(both: Both, delta: int) -> None:
     theirs = [
         evo_value(metrics.RPE(r, delta, metrics.Unit.frames, all_pairs=True), moved, evo_reference) for r in relations
     ]
-    found = measures(replace(ours, delta=delta))
+    found = measures(replace(ours, delta=Delta(delta)))
     assert [found["rpe_rmse_m"], found["rpe_rmse_deg"]] == pytest.approx(theirs, abs=1e-6)
     assert rpe(ours.estimate, ours.reference, delta) == pytest.approx(theirs, abs=1e-6)

@@ -230,3 +230,19 @@ def test_of_several_topics_and_frames_the_choice_is_named(tmp_path: Path) -> Non
             read_trajectory(Path(f"{path}{name}"))
         assert choice in str(caught.value)
     assert len(read_trajectory(Path(f"{path}:/vicon/rig")).trajectory) == len(POSES)
+
+
+def test_zeros_instead_of_poses_are_ignored_and_named(tmp_path: Path) -> None:
+    """As motion capture writes where it does not see its body."""
+    path = tmp_path / "truth.tum"
+    lines = [f"{i / 10:.6f} {i} 0 1 0 0 0 1" for i in range(1, 41)]
+    lines[9:12] = [" ".join([line.split()[0], *"0000000"]) for line in lines[9:12]]
+    lines[20] = f"{lines[20].split()[0]} 0 0 0 0 0 0 0"
+    path.write_text("# a header\n" + "\n".join(lines) + "\n")
+    found = read_trajectory(path)
+    assert len(found.trajectory) == 36 and found.trajectory.translations[:, 2].min() == 1
+    (note,) = found.notes
+    assert "lines 11 to 13 (times 1.000000 to 1.200000)" in note and "line 22 (time 2.100000)" in note
+    path.write_text("\n".join(f"{i} 0 0 0 0 0 0 0" for i in range(5)))
+    with pytest.raises(InputError):
+        read_trajectory(path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.evaluation.comparison import AT_REST_M, Comparison, Motion, measures
+from ispom.evaluation.comparison import AT_REST_M, Comparison, Delta, Motion, measures
 from ispom.evaluation.trajectory_error import Alignment
 from ispom.geometry import rotation_angle_rad
 from ispom.io.poses.dialect import TrajectoryFile
@@ -19,6 +19,7 @@ from ispom.types import Trajectory
 from ...engine.run_folder.run_file import read_run_file
 from ...presentation.texts import ALIGNMENTS
 from .options import Evaluate
+from .values import delta_of
 
 
 def frame_of(file: TrajectoryFile) -> str | None:
@@ -47,11 +48,37 @@ def protocol_of(reference: TrajectoryFile, files: list[TrajectoryFile], options:
         "estimates": ", ".join(f"{f.path} ({_kind(f)}, {len(f.trajectory)} poses)" for f in files),
         "frames": f"poses are compared as the files have them{warning}; {frame}",
         "association": time if reference.timed else row,
-        "alignment": ALIGNMENTS[options.alignment],
-        "RPE": f"over all pairs of compared poses i, i + {options.delta}",
+        "alignment": ALIGNMENTS[options.alignment] + _fitted_to(options),
+        "corrections": _corrections(options),
+        "RPE": _motions(delta_of(options.delta)),
         "KITTI": "mean over 100 to 800 m from every tenth pose; below 200 m over 5 to 40 m from every pose",
         "local scale": "path in the estimate, before alignment, over path in the reference, in ten windows along it",
     }
+
+
+def _fitted_to(options: Evaluate) -> str:
+    return "" if options.align_first is None else f"; only over the first {options.align_first}"
+
+
+def _corrections(options: Evaluate) -> str:
+    """What the options do to the trajectories before they are compared."""
+    words = [
+        f"times of the estimates x {options.clock_rate:g}" if options.clock_rate != 1 else "",
+        f"{options.offset:+g} s on the times of the estimates" if options.offset else "",
+        f"estimates read as {', '.join(options.conventions)}" if options.conventions else "",
+        f"reference read as {', '.join(options.reference_conventions)}" if options.reference_conventions else "",
+        "estimates moved to the reference's body" if options.body == "auto" else "",
+        f"without {', '.join(options.exclude)} s" if options.exclude else "",
+        "positions only" if options.positions_only else "",
+    ]
+    return "; ".join(filter(None, words)) or "none"
+
+
+def _motions(delta: Delta) -> str:
+    if delta.unit == "poses":
+        return f"over all pairs of compared poses i, i + {delta}"
+    way = "of the reference's path" if delta.unit == "m" else "of time"
+    return f"over motions of {delta.value:g} {delta.unit} {way}, from each compared pose"
 
 
 def _kind(file: TrajectoryFile) -> str:
@@ -79,9 +106,23 @@ SAME_DEG, TURNS_DEG = 1e-4, 5.0
 """Rotations that differ by no more are one; and what a body that turns does at least."""
 
 
+Pairs = tuple[Trajectory, Trajectory]
+
+
+def kind_has_scale(found: Comparison) -> bool:
+    """Checks that the alignment fits a scale."""
+    return found.error.alignment in ("scale", "sim3")
+
+
 def largest_turn_deg(poses: Trajectory) -> float:
     """Returns the largest angle between the first pose and another one [deg]."""
     return float(np.degrees(rotation_angle_rad(poses.rotations[0].T @ poses.rotations).max()))
+
+
+def constant_rotation(own: Trajectory, other: Trajectory) -> bool:
+    """Checks that a path has one rotation, and another one of the same body does not: it has positions only."""
+    same = len(own) and len(other) and largest_turn_deg(own) <= SAME_DEG
+    return bool(same and largest_turn_deg(other) > TURNS_DEG and not rests(own))
 
 
 def rests(poses: Trajectory) -> bool:
@@ -110,6 +151,17 @@ class Evaluated:
     file: TrajectoryFile
     found: Comparison
     reference: TrajectoryFile
+    body: str = ""
+    """What was done to the estimate's poses for them to be of the reference's body."""
+
+    @property
+    def rpe_interval_s(self) -> float | None:
+        """Median time of the motions of RPE; None where only rows are known, and without motions."""
+        first, last = self.found.delta.motions(self.found.reference)
+        if not self.file.timed or not len(first):
+            return None
+        times_ns = self.found.reference.times_ns
+        return float(np.median(times_ns[last] - times_ns[first])) * 1e-9
 
     @property
     def without_rotations(self) -> str:
@@ -121,7 +173,7 @@ class Evaluated:
             (self.reference.path, self.found.reference, self.found.estimate),
             (self.file.path, self.found.estimate, self.found.reference),
         ):
-            if largest_turn_deg(own) <= SAME_DEG and largest_turn_deg(other) > TURNS_DEG and not rests(own):
+            if constant_rotation(own, other):
                 turn = f"the other one turns by {largest_turn_deg(other):.0f} deg"
                 return f"{path} has one and the same rotation in all poses, and {turn}"
         return ""
@@ -132,11 +184,14 @@ class Evaluated:
         values = measures(self.found)
         if self.without_rotations:
             values = {k: None if k.endswith("_deg") or k.startswith(OF_BODY) else v for k, v in values.items()}
+        if kind_has_scale(self.found) and rests(self.found.estimate) != rests(self.found.reference):
+            values = values | {"alignment_scale": None}
         return values if self.file.timed else values | {"longest_gap_s": None}
 
     def notes(self, kind: Alignment) -> list[str]:
         """What keeps the numbers from meaning what they seem to."""
         found = repeated_note(self.name, self.file)
+        found += [f"{self.name}: {self.body}"] if self.body else []
         if reason := self.without_rotations:
             found.append(
                 f"{self.name}: no errors of rotations, and none in the body (RPE, KITTI), which need them: {reason}"

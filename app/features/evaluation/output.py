@@ -14,9 +14,10 @@ from ispom.io.poses.dialect import TrajectoryFile
 
 from ...engine.outputs import csv_of
 from ...presentation.texts import length_unit
+from .audit import Audit
 from .evaluated import Evaluated, frame_of
 
-JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
+JSON_HEAD, CSV_HEAD, LATEX_HEAD = '"protocol": {', "estimate,", "% ispom evaluate"
 """How the files begin: by this they are known as ours."""
 LENGTH = "length"
 """A row of lengths, in a unit that it shares with the others of the same error."""
@@ -49,8 +50,8 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
     for column in table.columns[1:]:
         column.justify, column.overflow = "right", "fold"
     columns = [item.measures for item in items]
-    for key, (title, form) in ROWS.items():
-        values = [column[key] for column in columns]
+    for key, title, form, rows in _rows(items):
+        values = [column[key] if i in rows else None for i, column in enumerate(columns)]
         if form == LENGTH:
             error = key.partition("_")[0]
             unit = length_unit(c[k] for c in columns for k in ROWS if k.startswith(error) and ROWS[k][1] == LENGTH)
@@ -62,19 +63,74 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
         console.print(_plain(note))
 
 
+SAME_INTERVAL = 1.5
+"""Largest ratio of the times of motions whose errors stand in one row: those of a keyframe trajectory are of longer
+motions, and larger for that reason alone."""
+
+
+def _rows(items: list[Evaluated]) -> list[tuple[str, str, str, tuple[int, ...]]]:
+    """Returns key, title and form of each row, and the numbers of the estimates that it holds."""
+    everyone, groups = tuple(range(len(items))), rpe_groups(items)
+    found = []
+    for key, (title, form) in ROWS.items():
+        if not key.startswith("rpe_"):
+            found.append((key, title, form, everyone))
+    place = next(i for i, row in enumerate(found) if row[0] == "kitti_t_percent")
+    rpe = []
+    for group in groups:
+        interval = items[group[0]].rpe_interval_s
+        words = "" if len(groups) == 1 or interval is None else f" over {interval:.3g} s"
+        for key, (title, form) in ROWS.items():
+            if key.startswith("rpe_"):
+                rpe.append((key, title.replace("RPE", f"RPE{words}"), form, group))
+    return [*found[:place], *rpe, *found[place:]]
+
+
+def rpe_groups(items: list[Evaluated]) -> list[tuple[int, ...]]:
+    """Returns the numbers of the estimates whose relative errors are of motions of about the same time."""
+    if not items or items[0].found.delta.unit != "poses":
+        return [tuple(range(len(items)))]
+    times = [item.rpe_interval_s for item in items]
+    groups: list[list[int]] = []
+    for i, time in enumerate(times):
+        for group in groups:
+            other = times[group[0]]
+            if time is None or other is None or 1 / SAME_INTERVAL <= time / max(other, 1e-12) <= SAME_INTERVAL:
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return [tuple(group) for group in groups]
+
+
 def _plain(text: str) -> str:
     """Without control characters, however long."""
     return "".join(map(printable, text))
 
 
-def json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> str:
+def json_text(
+    reference: TrajectoryFile,
+    protocol: dict[str, str],
+    items: list[Evaluated],
+    notes: list[str],
+    audits: list[Audit] | None,
+) -> str:
+    """`audits` of the same estimates; None where none was asked for."""
+    found = [None] * len(items) if audits is None else [each.json() for each in audits]
     report = {
         "protocol": protocol,
         "notes": notes,
         "reference": _about(reference),
         "estimates": [
-            {"name": item.name, **_about(item.file), **item.measures, "local_scale": local_scale(item.found)}
-            for item in items
+            {
+                "name": item.name,
+                **_about(item.file),
+                **item.measures,
+                "rpe_interval_s": item.rpe_interval_s,
+                "local_scale": local_scale(item.found),
+                "audit": findings,
+            }
+            for item, findings in zip(items, found, strict=True)
         ],
     }
     return json.dumps(report, indent=2, allow_nan=False) + "\n"
@@ -95,3 +151,33 @@ def csv_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
     stated = {key: protocol[key] for key in ("reference", "frames", "association", "alignment", "RPE")}
     rows = [{"estimate": item.name, **item.measures, **stated} for item in items]
     return csv_of(list(rows[0]), (list(row.values()) for row in rows))
+
+
+LATEX_COLUMNS = (
+    ("ate_rmse_m", "ATE"),
+    ("ate_rmse_deg", "rotation [deg]"),
+    ("rpe_rmse_m", "RPE"),
+    ("rpe_rmse_deg", "rotation [deg]"),
+)
+"""Errors in the table for LaTeX, and their titles; lengths have their unit in the title."""
+ESCAPED = str.maketrans({c: f"\\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"})
+
+
+def latex_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
+    """A table with booktabs: one row per estimate, its coverage first, and the protocol as a comment."""
+    columns = [item.measures for item in items]
+    units = {key: length_unit(c[key] for c in columns) for key, _ in LATEX_COLUMNS if key.endswith("_m")}
+    titles = [f"{title} [{units[key].name}]" if key in units else title for key, title in LATEX_COLUMNS]
+    rows = []
+    for item, values in zip(items, columns, strict=True):
+        share = 100 * (values["poses_given"] or 0) / max(values["poses_asked"] or 0, 1)
+        cells = [_plain(item.name).translate(ESCAPED), f"{share:.0f}"]
+        for key, _ in LATEX_COLUMNS:
+            value = values[key]
+            cells.append("--" if value is None else units[key].of(value) if key in units else f"{value:.3f}")
+        rows.append(" & ".join(cells) + r" \\")
+    head = " & ".join(["", r"poses [\%]", *titles]) + r" \\"
+    comments = [f"% {name}: {_plain(text)}" for name, text in protocol.items()]
+    begin, end = rf"\begin{{tabular}}{{l{'r' * (1 + len(titles))}}}", r"\end{tabular}"
+    lines = [LATEX_HEAD, *comments, begin, r"\toprule", head, r"\midrule", *rows, r"\bottomrule", end]
+    return "\n".join(lines) + "\n"

@@ -60,17 +60,26 @@ PLANES = ((0, 1), (0, 2), (1, 2))
 Styled = Sequence[tuple[Evaluated, LineStyle]]
 
 
-def write_plots(
-    folder: Path, form: Literal["png", "svg"], items: Sequence[Evaluated], alignment: str, timed: bool
-) -> None:
+@dataclass(frozen=True)
+class PlotStyle:
+    form: Literal["png", "svg"]
+    alignment: str
+    """In words."""
+    timed: bool
+    runs: bool = False
+    """Whether the estimates are runs of one method, whose errors are a band."""
+
+
+def write_plots(folder: Path, items: Sequence[Evaluated], style: PlotStyle) -> None:
     """trajectory, errors and scale, as .png or .svg; InputError where the folder cannot be written to."""
+    form, timed = style.form, style.timed
     styled = list(zip(items, line_styles([item.file.path for item in items]), strict=True))
     for name, figure in {
         "trajectory": _trajectory(styled),
-        "errors": _errors(styled, timed),
+        "errors": _band(items, timed) if style.runs else _errors(styled, timed),
         "scale": _scale(styled, timed),
     }.items():
-        figure.suptitle(alignment if name != "scale" else "local scale, before alignment")
+        figure.suptitle(style.alignment if name != "scale" else "local scale, before alignment")
         content = BytesIO()
         metadata = {"Software": AUTHOR} if form == "png" else {"Creator": AUTHOR, "Date": None}
         figure.savefig(content, format=form, metadata=metadata)
@@ -96,6 +105,31 @@ def _errors(items: Styled, timed: bool) -> Figure:
         times = _since(item, item.found.reference.times_ns)
         position.plot(times, item.found.position_errors, **style.keywords, linewidth=1, label=item.name)
         rotation.plot(times, item.found.rotation_errors_deg, **style.keywords, linewidth=1)
+    position.set(ylabel="position error [m]")
+    rotation.set(ylabel="rotation error [deg]", xlabel=_abscissa(timed))
+    position.legend()
+    return figure
+
+
+BAND_POINTS = 500
+"""Number of times at which the errors of several runs are compared."""
+
+
+def _band(items: Sequence[Evaluated], timed: bool) -> Figure:
+    """Median of the errors of all runs over time, and the band from the least to the largest, where all have poses."""
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    position, rotation = figure.subplots(2, 1, sharex=True)
+    clocks = [item.found.reference.times_ns for item in items]
+    first, last = max(int(c[0]) for c in clocks), min(int(c[-1]) for c in clocks)
+    times = np.linspace(0, max(last - first, 0) * 1e-9, BAND_POINTS)
+    for axes, errors in (
+        (position, [item.found.position_errors for item in items]),
+        (rotation, [item.found.rotation_errors_deg for item in items]),
+    ):
+        at = [np.interp(times, (c - first) * 1e-9, e) for c, e in zip(clocks, errors, strict=True)]
+        colour = css(OTHERS[1])
+        axes.fill_between(times, np.min(at, axis=0), np.max(at, axis=0), color=colour, alpha=0.3, linewidth=0)
+        axes.plot(times, np.median(at, axis=0), color=colour, label=f"median and range of {len(items)} runs")
     position.set(ylabel="position error [m]")
     rotation.set(ylabel="rotation error [deg]", xlabel=_abscissa(timed))
     position.legend()

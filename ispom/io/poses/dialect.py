@@ -24,6 +24,8 @@ ROW_NS = 1_000_000_000
 """Interval [ns] of the times of rows without times."""
 MAX_SKEW = 1e-2
 """Largest deviation of R R^T from the identity."""
+LISTED = 3
+"""Largest number of stretches that a note lists."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """(3, 3) opengl_from_opencv and its inverse: a camera with y up and z backwards, and one with y down and z forward."""
 
@@ -181,6 +183,26 @@ def order_of_quaternions(content: PoseContent, values: Array, header: str) -> tu
         f"{content.path} does not say whether w is the first or the last of a quaternion: write {choice} as its first "
         "line"
     )
+
+
+def with_pose(content: PoseContent, rows: Sequence[Row], poses: Array) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Returns (N,) which rows have a pose, and a note about the others.
+
+    Motion capture that does not see its body writes zeros, also for the quaternion: `poses` (N, 7).
+    """
+    good = (poses != 0).any(axis=1)
+    if good.all() or not good.any():
+        return np.ones(len(rows), bool), ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(int)))
+    ends = list(zip(edges[::2], edges[1::2] - 1, strict=True))
+    places = [
+        f"line {rows[a][0]} (time {rows[a][1][0]})"
+        if a == b
+        else f"lines {rows[a][0]} to {rows[b][0]} (times {rows[a][1][0]} to {rows[b][1][0]})"
+        for a, b in ends[:LISTED]
+    ]
+    more = f" and {len(ends) - LISTED} more stretches" if len(ends) > LISTED else ""
+    return good, (f"{content.path}: {', '.join(places)}{more} hold zeros instead of a pose: they are ignored",)
 
 
 def of_quaternions(

@@ -4,7 +4,8 @@ world_from_FRAME.
 Times in milli-, micro- or nanoseconds, as ORB-SLAM3 and others write them, are recognised where they are dates in
 that unit, or whole numbers at an interval that is usual in it only. The last four numbers are a quaternion of length
 1; where the first four after the time are, it is another dialect. Seconds and nanoseconds without leading zeros
-(100.33333333 for 100.033333333) are recognised by their intervals, with a note. Axes are those of the program: TUM's
+(100.33333333 for 100.033333333) are recognised by their intervals, with a note. Rows whose seven numbers are zero, as
+motion capture writes where it does not see its body, are ignored with a note. Axes are those of the program: TUM's
 own truth is that of a camera with x to the right, y down and z ahead. Source: TUM RGB-D benchmark, file formats.
 """
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from ispom.io.pose_table import unpadded_nanoseconds
 from ispom.io.poses.content import PoseContent
-from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_quaternions, rectangular, timed, values_of
+from ispom.io.poses.dialect import PoseDialect, TrajectoryFile, of_quaternions, rectangular, timed, values_of, with_pose
 from ispom.io.trajectories import is_tum
 
 COLUMNS = 8
@@ -40,7 +41,10 @@ def _read(content: PoseContent, times_ns: NDArray[np.int64] | None) -> Trajector
         times, unit, rows = unpadded[order], "s", [rows[i] for i in order]
         notes = (f"{content.path}: times are seconds and nanoseconds without leading zeros: they are even then",)
     values = values_of(content.path, rows, 1, COLUMNS)
-    trajectory = of_quaternions(content, rows, times, values[:, :3], values[:, 3:])
+    good, ignored = with_pose(content, rows, values)
+    rows = [row for row, is_pose in zip(rows, good, strict=True) if is_pose]
+    trajectory = of_quaternions(content, rows, times[good], values[good, :3], values[good, 3:])
+    notes = (*notes, *ignored)
     return TrajectoryFile(content.path, "TUM", trajectory, unit="" if unit == "s" else unit, notes=notes)
 
 
