@@ -239,7 +239,7 @@ def print_audit(console: Console, found: list[Found]) -> None:
 BEGIN, END = "<!-- python -m tests.accuracy audit: begin -->", "<!-- python -m tests.accuracy audit: end -->"
 
 
-def write_table(page: Path, found: list[Found]) -> None:
+def write_audits(page: Path, found: list[Found]) -> None:
     """Replaces what stands between the marks of a page of the documentation."""
     before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, mark, after = rest.partition(END)

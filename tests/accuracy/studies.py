@@ -15,7 +15,7 @@ from rich.console import Console
 from ispom.methods import names
 
 from . import child
-from .audit import audits_found, pairs_in, print_audit, write_table
+from .audit import audits_found, pairs_in, print_audit, write_audits
 from .blocks import print_blocks
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
@@ -218,7 +218,7 @@ def audit(console: Console, options: Options) -> list[dict[str, Any]]:
     if measured:
         print_audit(console, audits_found(measured))
         if options.table is not None:
-            write_table(options.table, audits_found(measured))
+            write_audits(options.table, audits_found(measured))
     return measured
 
 
