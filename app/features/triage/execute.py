@@ -26,7 +26,7 @@ from ...engine.playback import Builder
 from ...engine.run_events.event import RunEvent
 from ...engine.run_events.stretch import events_in, stretch_of
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import METRICS, is_incomplete
+from ...engine.run_folder.run_folder import MARKER, METRICS, is_incomplete
 from ...engine.run_folder.thumbnail import jpeg
 from ..doctor.command import opened
 from ..doctor.job import examine
@@ -39,7 +39,7 @@ from ..headless.options import Run as Options
 from ..headless.suspicions import NOTHING, asked, suspected
 from .clips import Clip, stamp
 from .row import Action, Group, Row, write_row
-from .told import group_of, of_diagnosis, of_events
+from .told import group_of, of_diagnosis, of_events, of_located
 
 WIDTH_PX, QUALITY = 320, 70
 """Of the picture of a frame: a hundred of them make a page of some 2 MB."""
@@ -142,7 +142,10 @@ def _of_run(
     run = read_run_file(folder)
     complete = not is_incomplete(folder)
     if not complete and no_motion is None:
-        raise InputError(f"{clip.source} holds a run that is not complete: run it again")
+        reason = (read_text(folder / MARKER).strip().splitlines() or ["no reason is given"])[0]
+        if NO_MOTION not in reason:
+            raise InputError(f"{clip.source} holds a run that is not complete ({reason}): run it again")
+        no_motion = reason
     events, sequence, problem = events_in(folder), None, ""
     try:
         sequence = opened(Doctor(run=folder), run)
@@ -152,11 +155,13 @@ def _of_run(
     if clip.is_run and sequence is not None:
         said = [str(note) for note in sequence.notes if isinstance(note, Doubt)]
         quick = asked(sequence, []) if order.doctor and not alarming else NOTHING
-    values: dict[str, object] = {"frames": sum(run.exposures.values())}
+    located = _located(folder, run)
+    values: dict[str, object] = {"frames": sum(run.exposures.values()), **of_located(located)}
+    troubled = bool(alarming) or no_motion is not None or "cause" in values
     values |= of_events(events, values["frames"])  # type: ignore[arg-type]
     if no_motion is not None:
         values |= {"cause": no_motion, "action": Action.LOOK}
-    if (alarming or no_motion is not None) and order.doctor and sequence is not None:
+    if troubled and order.doctor and sequence is not None:
         try:
             values |= of_diagnosis(_examined(order, folder, run, sequence, events, complete, builder))
         except InputError as error:
@@ -167,10 +172,15 @@ def _of_run(
         values |= {"cause": said[0], "action": Action.CORRECT, "advice": ""}
     if problem and not values.get("advice"):
         values["advice"] = f"No diagnosis: {problem}"
-    doubted = bool(said or quick.causes)
-    row = Row(str(clip), group_of(events, no_motion is None, doubted), run=place, complete=complete)
+    doubted = bool(said or quick.causes or troubled)
+    row = Row(
+        str(clip),
+        group_of(events, no_motion is None and 0.0 not in located.values(), doubted),
+        run=place,
+        complete=complete,
+    )
     values["cause"] = shown_cause(str(values.get("cause", "")), clip)
-    row = msgspec.structs.replace(row, located_percent=_located(folder, run), **values)
+    row = msgspec.structs.replace(row, located_percent=located, **values)
     return row if sequence is None else _with_picture(row, sequence)
 
 

@@ -26,7 +26,7 @@ PACKAGE = __name__.rpartition(".")[0]
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What the browser itself then refuses: any script, any other file, any address."""
 UNTABLED = ("image", "stamp")
-TROUBLE = {Group.LOST: "lost at", Group.NO_MAP: "no map up to"}
+TROUBLE = {Group.LOST: "lost at", Group.NO_MAP: "still no map at"}
 """What is said before the frames at which it went wrong."""
 TITLES = {
     Group.UNOPENED: "Cannot be opened",

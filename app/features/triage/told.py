@@ -3,7 +3,7 @@ it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -14,6 +14,7 @@ from ...engine.run_events.event import RunEvent
 from ...engine.run_events.stretch import worst_event
 from ...engine.verdict import Severity
 from ...presentation import colours
+from ..experiments.plan import LEAST_LOCATED_PERCENT
 from ..headless.suspicions import CALIBRATION
 from .row import Action, Group, Row
 
@@ -25,6 +26,16 @@ OF_RECORDING = frozenset({"unlevel-pair"})
 """Keys of suspects that a better calibration mends, though their evidence is from the images."""
 STRETCHES = 3
 """Lost stretches that are named."""
+
+
+def of_located(shares: Mapping[str, float | None]) -> dict[str, object]:
+    """Returns the cause where a method located few of its frames though no event says so, as in a clip that ends before
+    there is a map; empty where none did. `shares`: by method [%]."""
+    few = {name: share for name, share in shares.items() if share is not None and share < LEAST_LOCATED_PERCENT}
+    if not few:
+        return {}
+    name = min(few, key=lambda each: few[each])
+    return {"cause": f"{colours.label(name)} located {few[name]:g} % of its frames only", "action": Action.LOOK}
 
 
 def group_of(events: Sequence[RunEvent], moved: bool, doubted: bool) -> Group:

@@ -14,11 +14,12 @@ from ispom.evaluation.doctor.suspects import SUSPECTS
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("triage") / "clips"
-    source = ["run", "sim:tiny?fault=darkness", "--methods", "stereo", "--max-exposures", "33"]
+    source = ["run", "sim:tiny?fault=darkness", "--methods", "monocular", "--max-exposures", "33"]
     assert main([*source, "--no-recording", "--out", str(out / "dark")]) == 0
     return out
 
 
+@pytest.mark.slow
 def test_a_dark_run_is_to_be_filmed_again(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["triage", str(folder), "--out", str(out), "--workers", "0"]) == 1

@@ -6,7 +6,7 @@ from ispom_app.engine.run_events.event import RunEvent
 from ispom_app.engine.verdict import Severity
 from ispom_app.features.triage.page import note
 from ispom_app.features.triage.row import Action, Group, Row
-from ispom_app.features.triage.told import action_of, group_of, how_to_film, of_diagnosis, of_events
+from ispom_app.features.triage.told import action_of, group_of, how_to_film, of_diagnosis, of_events, of_located
 
 from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.finding import Finding, Ranked
@@ -38,6 +38,11 @@ def test_events_say_where_and_at_which_frame() -> None:
     assert found["frame"] == 97 and found["where"] == "frames 20 to 29, 97 to 99"
     assert of_events([event("lost", Severity.LOST, 7, 8)], 100)["where"] == "frame 7"
     assert of_events([], 100) == {}
+
+
+def test_few_located_frames_are_a_cause_without_any_event() -> None:
+    assert "cause" in of_located({"stereo": 100.0, "monocular": 12.5})
+    assert of_located({"stereo": 100.0, "monocular": 60.0, "integrated": None}) == {}
 
 
 def diagnosed(key: str, *frames: int) -> Diagnosis:
