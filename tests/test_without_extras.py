@@ -40,6 +40,7 @@ WORKS = {
     "run": [*TINY, "--out", OUT],
     "sources": ["sim:tiny"],
     "target": ["chessboard:9x6:0.0242", "--out", "{out}/target.pdf"],
+    "triage": [RUN, "--out", OUT, "--seconds", "1"],
 }
 """What each command is tried with."""
 SERVES = {"app": TINY, "demo": [], "learn": []}
@@ -53,7 +54,7 @@ NEEDS = {
     "bags": ("bags", ["sources", "{bag}"]),
 }
 """What cannot be had without an extra."""
-FAILED = {"doctor": (1,), "calibrate": (1,), "gate": (2, 3), "map": (2,)}
+FAILED = {"doctor": (1,), "calibrate": (1,), "gate": (2, 3), "map": (2,), "triage": (1,)}
 """Exit codes that are no failure of the program: there is no cause, too few views or runs, or no system library."""
 PLAN = "title: Tiny\nsources: [sim:tiny]\nseeds: [0]\nmax_exposures: 30\nmethods: [stereo.paper]\n"
 

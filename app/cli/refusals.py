@@ -13,7 +13,7 @@ NEEDED = {"help": 1.0e9, "run": 4.7e9}
 """Address space [bytes] of the libraries alone, and of a run with its recording (or a page), on Linux with two cores:
 measured with `ulimit -v` on `ispom --help`, `ispom run sim:tiny` and `ispom app sim:tiny`. Most of it is reserved
 only: the memory that a run really takes is a tenth."""
-RUNS = {"app", "blame", "demo", "doctor", "experiment", "fork", "gate", "grade", "learn", "mcp", "run"}
+RUNS = {"app", "blame", "demo", "doctor", "experiment", "fork", "gate", "grade", "learn", "mcp", "run", "triage"}
 """Commands that run estimators, or serve a page. Without a word, `app` is meant."""
 
 

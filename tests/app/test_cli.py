@@ -74,6 +74,14 @@ def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) ->
         opener(f"{drive}/nowhere")
 
 
+def test_the_app_opens_at_a_frame(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
+    drive = str(make_drive(tmp_path))
+    assert main(["app", drive, "--at", "3"]) == 0
+    assert served[0][-1].fragment == "#at=3" and Serving(at=3, mode="learn").fragment == "#at=3&mode=learn"
+    assert main(["app", drive, "--at", "-1"]) == main(["app", "--at", "3"]) == 2
+    assert Serving().fragment == "" and len(served) == 1
+
+
 def test_a_mistake_of_the_app_is_reported_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import psutil
 
@@ -117,6 +117,21 @@ Task = Callable[[Plan, Run, Path, bool], Row]
 """As `execute`."""
 
 
+class Piece(Protocol):
+    """What a task is about."""
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def seed(self) -> int: ...
+
+
+P = TypeVar("P")
+T = TypeVar("T", bound=Piece)
+D = TypeVar("D")
+
+
 def installed() -> bool:
     return all(find_spec(name) for name in ("distributed", "cryptography"))
 
@@ -132,6 +147,22 @@ def rows(
     task: Task = execute,
 ) -> Generator[Row, None, None]:
     """As they are completed. InputError where the cluster does not answer."""
+    return parallel(plan, runs, out, recording, workers, memory_gb, scheduler, task, Row)
+
+
+def parallel(
+    plan: P,
+    runs: Sequence[T],
+    out: Path,
+    recording: bool,
+    workers: int,
+    memory_gb: float,
+    scheduler: str | None,
+    task: Callable[[P, T, Path, bool], D],
+    failed: Callable[[T, str], D],
+) -> Generator[D, None, None]:
+    """What `task` gives of each, as they are completed; `failed` makes the same of one that could not be computed, and
+    a sentence that says why. InputError where the cluster does not answer."""
     if not installed():
         raise InputError("several runs at a time need Dask: pip install 'ispom[cluster]', or give --workers 0")
     from distributed import wait
@@ -141,9 +172,9 @@ def rows(
         local = None if scheduler is not None else _local(stack, workers, memory_gb, ATTEMPTS * len(runs) + workers)
         client = _client(stack, scheduler) if local is None else stack.enter_context(local.cluster.get_client())
         first, waiting = _leaders(runs)
-        submitted: dict[Any, Run] = {}
+        submitted: dict[Any, T] = {}
 
-        def submit(some: Sequence[Run]) -> None:
+        def submit(some: Sequence[T]) -> None:
             submitted.update({client.submit(_alone, task, plan, r, folder, recording, pure=False): r for r in some})
 
         submit(first)
@@ -159,12 +190,12 @@ def rows(
                 run = submitted.pop(future)
                 # What waited for the images of this run finds them on the disk now.
                 submit(waiting.pop((run.source, run.seed), []))
-                yield _row(run, future, local.last_death if local is not None else "ended")
+                yield _row(run, future, local.last_death if local is not None else "ended", failed)
 
 
-def _leaders(runs: Sequence[Run]) -> tuple[list[Run], dict[tuple[str, int], list[Run]]]:
+def _leaders(runs: Sequence[T]) -> tuple[list[T], dict[tuple[str, int], list[T]]]:
     """Those to begin with, and those that wait: of a simulation the first run renders the images of all others."""
-    first, waiting = list[Run](), dict[tuple[str, int], list[Run]]()
+    first, waiting = list[T](), dict[tuple[str, int], list[T]]()
     for run in runs:
         key = (run.source, run.seed)
         if not run.source.startswith("sim:"):
@@ -177,7 +208,7 @@ def _leaders(runs: Sequence[Run]) -> tuple[list[Run], dict[tuple[str, int], list
     return first, waiting
 
 
-def _alone(task: Task, plan: Plan, run: Run, out: Path, recording: bool) -> Row:
+def _alone(task: Callable[[P, T, Path, bool], D], plan: P, run: T, out: Path, recording: bool) -> D:
     """On a worker, in one thread."""
     import cv2
 
@@ -185,7 +216,7 @@ def _alone(task: Task, plan: Plan, run: Run, out: Path, recording: bool) -> Row:
     return task(plan, run, out, recording)
 
 
-def _row(run: Run, future: Any, last_death: str) -> Row:
+def _row(run: T, future: Any, last_death: str, failed: Callable[[T, str], D]) -> D:
     """What a task gave; where its workers died, or it could not be sent, that."""
     from distributed import KilledWorker
 
@@ -193,8 +224,8 @@ def _row(run: Run, future: Any, last_death: str) -> Row:
     if fault is None:
         return future.result()
     if isinstance(fault, KilledWorker):
-        return Row(run, f"its worker died {ATTEMPTS} times: the last one {last_death}")
-    return Row(run, f"{type(fault).__name__}: {fault}")
+        return failed(run, f"its worker died {ATTEMPTS} times: the last one {last_death}")
+    return failed(run, f"{type(fault).__name__}: {fault}")
 
 
 def _local(stack: ExitStack, count: int, memory_gb: float, most_deaths: int) -> Workers:

@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import msgspec
 import yaml
@@ -31,7 +31,7 @@ from ..headless.console import silent, wait_for_compiler
 from . import cluster
 from .execute import execute_in_order, finished_before, missing
 from .faults import FAULTS, faults
-from .options import Experiment, Runs
+from .options import Experiment, Parallel, Runs
 from .page import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
@@ -79,7 +79,7 @@ def _shard(options: Experiment, plan: Plan, shard: Shard, builder: Builder) -> i
     """Computes a part of the runs, and prints what failed."""
     if options.merge:
         raise InputError("--shard computes a part, --merge tables all parts: give one of them")
-    workers = _workers(options, 0)
+    workers = workers_of(options, 0)
     retried(lambda: _claim(options.out, plan))
     report = options.out / shard.file
     report.parent.mkdir(exist_ok=True)
@@ -139,7 +139,7 @@ def completed(
     InputError for what is wrong with the plan, the folder or the cluster, and where another command writes into the
     folder. A signal ends it with what was computed so far written.
     """
-    workers = _workers(options)
+    workers = workers_of(options)
     claim_folder(options.out, COMMAND)
     with locked(options.out):
         if not merge and (part := running(options.out)) is not None:
@@ -173,7 +173,7 @@ def _completed(
     return rows, outcomes
 
 
-def _workers(options: Runs, default: int | None = None) -> int:
+def workers_of(options: Parallel, default: int | None = None) -> int:
     """0: in this process. Without a `default`, one for each core where Dask is installed."""
     if options.workers is not None and not 0 <= options.workers <= 1024:
         raise InputError(f"--workers is {options.workers}, give a value from 0 to 1024")
@@ -216,7 +216,20 @@ class Terminal:
         return silent
 
 
-def shown(rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+class Ended(Protocol):
+    """What is said of a run that is over."""
+
+    @property
+    def run(self) -> object: ...
+
+    @property
+    def failure(self) -> str | None: ...
+
+
+E = TypeVar("E", bound=Ended)
+
+
+def shown(rows: Iterable[E], total: int, before: int) -> Iterator[E]:
     """The same rows; on standard error a line for each, and on a terminal a bar below them with the time left."""
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     if before:

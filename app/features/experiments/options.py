@@ -11,7 +11,21 @@ from ...engine.options import Name
 
 
 @dataclass(frozen=True, kw_only=True)
-class Runs:
+class Parallel:
+    """Where the runs of a command are computed."""
+
+    workers: int | None = None
+    """Runs at the same time, a process with one thread each, by Dask: 0 runs one after the other in this process.
+    Default: one for each core, or 0 with --shard or where Dask is not installed."""
+    memory_gb: float = 4.0
+    """Memory of a worker [GB]: one that needs more is ended, and its run is a row that says so."""
+    scheduler: str | None = None
+    """Address of a running Dask cluster, such as tcp://head:8786, which sees the same folders; instead of workers of
+    this machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs(Parallel):
     """The runs of a plan, and where they are computed: of `ispom experiment` and `ispom gate`."""
 
     plan: tyro.conf.Positional[str]
@@ -27,14 +41,6 @@ class Runs:
     """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
     max_exposures: int | None = None
     """Use only the first N frames of each source."""
-    workers: int | None = None
-    """Runs at the same time, a process with one thread each, by Dask: 0 runs one after the other in this process.
-    Default: one for each core, or 0 with --shard or where Dask is not installed."""
-    memory_gb: float = 4.0
-    """Memory of a worker [GB]: one that needs more is ended, and its run is a row that says so."""
-    scheduler: str | None = None
-    """Address of a running Dask cluster, such as tcp://head:8786, which sees the same folders; instead of workers of
-    this machine."""
     recordings: bool = False
     """Write run.rrd of each run, too."""
 

@@ -25,6 +25,8 @@ FailureKind = Literal["no motion", "lost"]
 the quantity."""
 COVERAGE = "located_percent"
 """Stands beside every error."""
+LEAST_LOCATED_PERCENT = 50.0
+"""Share of its frames [%] that a method must locate: of fewer its results say little."""
 MEASURED = ("cpu_ms", "cpu_ms_p95", "peak_memory_mb")
 """Quantities of the machine that computes: they stand in the results of a plan that names them, and in times.csv."""
 COUNTS = frozenset({"rate_hz", "poses", "located", COVERAGE, "lost", "segments", "path_length_m", *MEASURED})
@@ -64,7 +66,7 @@ class Statement(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Kinds of failure that count as holding. With any other failure the run could not test it."""
     share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0
     """Of the runs, 0..1, in which it must hold."""
-    least_located_percent: Annotated[float, msgspec.Meta(ge=0, le=100)] = 50.0
+    least_located_percent: Annotated[float, msgspec.Meta(ge=0, le=100)] = LEAST_LOCATED_PERCENT
     """Share of the frames that must be located [%] where the quantity is an error or a scale: one of fewer frames says
     little of the method."""
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -23,13 +24,13 @@ from ispom.io.whole import require_no_links
 
 from ...engine.outputs import json_text
 from ...engine.run_folder.run_folder import LOCK, is_locked
-from .plan import Run
 from .row import Row
 
 FOLDER = "shards"
 MOST_SHARDS = 100_000
 ATTEMPTS, PAUSE_S = 6, 0.2
 """Parts that start at the same time make the folder at the same time: one that meets a half-made one tries again."""
+T = TypeVar("T")
 MISSING = "not computed: run its shard again, or the command without --merge"
 
 
@@ -40,7 +41,7 @@ class Shard:
     number: int
     count: int
 
-    def of(self, runs: Sequence[Run]) -> list[Run]:
+    def of(self, runs: Sequence[T]) -> list[T]:
         """Returns its runs: every count-th, as neighbours in a plan take a similar time."""
         return list(runs[self.number - 1 :: self.count])
 

@@ -33,6 +33,7 @@ CALIBRATION = "counterfactual"
 """Where the evidence of suspects is from that are about the calibration: a changed one, or a changed clock."""
 MISTAKES = frozenset({suspect.key for suspect in SUSPECTS if suspect.how == CALIBRATION} | {"zoom"})
 """Keys of suspects that are a mistake though nothing went wrong."""
+NOTHING = Diagnosis(0, 0, ())
 
 
 def suspicions(job: Job) -> Iterator[str]:
@@ -40,18 +41,24 @@ def suspicions(job: Job) -> Iterator[str]:
 
     Raises what `check_stop` raises.
     """
+    said, found = suspected(job)
+    yield from said
+    if found.causes:
+        cause = found.answer.removeprefix("The likely cause: ")
+        yield f"Suspected: {cause} `ispom doctor {job.folder.path}` says more."
+
+
+def suspected(job: Job) -> tuple[list[str], Diagnosis]:
+    """Returns the same as sentences about film and paths, and what the doctor's quick suspects say."""
     sequence, seen = job.playback.sequence, job.seen
     if job.options.source.startswith("sim:") or sequence.grow is not None:
-        return
-    yield from of_film(seen, sequence)
+        return [], NOTHING
     paths = {} if seen.finished is None else seen.finished.trajectories
-    yield from of_paths(paths, job.playback.truth, sequence.rig)
-    if not keys_of(sequence.notes) & EXPLAINED:
-        events = [event for event in job.events.log.events if event.severity.alarming]
-        found = asked(sequence.truncated(job.playback.position), events)
-        if found.causes:
-            cause = found.answer.removeprefix("The likely cause: ")
-            yield f"Suspected: {cause} `ispom doctor {job.folder.path}` says more."
+    said = [*of_film(seen, sequence), *of_paths(paths, job.playback.truth, sequence.rig)]
+    if keys_of(sequence.notes) & EXPLAINED:
+        return said, NOTHING
+    events = [event for event in job.events.log.events if event.severity.alarming]
+    return said, asked(sequence.truncated(job.playback.position), events)
 
 
 def of_film(seen: Seen, sequence: Sequence) -> list[str]:
@@ -78,7 +85,7 @@ def asked(sequence: Sequence, alarming: list[RunEvent]) -> Diagnosis:
         stretch = stretch_of(sequence, None, FRAMES, alarming)
         seen = examination(sequence, stretch.first, stretch.last, check_stop)
     except InputError:  # too short, or unreadable: the run said so
-        return Diagnosis(0, 0, ())
+        return NOTHING
     suspects = [each for each in SUSPECTS if alarming or each.key in MISTAKES]
     suspects = [each for each in suspects if sequence.guess is None or each.how != CALIBRATION]
 

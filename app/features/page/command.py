@@ -44,6 +44,8 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
+    if isinstance(command, App) and command.at is not None and (command.at < 0 or not source):
+        raise InputError(f"--at is {command.at}: give a source, and a frame of it, counted from 0")
     if command.agents is not None:
         require_sdk("--agents")
         require_port("--agents", command.agents)
@@ -95,6 +97,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             onlookers=command.read_only,
             beside=None if command.agents is None else _agents(command.agents),
             mode="learn" if isinstance(command, Learn) else "debug",
+            at=command.at if isinstance(command, App) else None,
         ),
     )
 

@@ -89,6 +89,8 @@ class App(Serve):
     sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
     camera: camera:0, http://..., rtsp://...; or, for review, a folder that `ispom run` wrote, or a recording
     (FILE.rrd)."""
+    at: int | None = None
+    """Frame at which the page opens, counted from 0. Default: the first one."""
 
 
 @dataclass(frozen=True, kw_only=True)

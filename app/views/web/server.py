@@ -57,12 +57,21 @@ class Serving:
     """Starts what is served beside the page to whom the page lets in; may take a moment."""
     mode: str = "debug"
     """In which the page opens: debug, compare or learn."""
+    at: int | None = None
+    """The frame that it shows first; None: as the session says."""
 
     def access(self) -> Access:
         trusted = frozenset(checked_host(name) for name in self.allowed_hosts)
         own = {self.host.lower(), socket.gethostname().lower()}
         token = secrets.token_urlsafe(24) if self.onlookers else None
         return Access(frozenset(own) | trusted, trusted, checked_base(self.base), onlookers=token)
+
+    @property
+    def fragment(self) -> str:
+        """What of the page's address says how it opens: `#at=240`; empty where nothing does."""
+        parts = [f"at={self.at}"] if self.at is not None else []
+        parts += [f"mode={self.mode}"] if self.mode != "debug" else []
+        return f"#{'&'.join(parts)}" if parts else ""
 
     @property
     def lets_others_in(self) -> bool:
@@ -103,8 +112,8 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
-        mode = "" if serving.mode == "debug" else f"#mode={serving.mode}"
-        _print(f"ISPOM is at {address}{access.token}{mode}   (Ctrl-C ends it)")
+        shown = serving.fragment
+        _print(f"ISPOM is at {address}{access.token}{shown}   (Ctrl-C ends it)")
         if access.onlookers is not None:
             _print(f"Onlookers see it, and change nothing, at {address}{access.onlookers}")
         if serving.beside is not None:
@@ -113,7 +122,7 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
             _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
         if serving.open_browser:
-            found = address + access.ticket.text + mode
+            found = address + access.ticket.text + shown
             threading.Thread(target=webbrowser.open, args=(found,), daemon=True, name="browser").start()
         await stopped.wait()
         server.close()
