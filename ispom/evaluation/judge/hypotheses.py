@@ -62,7 +62,9 @@ class Tested:
     @property
     def accepted(self) -> bool:
         """Whether both halves confirm it."""
-        if self.kind == "axes" and self.size < LEAST_EXCHANGE:
+        if (self.kind == "axes" and self.size < LEAST_EXCHANGE) or (
+            self.kind == "mount" and self.size > LEAST_EXCHANGE
+        ):
             return False
         return min(self.gains) > GAIN and abs(self.size) >= SIGNIFICANT * self.sigma
 
@@ -174,7 +176,7 @@ def _exchanged(setting: Setting, kind: Kind, inverse: bool) -> Tested:
     gains, changes = [], []
     original = replace(setting.change, inverse=setting.change.inverse != inverse)
     for half in (*setting.halves, np.ones(len(setting.pairs), bool)):
-        starts = [replace(setting.change, mount=axes) for axes in exchanges(with_same=inverse)]
+        starts = [_with_axes(setting.change, axes) for axes in exchanges(with_same=inverse)]
         change = min(starts, key=lambda each: setting.cost(each, half))
         refined = _refined(setting, change, _turned_mount, np.zeros(3), half)[0]
         if setting.cost(change, half) - setting.cost(refined, half) > GAIN:
@@ -192,6 +194,12 @@ def exchanges(with_same: bool) -> Iterator[Array]:
         axes = np.diag(signs)[list(order)]
         if np.linalg.det(axes) > 0 and (with_same or not np.array_equal(axes, np.eye(3))):
             yield axes
+
+
+def _with_axes(change: Change, axes: Array) -> Change:
+    """Returns it with the axes of the poses' frame exchanged, in which the camera stands."""
+    mount = axes if change.mount is None else axes @ change.mount
+    return replace(change, mount=mount, lever=None if change.lever is None else axes @ change.lever)
 
 
 def _turned_mount(change: Change, p: Array) -> Change:
