@@ -31,6 +31,7 @@ WORKS = {
     "fork": [RUN, "--at", "6", "--out", OUT],
     "gate": ["{plan}", "--baseline", "{experiment}", "--candidate", "{experiment}", "--out", OUT],
     "grade": ["stereo.paper", "--runs", "1", "--max-exposures", "30", "--no-contract"],
+    "judge": ["{run}/truth.tum", *TINY[:3]],
     "map": [RUN, "--out", OUT],
     "new-method": ["mine", "--out", OUT],
     "perturb": [RUN],
@@ -54,7 +55,7 @@ NEEDS = {
     "bags": ("bags", ["sources", "{bag}"]),
 }
 """What cannot be had without an extra."""
-FAILED = {"doctor": (1,), "calibrate": (1,), "gate": (2, 3), "map": (2,), "triage": (1,)}
+FAILED = {"doctor": (1,), "calibrate": (1,), "gate": (2, 3), "judge": (0, 1, 3), "map": (2,), "triage": (1,)}
 """Exit codes that are no failure of the program: there is no cause, too few views or runs, or no system library."""
 PLAN = "title: Tiny\nsources: [sim:tiny]\nseeds: [0]\nmax_exposures: 30\nmethods: [stereo.paper]\n"
 

@@ -79,12 +79,12 @@ def examination(sequence: Sequence, first: int, last: int, advance: Callable[[],
     """
     rig = sequence.rig
     kind = "video" if rig.video is not None else "stereo"
-    sizes = {name: _halvings(camera.longer_side_px) for name, camera in rig.cameras.items()}
+    sizes = {name: halvings(camera.longer_side_px) for name, camera in rig.cameras.items()}
     shots: list[Shot] = []
     for i in range(first, last + 1):
         measured = sequence.load(i) if sequence.kinds[i] in ("video", "stereo") else None
         if isinstance(measured, Frame):
-            images = {name: _grey(image, sizes[name]) for name, image in measured.images.items()}
+            images = {name: grey(image, sizes[name]) for name, image in measured.images.items()}
             shots.append(Shot(i, measured.time_ns, images))
         advance()
     smaller = {n: camera.scaled(0.5 ** sizes[n]) for n, camera in rig.cameras.items() if sizes[n]}
@@ -105,13 +105,15 @@ def exchanged(seen: Examination) -> Examination:
     return replace(seen, shots=tuple(map(swapped, seen.shots)))
 
 
-def _halvings(side_px: int) -> int:
+def halvings(side_px: int) -> int:
+    """Returns how often images whose longer side is this are halved before they are examined."""
     return max(0, int(np.ceil(np.log2(side_px / LONGEST_SIDE_PX))))
 
 
-def _grey(image: Image, halvings: int) -> Image:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    for _ in range(halvings):
-        size = (round(grey.shape[1] / 2), round(grey.shape[0] / 2))
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(grey, np.uint8)
+def grey(image: Image, times: int) -> Image:
+    """Returns the image in grey, halved so many times."""
+    made = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    for _ in range(times):
+        size = (round(made.shape[1] / 2), round(made.shape[0] / 2))
+        made = cv2.resize(made, size, interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(made, np.uint8)

@@ -3,6 +3,7 @@ these tracks."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -51,9 +52,15 @@ class Tracked:
 
 
 def track(seen: Stretch) -> Tracked:
-    """Tracks corners; new ones are detected where a frame has too few."""
-    shots = seen.main_shots
-    images = [evened(shot.images[seen.main]) for shot in shots]
+    """Tracks corners through the main camera's frames, and into the pairs."""
+    uv, survived = followed([evened(shot.images[seen.main]) for shot in seen.main_shots])
+    left, right = _in_pairs(seen, uv)
+    return Tracked(uv, left, right, survived)
+
+
+def followed(images: Sequence[Image]) -> tuple[Array, NDArray[np.float64]]:
+    """Returns corners (P, F, 2) tracked through F evened images, NaN where a corner is not seen, and the share
+    (F - 1,) of them that is tracked from an image to the next; new ones are detected where an image has too few."""
     tracks: list[Array] = []
     live: list[int] = []
     survived: list[float] = []
@@ -74,9 +81,7 @@ def track(seen: Stretch) -> Tracked:
                 live.append(len(tracks))
                 tracks.append(np.full((len(images), 2), np.nan))
                 tracks[-1][f] = uv
-    uv = np.array(tracks).reshape(-1, len(images), 2)
-    left, right = _in_pairs(seen, uv)
-    return Tracked(uv, left, right, np.array(survived))
+    return np.array(tracks).reshape(-1, len(images), 2), np.array(survived)
 
 
 def evened(image: Image) -> Image:

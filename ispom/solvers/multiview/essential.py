@@ -45,7 +45,7 @@ def relative_pose(x1: Array, x2: Array, threshold: float, most_samples: int = 20
     inliers = front.ravel() > 0
     if count < 8:
         return None
-    pose = _refine_sampson(
+    pose = refine_sampson(
         Pose(np.asarray(rotation, float), np.asarray(translation, float).ravel()), x1[inliers], x2[inliers], threshold
     )
     return RelativePose(pose, inliers)
@@ -69,26 +69,46 @@ def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
     return (h2 * line2).sum(1) / np.maximum(scale, 1e-12)
 
 
-def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
-    """Refines a relative pose by Gauss-Newton over its five degrees of freedom, with robust weights of this scale."""
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Sampson distances near a relative pose, by its five degrees of freedom."""
+
+    residuals: Array
+    """(N,) in normalised units."""
+    jacobian: Array
+    """(N, 5) by a turn [rad] about the axes of the second view, and by steps of the direction along `tangent`."""
+    tangent: Array
+    """(2, 3) two directions at right angles to the translation."""
+
+
+def linearised(second_from_first: Pose, x1: Array, x2: Array) -> Linearised:
+    """Returns the Sampson distances of matches (N, 2) and their derivatives; the translation has length 1."""
     h1, h2 = _homogeneous(x1), _homogeneous(x2)
+    t, rotation = second_from_first.translation, second_from_first.rotation
+    tangent = np.linalg.svd(t[None])[2][1:]
+    essential = skew(t) @ rotation
+    line2, line1 = h1 @ essential.T, h2 @ essential
+    norm = np.maximum(np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1)), 1e-12)
+    residual = (h2 * line2).sum(1) / norm
+    # The derivative of the normalising term is second order at small residuals: neglected.
+    x2r = h1 @ rotation.T
+    by_rotation = np.cross(x2r, np.cross(h2, t))
+    by_translation = np.cross(x2r, h2) @ tangent.T
+    jacobian = np.concatenate([by_rotation, by_translation], axis=1) / norm[:, None]
+    return Linearised(residual, jacobian, tangent)
+
+
+def refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
+    """Refines a relative pose, whose translation has length 1, by Gauss-Newton over its five degrees of freedom, with
+    robust weights of this scale (normalised units)."""
     for _ in range(iterations):
-        t, rotation = pose.translation, pose.rotation
-        tangent = np.linalg.svd(t[None])[2][1:]
-        essential = skew(t) @ rotation
-        line2, line1 = h1 @ essential.T, h2 @ essential
-        norm = np.maximum(np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1)), 1e-12)
-        residual = (h2 * line2).sum(1) / norm
-        # The derivative of the normalising term is second order at small residuals: neglected.
-        x2r = h1 @ rotation.T
-        by_rotation = np.cross(x2r, np.cross(h2, t))
-        by_translation = np.cross(x2r, h2) @ tangent.T
-        jacobian = np.concatenate([by_rotation, by_translation], axis=1) / norm[:, None]
+        near = linearised(pose, x1, x2)
+        residual, jacobian = near.residuals, near.jacobian
         weight = robust_weights(residual**2, scale)
         normal = jacobian.T @ (weight[:, None] * jacobian)
         delta = -np.linalg.solve(normal + 1e-12 * np.eye(5), jacobian.T @ (weight * residual))
-        moved = t + delta[3:] @ tangent
-        pose = Pose(so3_exp(delta[:3]) @ rotation, moved / np.linalg.norm(moved))
+        moved = pose.translation + delta[3:] @ near.tangent
+        pose = Pose(so3_exp(delta[:3]) @ pose.rotation, moved / np.linalg.norm(moved))
         if np.abs(delta).max() < 1e-9:
             break
     return pose

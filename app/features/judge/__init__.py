@@ -1,0 +1,1 @@
+"""`ispom judge`: poses of any program against the images of their recording."""

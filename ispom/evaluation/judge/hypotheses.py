@@ -1,0 +1,254 @@
+"""What may be wrong with all poses at once: clock, axes, mount, lever arm, or the inverse poses. Each is fitted to one
+half of the pairs and tested on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ispom.geometry import Array
+from ispom.types import Trajectory
+
+from .misfit import Pairs, misfit
+from .pairs import UNKNOWN
+from .poses import UNCHANGED, Change, changed, turned
+
+Kind = Literal["clock", "mount", "lever", "axes", "inverse"]
+CAP = 15.0
+"""Squared misfit of a pair at which the robust loss begins to level off: 1 % of right pairs have more."""
+GAIN = 10.0
+"""A hypothesis must lower the robust cost of each half that did not choose it by more: a likelihood ratio of 150."""
+SIGNIFICANT = 4.0
+"""Standard deviations from zero at which a clock offset, mount or lever arm is one: 1 in 16,000 by chance."""
+MEDIAN_OF_SQUARES = 4.35
+"""Median of the chi-squared distribution of 5 degrees of freedom."""
+LARGEST_CLOCK_S, CLOCK_STEP_S = 0.5, 0.01
+"""Offsets that are tried, and their step; the best one is refined."""
+CLOCK_FLOOR_S = 0.002
+"""A clock is never known better: cameras stamp the begin, the middle or the end of an exposure of some ms."""
+CENTRE_PX = 1.0
+"""A mount is never known better than the principal point of a calibration, which is usually known to so much."""
+CLOCK_TELLS_S, MOUNT_TELLS, LEVER_TELLS = 0.01, np.radians(1.0), 0.5
+"""The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames of
+a pair. The images tell whether there is one if it would be significant."""
+LEAST_EXCHANGE = np.radians(45.0)
+"""Exchanged axes turn by at least 90 degrees: a smaller turn is a mount."""
+BLOCK = 16
+"""Frames of a block: the halves are the even and the odd blocks, so that pairs of both are hardly the same motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """A hypothesis and its test."""
+
+    kind: Kind
+    change: Change
+    """The change that the whole recording chooses, on top of those that were accepted before."""
+    size: float
+    """Offset [s], angle of the mount [rad], or lever arm [the poses' unit]; 0 for an inverse."""
+    sigma: float
+    """Of the size, in its worst direction; 0 for `axes` and `inverse`."""
+    telling: float
+    """The smallest offset that matters."""
+    gains: tuple[float, float]
+    """Robust cost that each half's fit saves on the other half."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether both halves confirm it."""
+        if (self.kind == "axes" and self.size < LEAST_EXCHANGE) or (
+            self.kind == "mount" and self.size > LEAST_EXCHANGE
+        ):
+            return False
+        return min(self.gains) > GAIN and abs(self.size) >= SIGNIFICANT * self.sigma
+
+    @property
+    def told(self) -> bool:
+        """Whether the motion would show an offset that matters."""
+        return SIGNIFICANT * self.sigma <= self.telling
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What hypotheses are tested on."""
+
+    pairs: Pairs
+    poses: Trajectory
+    """world_from_frame, as the file states them."""
+    times_ns: NDArray[np.int64]
+    """(F,) of the frames."""
+    change: Change = UNCHANGED
+    """What is known to be wrong."""
+
+    def residuals(self, change: Change, chosen: NDArray[np.bool_]) -> Array:
+        """Returns the robust residuals (5 N,) of some of the pairs: their sum of squares is the cost."""
+        pairs = self.pairs.select(chosen)
+        white = misfit(pairs, changed(self.poses, self.times_ns, change)).white
+        squares = (white**2).sum(axis=1)
+        robust = CAP * np.log1p(squares / CAP) / np.maximum(squares, 1e-12)
+        return (white * np.sqrt(robust * pairs.share)[:, None]).ravel()
+
+    def cost(self, change: Change, chosen: NDArray[np.bool_]) -> float:
+        """Returns the robust cost of some of the pairs."""
+        return float((self.residuals(change, chosen) ** 2).sum())
+
+    def dispersion(self, change: Change, chosen: NDArray[np.bool_]) -> float:
+        """Returns the median of the squared misfits over the one of pure noise."""
+        squares = misfit(self.pairs.select(chosen), changed(self.poses, self.times_ns, change)).squares
+        return float(np.median(squares)) / MEDIAN_OF_SQUARES
+
+    @property
+    def given(self) -> Trajectory:
+        """The poses world_from_camera of the frames, as far as is known."""
+        return changed(self.poses, self.times_ns, self.change)
+
+    @property
+    def halves(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(N,) each."""
+        even = (self.pairs.first // BLOCK) % 2 == 0
+        return even, ~even
+
+
+def tested_all(setting: Setting) -> tuple[tuple[Tested, ...], Change]:
+    """Returns the hypotheses as tested, the accepted ones first, and what to change of all poses by these."""
+    accepted: list[Tested] = []
+    left: list[Kind] = list(TESTS)
+    while True:
+        tests = [TESTS[kind](setting) for kind in left]
+        good = [each for each in tests if each.accepted]
+        if not good:
+            return (*accepted, *tests), setting.change
+        best = max(good, key=lambda each: sum(each.gains))
+        accepted.append(best)
+        setting = replace(setting, change=best.change)
+        left = [kind for kind in left if kind not in SETTLES[best.kind]]
+
+
+def _clock(setting: Setting) -> Tested:
+    def of(change: Change, p: Array) -> Change:
+        return replace(change, clock_s=change.clock_s + float(p[0]))
+
+    duration_s = float(setting.times_ns[-1] - setting.times_ns[0]) * 1e-9
+    largest = min(LARGEST_CLOCK_S, duration_s / 8)
+    steps = int(largest / CLOCK_STEP_S)
+    starts = [np.array([k * CLOCK_STEP_S]) for k in range(-steps, steps + 1)]
+    tested, p, covariance = _fitted(setting, "clock", of, starts)
+    sigma = float(np.hypot(np.sqrt(covariance[0, 0]), CLOCK_FLOOR_S))
+    return replace(tested, size=float(p[0]), sigma=sigma, telling=CLOCK_TELLS_S)
+
+
+def _mount(setting: Setting) -> Tested:
+    tested, p, covariance = _fitted(setting, "mount", _turned_mount, [np.zeros(3)])
+    centre = CENTRE_PX * setting.pairs.listed[0].pixel
+    size = float(np.linalg.norm(p))
+    return replace(tested, size=size, sigma=float(np.hypot(_sigma(p, covariance), centre)), telling=MOUNT_TELLS)
+
+
+def _lever(setting: Setting) -> Tested:
+    unit = float(np.median(misfit(setting.pairs, setting.given).lengths)) or 1.0
+
+    def of(change: Change, p: Array) -> Change:
+        return replace(change, lever=unit * p + (0.0 if change.lever is None else change.lever))
+
+    tested, p, covariance = _fitted(setting, "lever", of, [np.zeros(3)])
+    size, sigma = unit * float(np.linalg.norm(p)), unit * _sigma(p, covariance)
+    return replace(tested, size=size, sigma=sigma, telling=LEVER_TELLS * unit)
+
+
+def _axes(setting: Setting) -> Tested:
+    return _exchanged(setting, "axes", False)
+
+
+def _inverse(setting: Setting) -> Tested:
+    return _exchanged(setting, "inverse", True)
+
+
+def _exchanged(setting: Setting, kind: Kind, inverse: bool) -> Tested:
+    """Tries every exchange of axes, with the poses as they are or inverted."""
+    if inverse:
+        setting = replace(setting, change=replace(setting.change, inverse=not setting.change.inverse))
+    gains, changes = [], []
+    original = replace(setting.change, inverse=setting.change.inverse != inverse)
+    for half in (*setting.halves, np.ones(len(setting.pairs), bool)):
+        starts = [_with_axes(setting.change, axes) for axes in exchanges(with_same=inverse)]
+        change = min(starts, key=lambda each: setting.cost(each, half))
+        refined = _refined(setting, change, _turned_mount, np.zeros(3), half)[0]
+        if setting.cost(change, half) - setting.cost(refined, half) > GAIN:
+            change = refined  # else the exchange alone is as good
+        changes.append(change)
+        gains.append(setting.cost(original, ~half) - setting.cost(change, ~half))
+    mount = changes[-1].mount
+    size = 0.0 if mount is None else float(np.arccos(np.clip((np.trace(mount) - 1) / 2, -1, 1)))
+    return Tested(kind, changes[-1], size, 0.0, 0.0, (gains[0], gains[1]))
+
+
+def exchanges(with_same: bool) -> Iterator[Array]:
+    """Yields the rotations (3, 3) by which axes are exchanged, 24 with the identity."""
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        axes = np.diag(signs)[list(order)]
+        if np.linalg.det(axes) > 0 and (with_same or not np.array_equal(axes, np.eye(3))):
+            yield axes
+
+
+def _with_axes(change: Change, axes: Array) -> Change:
+    """Returns it with the axes of the poses' frame exchanged, in which the camera stands."""
+    mount = axes if change.mount is None else axes @ change.mount
+    return replace(change, mount=mount, lever=None if change.lever is None else axes @ change.lever)
+
+
+def _turned_mount(change: Change, p: Array) -> Change:
+    return replace(change, mount=(np.eye(3) if change.mount is None else change.mount) @ turned(p))
+
+
+Parameters = Callable[[Change, Array], Change]
+
+
+def _fitted(setting: Setting, kind: Kind, of: Parameters, starts: list[Array]) -> tuple[Tested, Array, Array]:
+    """Fits parameters to each half and to the whole; returns the test, and the whole's parameters and covariance."""
+    everything, gains = np.ones(len(setting.pairs), bool), []
+    for half in (*setting.halves, everything):
+        costs = [setting.cost(of(setting.change, p), half) for p in starts]
+        change, p, covariance = _refined(setting, setting.change, of, starts[int(np.argmin(costs))], half)
+        gains.append(setting.cost(setting.change, ~half) - setting.cost(change, ~half))
+    return Tested(kind, change, 0.0, 0.0, 0.0, (gains[0], gains[1])), p, covariance
+
+
+def _refined(
+    setting: Setting, change: Change, of: Parameters, start: Array, chosen: NDArray[np.bool_]
+) -> tuple[Change, Array, Array]:
+    if not chosen.any():
+        return change, start, np.full((len(start), len(start)), np.inf)
+    found = least_squares(
+        lambda p: setting.residuals(of(change, p), chosen), start, diff_step=1e-4, x_scale=0.01, max_nfev=20
+    )
+    best = of(change, found.x)
+    dispersion = max(1.0, setting.dispersion(best, chosen))
+    prior = np.eye(len(start)) / UNKNOWN**2  # where nothing is seen, the covariance stays finite
+    return best, found.x, dispersion * np.linalg.inv(found.jac.T @ found.jac + prior)
+
+
+def _sigma(p: Array, covariance: Array) -> float:
+    """The standard deviation in the direction of p where p is significant there, else the largest one."""
+    length = float(np.linalg.norm(p))
+    along = float(np.sqrt(p @ covariance @ p)) / length if length > 0 else np.inf
+    worst = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    return along if length > SIGNIFICANT * along else worst
+
+
+TESTS: dict[Kind, Callable[[Setting], Tested]] = {
+    "clock": _clock, "mount": _mount, "lever": _lever, "axes": _axes, "inverse": _inverse,
+}  # fmt: skip
+SETTLES: dict[Kind, tuple[Kind, ...]] = {
+    "clock": ("clock",),
+    "mount": ("mount", "axes", "inverse"),
+    "lever": ("lever",),
+    "axes": ("axes", "mount", "inverse"),
+    "inverse": ("axes", "mount", "inverse"),
+}
+"""What is not tested again once one is accepted: all but the clock and the lever arm turn the mount as well."""

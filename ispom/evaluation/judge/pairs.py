@@ -1,0 +1,153 @@
+"""What the tracks of two frames say of the motion between them: the best relative pose, and how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.numerics.robust import MAD, normalised_mad, robust_cost, robust_weights
+from ispom.solvers.multiview.essential import linearised, refine_sampson, relative_pose
+from ispom.solvers.multiview.rotation import dominant_rotation, rotate
+from ispom.solvers.multiview.triangulation import triangulate
+
+BIAS_PX = 0.25
+"""Tracks may be displaced by so much in common, beyond their noise: what a lens model fitted to a target usually leaves
+(0.1 to 0.3 px). A pose that moves the epipolar lines by less is never contradicted."""
+LEAST_NOISE_PX = 0.02
+"""Noise of tracks is never taken to be less: exact ones have none."""
+LEAST = 30
+"""Tracks that a pair must share: six for each of the 5 unknowns, so that a moving object is not most of them."""
+WIDTH = 3.0
+"""Width of the robust loss in standard deviations."""
+AMBIGUOUS = 10.0
+"""A relative pose near the given one is preferred to another one unless that one's cost is lower by more than this and
+what BIAS_PX of each track may add: a plane has two solutions, both exact without noise and bias."""
+FRONT = 0.5
+"""Share of the points that must be in front of both cameras: an essential matrix also has a twisted pose, which turns
+by 180 degrees more, and has nearly none there."""
+CLEARLY = 4.0
+"""Multiple of BIAS_PX that is clearly more: of a bias that is normally distributed over recordings, 1 in 16,000."""
+UNKNOWN = np.pi
+"""Standard deviation [rad] of a direction of which the images say nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairEvidence:
+    """The relative pose of frames `first` and `second` by their tracks."""
+
+    first: int
+    second: int
+    """Numbers among the frames of the main camera."""
+    rotation: Array
+    """(3, 3) second_from_first."""
+    direction: Array
+    """(3,) of the translation second_from_first, of length 1."""
+    tangent: Array
+    """(2, 3) the directions by which that of the translation may change."""
+    covariance: Array
+    """(5, 5) [rad^2] of a turn about the axes of the second camera, and of the direction along `tangent`."""
+    tracks: int
+    noise_px: float
+    """Standard deviation of the distances from the epipolar lines."""
+    motion_px: float
+    """Median displacement of the tracks."""
+    parallax_px: float
+    """Median displacement that no rotation explains."""
+    moves: bool
+    """Whether the displacement is more than noise and bias explain."""
+    normal: Array
+    """(5, 5) mean of the squared derivatives: the mean square of the distances that a misfit adds, in `pixel`^2."""
+    pixel: float
+    """Size of a pixel in normalised coordinates."""
+    x1: Array
+    """(N, 2) tracks in the first frame."""
+    x2: Array
+    """(N, 2) in the second one."""
+
+
+def pair_evidence(ends: tuple[int, int], x1: Array, x2: Array, given: Pose, pixel: float) -> PairEvidence | None:
+    """Fits a relative pose to tracks (N, 2) in two frames; None where they do not fix one.
+
+    `given` is second_from_first of the poses that are judged: only of two equally good fits is the nearer one taken.
+    """
+    if len(x1) < LEAST:
+        return None
+    turn = dominant_rotation(x1, x2, WIDTH * pixel)
+    away = np.linalg.norm(rotate(turn, x1) - x2, axis=1)
+    parallax_px = float(np.median(away)) / pixel
+    motion_px = float(np.median(np.linalg.norm(x1 - x2, axis=1))) / pixel
+    pose = _best(x1, x2, given, pixel)
+    near = linearised(pose, x1, x2)
+    noise = max(normalised_mad(near.residuals), LEAST_NOISE_PX * pixel)
+    weight = robust_weights(near.residuals**2, WIDTH * noise)
+    if not parallax_px * pixel > WIDTH * (noise + BIAS_PX * pixel):  # the direction is not fixed: rotation only
+        inliers = away < WIDTH * (noise + 2 * BIAS_PX * pixel)
+        if inliers.sum() < max(LEAST, len(x1) // 2):
+            return None
+        normal = np.zeros((5, 5))
+        normal[:3, :3] = _normal_of_turn(rotate(turn, x1)[inliers])
+        pose, count, parallax = Pose(turn, pose.translation), int(inliers.sum()), False
+    else:
+        count, parallax = int(weight.sum()), True
+        if count < LEAST:
+            return None
+        normal = near.jacobian.T @ (weight[:, None] * near.jacobian) / weight.sum()
+        pose = _facing(pose, x1, x2)
+    prior = np.diag([0, 0, 0, UNKNOWN**-2, UNKNOWN**-2])
+    covariance = np.linalg.inv(normal / (noise**2 / count + (BIAS_PX * pixel) ** 2) + prior + 1e-9 * np.eye(5))
+    tangent = np.linalg.svd(pose.translation[None])[2][1:]
+    return PairEvidence(
+        *ends, pose.rotation, pose.translation, tangent, covariance, count, noise / pixel, motion_px, parallax_px,
+        parallax, normal, pixel, x1, x2,
+    )  # fmt: skip
+
+
+def denies(pair: PairEvidence, given: Pose) -> bool:
+    """Checks directly whether the given second_from_first puts most tracks off their epipolar lines by clearly more
+    than noise and bias. Where the images have two explanations, as of a plane, the given one may be the other one."""
+    length = float(np.linalg.norm(given.translation))
+    if length == 0:
+        return True
+    residuals = linearised(Pose(given.rotation, given.translation / length), pair.x1, pair.x2).residuals
+    return MAD * float(np.median(np.abs(residuals))) / pair.pixel > np.hypot(pair.noise_px, CLEARLY * BIAS_PX)
+
+
+def _best(x1: Array, x2: Array, given: Pose, pixel: float) -> Pose:
+    """The relative pose that fits the tracks best; the one near the given pose where it is as good."""
+    found = relative_pose(x1, x2, pixel)
+    length = float(np.linalg.norm(given.translation))
+    direction = given.translation / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    near = refine_sampson(Pose(given.rotation, direction), x1, x2, pixel, iterations=12)
+    if found is None:
+        return near
+    if _in_front(near, x1, x2) < FRONT:
+        return found.second_from_first
+    best = refine_sampson(found.second_from_first, x1, x2, pixel)
+    costs = [robust_cost(linearised(each, x1, x2).residuals ** 2, pixel) for each in (near, best)]
+    return near if costs[0] < costs[1] + AMBIGUOUS + 0.5 * len(x1) * BIAS_PX**2 else best
+
+
+def _facing(pose: Pose, x1: Array, x2: Array) -> Pose:
+    """The pose with that sign of its translation with which most points are in front of both cameras."""
+    other = Pose(pose.rotation, -pose.translation)
+    return max((pose, other), key=lambda each: _front(each, x1, x2))
+
+
+def _in_front(pose: Pose, x1: Array, x2: Array) -> float:
+    """The share of the points that are in front of both cameras, with the better sign of the translation."""
+    return _front(_facing(pose, x1, x2), x1, x2)
+
+
+def _front(pose: Pose, x1: Array, x2: Array) -> float:
+    xyz = triangulate(pose, x1, x2)
+    return float(((xyz[:, 2] > 0) & (pose.apply(xyz)[:, 2] > 0)).mean())
+
+
+def _normal_of_turn(x: Array) -> Array:
+    """Mean of the squared derivatives (3, 3) of points (N, 2), one coordinate each, by a turn."""
+    u, v, one = x[:, 0], x[:, 1], np.ones(len(x))
+    by_u = np.stack([-u * v, 1 + u * u, -v], axis=1)
+    by_v = np.stack([-one - v * v, u * v, u], axis=1)
+    return (by_u.T @ by_u + by_v.T @ by_v) / len(x)

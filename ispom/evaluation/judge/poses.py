@@ -1,0 +1,69 @@
+"""The poses that are judged, at the times of the frames, and what may be wrong with all of them at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, so3_exp
+from ispom.solvers.trajectory.interpolation import interpolate
+from ispom.types import Trajectory
+
+NEAR_NS = 1_000_000
+"""A pose so near in time is the frame's own: files round times to microseconds or milliseconds."""
+LONGEST_GAP_NS = 250_000_000
+"""Between poses further apart nothing is interpolated: handheld cameras change their motion within such a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What is done to all poses before they are compared with the images."""
+
+    clock_s: float = 0.0
+    """A frame at time t has the pose that the file states for t + `clock_s`."""
+    mount: Array | None = None
+    """(3, 3) frame_from_camera: the axes of the camera in those of the poses; None where they are the same."""
+    lever: Array | None = None
+    """(3,) of the camera in the frame of the poses, in the unit of the poses."""
+    inverse: bool = False
+    """Whether the file states camera_from_world for world_from_camera."""
+
+
+UNCHANGED = Change()
+
+
+def changed(poses: Trajectory, times_ns: NDArray[np.int64], change: Change) -> Trajectory:
+    """Returns world_from_camera at the times (F,) of frames, of world_from_frame poses as a file states them."""
+    if change.inverse:
+        back = np.swapaxes(poses.rotations, 1, 2)
+        moved = -np.einsum("nij,nj->ni", back, poses.translations)
+        poses = Trajectory(poses.times_ns, back, moved, poses.frame)
+    at = interpolate(poses, times_ns + round(change.clock_s * 1e9), "linear")
+    mount = np.eye(3) if change.mount is None else change.mount
+    lever = np.zeros(3) if change.lever is None else change.lever
+    return at.moved(right=Pose(mount, lever))
+
+
+def covered(poses: Trajectory, times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Checks which of the frames (F,) have a pose, or two near enough to interpolate between."""
+    after = np.searchsorted(poses.times_ns, times_ns)
+    before, after = (after - 1).clip(0), after.clip(0, len(poses) - 1)
+    gaps = np.abs(times_ns - poses.times_ns[before]), np.abs(times_ns - poses.times_ns[after])
+    inside = (times_ns >= poses.times_ns[0]) & (times_ns <= poses.times_ns[-1])
+    return (np.minimum(*gaps) <= NEAR_NS) | (inside & (gaps[0] + gaps[1] <= LONGEST_GAP_NS))
+
+
+def turned(rotvec_rad: Array) -> Array:
+    """Returns the rotation (3, 3) of a rotation vector (3,)."""
+    return so3_exp(np.asarray(rotvec_rad, float)[None])[0]
+
+
+def distinct(poses: Trajectory) -> Trajectory:
+    """Returns the poses with different times, the last one of each."""
+    if not len(poses):
+        return poses
+    order = np.argsort(poses.times_ns, kind="stable")
+    times = poses.times_ns[order]
+    return poses.select(order[np.append(np.diff(times) > 0, True)])

@@ -1,0 +1,71 @@
+"""The judge's own tracks through a recording, in normalised coordinates: no estimator uses them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.evaluation.doctor.examination import grey, halvings
+from ispom.evaluation.doctor.tracking import evened, followed
+from ispom.geometry import Array
+from ispom.types import Frame, FrameName, Image, Sequence
+
+LONGEST_SPAN = 16
+"""Frames between the two of a pair, at most: tracks become few, and the answer no longer local."""
+CHUNK = 96
+"""Frames that are tracked at a time, which limits memory; the next chunk begins early enough for its first pairs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """P corners in F consecutive frames of the main camera."""
+
+    first: int
+    """Number of its first frame among those of the main camera."""
+    fresh: int
+    """Its first so many frames begin pairs; those of the others are in the next chunk."""
+    x: Array
+    """(P, F, 2) in normalised coordinates; NaN where a corner is not seen."""
+    pixel: float
+    """Size of a pixel of the tracked images in normalised coordinates."""
+
+
+def main_camera(sequence: Sequence) -> FrameName:
+    """Returns the camera in whose images corners are tracked."""
+    return "video" if sequence.rig.video is not None else "left"
+
+
+def main_frames(sequence: Sequence) -> NDArray[np.int64]:
+    """Returns the places (F,) of the main camera's frames among the measurements."""
+    kind = "video" if main_camera(sequence) == "video" else "stereo"
+    return np.array([i for i, each in enumerate(sequence.kinds) if each == kind], np.int64)
+
+
+def chunks(sequence: Sequence, places: NDArray[np.int64], advance: Callable[[], None]) -> Iterator[Chunk]:
+    """Tracks corners through the frames at these places, a chunk at a time. `advance` is called after each frame."""
+    name = main_camera(sequence)
+    camera = sequence.rig.camera(name)
+    count = halvings(camera.longer_side_px)
+    camera = camera.scaled(0.5**count) if count else camera
+
+    def image(place: int) -> Image:
+        measured = sequence.load(place)
+        if not isinstance(measured, Frame):
+            raise TypeError(f"measurement {place} is no frame")
+        advance()
+        return evened(grey(measured.images[name], count))
+
+    images: list[Image] = []
+    for first in range(0, len(places), CHUNK):
+        images = images[CHUNK:]
+        end = min(first + CHUNK + LONGEST_SPAN, len(places))
+        images += [image(int(place)) for place in places[first + len(images) : end]]
+        uv, _ = followed(images)
+        seen = np.isfinite(uv[..., 0])
+        x = np.full(uv.shape, np.nan)
+        rays, valid = camera.unproject(uv[seen])
+        x[seen] = np.where((valid & (rays[:, 2] > 0.1))[:, None], rays[:, :2] / np.maximum(rays[:, 2:], 0.1), np.nan)
+        yield Chunk(first, min(CHUNK, len(images)), x, 1 / camera.fx)
