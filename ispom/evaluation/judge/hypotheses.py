@@ -35,8 +35,8 @@ CLOCK_FLOOR_S = 0.002
 CENTRE_PX = 1.0
 """A mount is never known better than the principal point of a calibration, which is usually known to so much."""
 CLOCK_TELLS_S, MOUNT_TELLS, LEVER_TELLS = 0.01, np.radians(1.0), 0.5
-"""The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames of
-a pair. The images tell whether there is one if it would be significant."""
+"""The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames
+of a pair. The images tell whether there is one if it would be significant."""
 LEAST_EXCHANGE = np.radians(45.0)
 """Exchanged axes turn by at least 90 degrees: a smaller turn is a mount."""
 BLOCK = 16
