@@ -27,7 +27,7 @@ from .step_log import DECISION_COLUMNS, STEP_COLUMNS
 Record = tuple[int, dict[str, str]]
 """Number of the line, and the cells by column."""
 KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
-LATER = frozenset({"provisional"})
+LATER = frozenset({"provisional", "segment_age_ns"})
 """Columns that runs of earlier versions lack: nothing is known of them there."""
 RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
@@ -66,7 +66,8 @@ def stored_steps(folder: Path) -> Iterator[Iterator[StoredStep]]:
 def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Iterator[Record]:
     reader = csv.DictReader(file, strict=True)
     try:
-        if tuple(reader.fieldnames or ()) not in (columns, tuple(name for name in columns if name not in LATER)):
+        named = tuple(reader.fieldnames or ())
+        if named != tuple(name for name in columns if name in named or name not in LATER):
             raise InputError(f"{path} line 1 does not name the columns that this version writes: run again")
         for row in reader:
             if None in row or None in row.values():

@@ -55,7 +55,15 @@ NO_MAP = EventKind(
 )
 
 
+def resumed(moment: Moment) -> bool:
+    """Whether a method that was making another map goes on in the one that it had."""
+    making = moment.before.get("status") == Status.INITIALISING and moment.tracked
+    return making and not moment.now.get("restarted") and not moment.about("map")
+
+
 def detect_map(moment: Moment) -> str | bool | None:
+    if resumed(moment):
+        return False
     if not moment.became(Status.TRACKING) or registered(moment.method).asks:  # those build on the maps of others
         return False
     if moment.before.get("status") != Status.INITIALISING and not moment.about("map"):
@@ -70,7 +78,7 @@ MAP = EventKind("map", "Map initialised", Severity.OK, "A method that had no map
 
 
 def detect_relocalised(moment: Moment) -> str | bool | None:
-    found = moment.became(Status.TRACKING) and moment.before.get("status") == Status.LOST
+    found = moment.became(Status.TRACKING) and (moment.before.get("status") == Status.LOST or resumed(moment))
     if not found or moment.step is None or moment.now.get("restarted") or moment.about("map"):
         return False
     detail = pose_detail(moment.step, moment.now)

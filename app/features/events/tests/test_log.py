@@ -57,6 +57,12 @@ def test_a_first_map_and_one_after_a_loss_are_maps_and_no_relocalisation() -> No
     assert told(found) == [("map", 2, 3), ("lost", 3, 4), ("map", 4, None)]
 
 
+def test_a_map_that_goes_on_while_another_is_made_is_relocalised_and_no_new_map() -> None:
+    scene = Landmarks(np.arange(3), np.ones((3, 3)), np.zeros((3, 3), np.uint8))
+    found = logged([step(INIT), step(T, landmarks=scene), step(L), step(INIT), step(T, landmarks=scene)])
+    assert told(found) == [("map", 1, 2), ("lost", 2, 3), ("relocalised", 4, None)]
+
+
 def test_a_method_without_points_of_the_scene_makes_no_map() -> None:
     assert told(logged([step(INIT), step(T), step(T)])) == []
     scene = Landmarks(np.arange(3), np.ones((3, 3)), np.zeros((3, 3), np.uint8))

@@ -76,7 +76,7 @@ def _collect(setup: Setup, state: ModernMonocularState, image: NewImage) -> Outc
     lost = after_loss and progress.start.moves
     outcome = Outcome(
         image.tracked,
-        Status.LOST if lost else Status.INITIALISING,
+        Status.LOST if lost and start.before_loss is not None else Status.INITIALISING,
         None if lost else progress.held,
         decisions=progress.decisions,
         settled=progress.settled,

@@ -30,7 +30,7 @@ def next_lost_frames(
     """Returns the frames to try later, without those of a segment that begins; adds this one if it has no pose."""
     since = outcome.segment_from_ns
     waiting = tuple(f for f in state.lost_frames if since is None or f.time_ns < since)
-    lost = outcome.status == Status.LOST and outcome.pose is None
+    lost = outcome.pose is None and (outcome.status == Status.LOST or outcome.start is not None)
     if not lost or not setup.relocalise:
         return waiting
     return (*waiting, LostFrame(image.time_ns, image.grey, state.segment))[-MAX_LOST:]
