@@ -44,9 +44,9 @@ def lines(found: Judged) -> list[str]:
     text = [verdict(found)]
     text += [f"  {_tested(each)}" for each in found.of.tested if each.accepted]
     text += [f"  {_denied(found, each)}" for each in found.of.denied]
-    untold = [NAMES[each.kind] for each in found.of.tested if not each.told]
-    if untold:
-        text.append(f"  The motion does not show: {'; '.join(untold)}.")
+    hidden = [NAMES[each.kind] for each in found.of.tested if not each.detectable]
+    if hidden:
+        text.append(f"  The motion does not show: {'; '.join(hidden)}.")
     if found.of.stretches:
         text.append(HEAD)
     for each in found.of.stretches:
@@ -153,7 +153,7 @@ def _plain_tested(each: Tested) -> dict[str, Any]:
     return {
         "kind": each.kind,
         "found": bool(each.accepted),
-        "told": bool(each.told),
+        "detectable": bool(each.detectable),
         "size": None if exact else each.size,
         "sigma": None if exact else each.sigma,
         "unit": {"clock": "s", "mount": "rad", "lever": "unit of the poses"}.get(each.kind),

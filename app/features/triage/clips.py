@@ -74,8 +74,8 @@ class _Found:
     clip: Clip
     sure: bool
     """Whether it was recognised."""
-    told: bool
-    """Whether a person wants to know of it beside clips."""
+    listed: bool
+    """Whether it is listed beside clips."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ class _Search:
         if one_film and sure <= 1:
             return [_sure(self._clip(place))]
         if sure:
-            inner = [each for each in inner if each.told]
-        return inner or [_Found(self._clip(place), False, _is_told(place))]
+            inner = [each for each in inner if each.listed]
+        return inner or [_Found(self._clip(place), False, _looks_like_a_failed_recording(place))]
 
     def _entry(self, path: Path) -> Iterator[_Found]:
         suffix = path.suffix.lower()
@@ -126,7 +126,7 @@ def _sure(clip: Clip) -> _Found:
     return _Found(clip, True, True)
 
 
-def _is_told(place: Path) -> bool:
+def _looks_like_a_failed_recording(place: Path) -> bool:
     """Whether a folder in which no clip was found looks like a recording that failed: it is empty, or has images."""
     inside = names(place)
     return not inside or bool(unread_images(place)) or any(Path(n).suffix.lower() in IMAGE_SUFFIXES for n in inside)
@@ -137,7 +137,7 @@ def stamp(clip: Clip) -> str:
     path = Path(clip.source)
     try:
         entries = sorted(path.iterdir()) if path.is_dir() else [path]
-        told = [(entry.name, status.st_size, status.st_mtime_ns) for entry in entries for status in [entry.lstat()]]
+        files = [(entry.name, status.st_size, status.st_mtime_ns) for entry in entries for status in [entry.lstat()]]
     except OSError:
         return ""
-    return hashlib.sha256(repr(told).encode("utf-8", "backslashreplace")).hexdigest()[:16]
+    return hashlib.sha256(repr(files).encode("utf-8", "backslashreplace")).hexdigest()[:16]

@@ -37,9 +37,9 @@ from ..headless.console import silent
 from ..headless.job import Job
 from ..headless.options import Run as Options
 from ..headless.suspicions import NOTHING, asked, suspected
+from .advice import group_of, of_diagnosis, of_events, of_located
 from .clips import Clip, stamp
 from .row import Action, Group, Row, write_row
-from .told import group_of, of_diagnosis, of_events, of_located
 
 WIDTH_PX, QUALITY = 320, 70
 """Of the picture of a frame: a hundred of them make a page of some 2 MB."""

@@ -17,9 +17,9 @@ from ...presentation import colours
 from ...presentation.templating import environment
 from ..report.html import PACKAGE as REPORT
 from ..report.html import own_text
+from .advice import Lesson, how_to_film
 from .clips import Clip
 from .row import Action, Group, Row
-from .told import Lesson, how_to_film
 
 PAGE, TABLE, ALL, NOTE = "index.html", "triage.csv", "triage.json", "how_to_film.md"
 PACKAGE = __name__.rpartition(".")[0]

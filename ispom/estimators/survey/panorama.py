@@ -222,8 +222,8 @@ class Comparison:
     """(M,)."""
 
 
-class Panorama(OneKind[Memory]):
-    """Gives each frame an orientation. World: the camera at the first frame; the position stays there."""
+class _Registering(OneKind[Memory]):
+    """Registers each frame to images taken before."""
 
     kind, frame = "video", "video"
 
@@ -235,6 +235,10 @@ class Panorama(OneKind[Memory]):
     def begin(self) -> Memory:
         """See OneKind."""
         return Memory()
+
+
+class Panorama(_Registering):
+    """Gives each frame an orientation. World: the camera at the first frame; the position stays there."""
 
     def finish(self, state: State[Any], /) -> Trajectory:
         """See Estimator: with the orientations of the key images as averaged last."""
@@ -445,19 +449,12 @@ def rigid_matches(x1: Array, x2: Array, limit: float) -> int:
     return 0 if inliers is None else int(inliers.sum())
 
 
-class Registration(OneKind[Memory]):
+class Registration(_Registering):
     """Finds each frame in reference images. World: that of the reference."""
 
-    kind, frame = "video", "video"
-
     def __init__(self, rig: Rig, config: PanoramaConfig, reference: Reference) -> None:
-        self.rig, self.config, self.camera, self.reference = rig, config, rig.camera("video"), reference
-        self.descriptor, self.matcher = FEATURES[config.features]
-        self.limit = config.max_error_px / self.camera.fx
-
-    def begin(self) -> Memory:
-        """See OneKind."""
-        return Memory()
+        super().__init__(rig, config)
+        self.reference = reference
 
     def finish(self, state: State[Any], /) -> Trajectory:
         """See Estimator."""

@@ -1,4 +1,4 @@
-"""Asks all questions about an estimate and its reference, one after the other, and measures what each answer is worth.
+"""Checks an estimate and its reference for all mistakes, one after the other, and measures what each answer is worth.
 
 The best explanation is applied, and the questions are asked again, so that two mistakes in one file are both found.
 """

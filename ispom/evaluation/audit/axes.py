@@ -1,4 +1,4 @@
-"""Asks whether both trajectories are of a body with the same axes."""
+"""Checks whether both trajectories are of a body with the same axes."""
 
 from __future__ import annotations
 

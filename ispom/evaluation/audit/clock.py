@@ -1,4 +1,4 @@
-"""Asks whether both clocks are one: their offset, their rates, the unit of times; for rows, a shifted index.
+"""Checks whether both clocks are one: their offset, their rates, the unit of times; for rows, a shifted index.
 
 The offset is looked for by what no axes change: the speeds of rotation and of motion. The errors of blocks refine it.
 """

@@ -1,4 +1,4 @@
-"""Asks whether one file follows another convention: inverse poses, w first, mirrored axes."""
+"""Checks whether one file follows another convention: inverse poses, w first, mirrored axes."""
 
 from __future__ import annotations
 

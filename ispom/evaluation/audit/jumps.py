@@ -1,4 +1,4 @@
-"""Asks whether one of both jumps where the other one does not: single wild poses, and origins that start again."""
+"""Checks whether one of both jumps where the other one does not: single wild poses, and origins that start again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Asks whether both trajectories are of the same point of a rig: the lever arm between two bodies.
+"""Checks whether both trajectories are of the same point of a rig: the lever arm between two bodies.
 
 Blocks whose positions are aligned show it whatever the axes are, but their alignment takes a part of it away. Motions
 in the body's own frame show it better, where the axes are the same: turning moves a point that is far from the axis.

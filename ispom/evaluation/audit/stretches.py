@@ -1,4 +1,4 @@
-"""Asks whether poses are missing under the cover of copies: frozen stretches, and stretches that are there twice."""
+"""Checks whether poses are missing under the cover of copies: frozen stretches, and stretches that are there twice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Asks whether only the unit differs, where the alignment takes no scale away."""
+"""Checks whether only the unit differs, where the alignment takes no scale away."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Tested:
         return min(self.gains) > GAIN and abs(self.size) >= SIGNIFICANT * self.sigma
 
     @property
-    def told(self) -> bool:
+    def detectable(self) -> bool:
         """Whether the motion would show an offset that matters."""
         return SIGNIFICANT * self.sigma <= self.telling
 

@@ -15,12 +15,11 @@ from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.join import agree, covariance_at, measure
 from ispom.estimators.modern.monocular.match_keyframes import KeyframeMatch
-from ispom.estimators.modern.monocular.setup import LOSS, Setup
+from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.worlds import Recognised, Worlds
-from ispom.features.front_ends import front_end
 from ispom.geometry import Array, Pose, Similarity
-from ispom.numerics.robust import Noise
 from ispom.types import Camera, Decision, Measurement, Sequence, Step, is_video
+from tests.estimators.modern.monocular_setup import monocular_setup
 
 GREY = np.zeros((48, 64), np.uint8)
 SIMILARITY = Similarity(2.5, Pose(Rotation.from_euler("xyz", (0.3, -0.2, 1.0)).as_matrix(), np.array([4.0, -1.0, 2.0])))
@@ -30,22 +29,7 @@ CAMERA = Camera(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 @pytest.fixture
 def setup() -> Setup:
-    return Setup(
-        CAMERA,
-        Noise(0.34, LOSS),
-        np.zeros(2),
-        max_tracks=500,
-        key_frames=10,
-        start_parallax_rad=0.02,
-        point_parallax_rad=0.01,
-        min_parallax_deg=2.5,
-        min_share=0.3,
-        max_view_angle_deg=10,
-        max_interval_s=1,
-        relocalise=True,
-        follow="static",
-        front_end=front_end("klt"),
-    )
+    return monocular_setup(CAMERA)
 
 
 def uncertain(relative: float) -> MapUncertainty:

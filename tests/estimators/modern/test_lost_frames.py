@@ -17,15 +17,14 @@ from ispom.estimators.modern.monocular.lost_frames import (
     try_lost_frames,
 )
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.setup import LOSS, Setup
+from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import LostFrame, ModernMonocularState, Outcome
 from ispom.estimators.modern.monocular.tracks import NewImage
 from ispom.estimators.tracked_frame import ScenePoints
-from ispom.features.front_ends import front_end
 from ispom.geometry import Pose
-from ispom.numerics.robust import Noise
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Measurement, Sequence, Status, Step, as_grey, is_video
+from tests.estimators.modern.monocular_setup import monocular_setup
 
 GREY = np.zeros((4, 4), np.uint8)
 MAP = Map((), ScenePoints(), None, 1.0)
@@ -35,23 +34,7 @@ LOST = slice(40, 43)
 
 @pytest.fixture
 def setup(flight: Sequence) -> Setup:
-    camera = flight.rig.camera("video")
-    return Setup(
-        camera,
-        Noise(0.34, LOSS),
-        np.zeros(2),
-        max_tracks=500,
-        key_frames=10,
-        start_parallax_rad=0.02,
-        point_parallax_rad=0.01,
-        min_parallax_deg=2.5,
-        min_share=0.3,
-        max_view_angle_deg=10,
-        max_interval_s=1,
-        relocalise=True,
-        follow="static",
-        front_end=front_end("klt"),
-    )
+    return monocular_setup(flight.rig.camera("video"))
 
 
 @pytest.fixture(scope="module")

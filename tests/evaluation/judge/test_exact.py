@@ -58,7 +58,7 @@ def test_the_truth_agrees(noise_px: float) -> None:
     judgement = judged(TRUTH, noise_px)
     assert judgement.verdict == "agrees"
     assert not judgement.denied and not found(judgement)
-    assert all(each.told for each in judgement.tested)
+    assert all(each.detectable for each in judgement.tested)
 
 
 def test_another_world_and_unit_agree() -> None:

@@ -42,7 +42,7 @@ def test_a_folder_of_one_film_is_a_clip_and_of_a_film_and_other_clips_is_none(tm
     assert list(named(tmp_path)) == ["a/film.mp4", "a/more/sequences/07"]
 
 
-def test_links_are_not_followed_and_one_that_leads_out_is_told(tmp_path: Path) -> None:
+def test_links_are_not_followed_and_one_that_leads_out_is_listed(tmp_path: Path) -> None:
     folder, outside = tmp_path / "clips", make_drive(tmp_path / "outside")
     make_drive(folder / "one")
     (folder / "away").symlink_to(outside)

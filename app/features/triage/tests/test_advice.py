@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ispom_app.engine.run_events.event import RunEvent
 from ispom_app.engine.verdict import Severity
+from ispom_app.features.triage.advice import action_of, group_of, how_to_film, of_diagnosis, of_events, of_located
 from ispom_app.features.triage.page import note
 from ispom_app.features.triage.row import Action, Group, Row
-from ispom_app.features.triage.told import action_of, group_of, how_to_film, of_diagnosis, of_events, of_located
 
 from ispom.evaluation.doctor.diagnosis import Diagnosis
 from ispom.evaluation.doctor.finding import Finding, Ranked
