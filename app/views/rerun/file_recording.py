@@ -14,7 +14,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from threading import Thread
 from typing import Self
@@ -74,9 +74,11 @@ class FileRecording:
 
     @property
     def size_bytes(self) -> int:
-        """On disk so far."""
-        present = next((path for path in (self._part, self.path) if path.exists()), None)
-        return present.stat().st_size if present else 0
+        """On disk so far. Another thread may give the file its name between two looks."""
+        for path in (self._part, self.path):
+            with suppress(FileNotFoundError):
+                return path.stat().st_size
+        return 0
 
     def write(self, event: Event | Bookmark) -> None:
         """Never raises because of the disk: see `failure`."""

@@ -71,6 +71,26 @@ def test_a_closed_file_verifies(run, tmp_path):
     assert verified.returncode == 0, verified.stderr
 
 
+def test_its_size_is_known_in_the_moment_in_which_it_gets_its_name(run, tmp_path, monkeypatch):
+    file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+    hidden, stat, exists = part_of(file.path), Path.stat, Path.exists
+
+    def closing(look):
+        def looked(path: Path, **how):
+            found = look(path, **how)
+            if path == hidden:
+                monkeypatch.undo()
+                file.close()
+            return found
+
+        return looked
+
+    monkeypatch.setattr(Path, "stat", closing(stat))
+    monkeypatch.setattr(Path, "exists", closing(exists))
+    assert file.size_bytes > 0
+    assert file.size_bytes == file.path.stat().st_size
+
+
 def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypatch):
     monkeypatch.setattr(file_recording, "FLUSH_EVERY", 1)
     monkeypatch.setattr(file_recording, "WAIT_S", 60.0)
