@@ -134,5 +134,5 @@ def due_s(state: State, run: CurrentRun, before_s: float, now_s: float) -> float
     times, i = run.playback.sequence.times_ns, state.index
     if state.speed is None or not 0 <= i < len(times) - 1:
         # As fast as possible: as fast as new frames are computed, and the past no faster than eyes follow.
-        return now_s + (1 / 120 if i + 1 < len(run.history) else 0.0)
+        return now_s + (1 / 120 if i + 1 < len(run.history) or run.recorded_frames else 0.0)
     return max(now_s, before_s + float(times[i + 1] - times[i]) * 1e-9 / state.speed)
