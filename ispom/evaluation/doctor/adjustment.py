@@ -69,8 +69,8 @@ def adjust(
     Levenberg and Marquardt with a robust loss; the first pose is fixed, and damping holds the scale where nothing else
     does.
     """
-    start = _Fit(scene, np.array([first.value(name) for name in names]))
-    found = least_squares.adjust(_problem(scene, rig, seen, names, loss_px), start, iterations, ENOUGH)
+    start = Fit(scene, np.array([first.value(name) for name in names]))
+    found = least_squares.adjust(problem_of(scene, rig, seen, names, loss_px), start, iterations, ENOUGH)
     return found.values.scene, change_of(names, found.values.numbers), found.cost
 
 
@@ -113,7 +113,7 @@ def screened(
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class Fit:
     """What is adjusted."""
 
     scene: Scene
@@ -121,20 +121,20 @@ class _Fit:
     """(n,) of the calibration, in the order of their names."""
 
 
-def _problem(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], loss_px: float) -> Problem[_Fit]:
+def problem_of(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], loss_px: float) -> Problem[Fit]:
     """All poses but the first, all points, and these numbers of the calibration."""
     poses = 6 * len(scene.times_s)
 
-    def moved(now: _Fit, shared: Array, blocks: Array) -> _Fit:
+    def moved(now: Fit, shared: Array, blocks: Array) -> Fit:
         step = np.concatenate([np.zeros(6), shared])
-        return _Fit(now.scene.moved(step[:poses].reshape(-1, 6), blocks), now.numbers + step[poses:])
+        return Fit(now.scene.moved(step[:poses].reshape(-1, 6), blocks), now.numbers + step[poses:])
 
     family = _ImagePoints(rig, seen, names, np.full(len(seen), loss_px))
     return Problem((family,), moved, poses - 6 + len(names), len(scene.points), 3)
 
 
 @dataclass(frozen=True, eq=False)
-class _ImagePoints(Family[_Fit]):
+class _ImagePoints(Family[Fit]):
     """Errors of points in the images [px]."""
 
     rig: Rig
@@ -147,10 +147,10 @@ class _ImagePoints(Family[_Fit]):
         """The robust loss, which grows no more beyond FARTHEST."""
         return np.log1p(np.minimum(squares, (FARTHEST / self.widths) ** 2)), 1 / (1 + squares)
 
-    def residuals(self, values: _Fit) -> Array:
+    def residuals(self, values: Fit) -> Array:
         return -self._predicted(values.scene, values.numbers, False).residuals
 
-    def derivatives(self, values: _Fit) -> Derivatives:
+    def derivatives(self, values: Fit) -> Derivatives:
         now = self._predicted(values.scene, values.numbers)
         by_twist, weight = np.nan_to_num(now.by_twist), now.weight[:, None, None]
         by_numbers = np.zeros((len(self.seen), 2, len(self.names)))
@@ -172,8 +172,8 @@ class _Fitted:
     """The normal equations of a fitted scene, for any of the numbers."""
 
     def __init__(self, scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], change: Change) -> None:
-        self.names, problem = names, _problem(scene, rig, seen, names, LOSS_PX)
-        fit = _Fit(scene, np.array([change.value(name) for name in names]))
+        self.names, problem = names, problem_of(scene, rig, seen, names, LOSS_PX)
+        fit = Fit(scene, np.array([change.value(name) for name in names]))
         self.poses, self.cost = problem.shared - len(names), 2 * least_squares.cost(problem, fit)
         equations = normal_equations(problem, fit)
         reduced = equations.eliminated(RIDGE)
