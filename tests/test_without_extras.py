@@ -42,6 +42,7 @@ WORKS = {
     "sources": ["sim:tiny"],
     "target": ["chessboard:9x6:0.0242", "--out", "{out}/target.pdf"],
     "triage": [RUN, "--out", OUT, "--seconds", "1"],
+    "undecided": [*TINY[:3]],
 }
 """What each command is tried with."""
 SERVES = {"app": TINY, "demo": [], "learn": []}

@@ -70,6 +70,7 @@ COMMANDS = Registry(
         Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
         Command("evaluate", ".features.evaluation.options:Evaluate", ".features.evaluation.command:evaluate"),
         Command("judge", ".features.judge.options:Judge", ".features.judge.command:judge"),
+        Command("undecided", ".features.undecided.options:Undecided", ".features.undecided.command:undecided"),
         Command("export", ".features.export.options:Export", ".features.export.export:export"),
         Command("report", ".features.report.options:Report", ".features.report.command:report"),
         Command("publish", ".features.publish.options:Publish", ".features.publish.command:publish"),

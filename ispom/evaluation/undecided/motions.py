@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array, so3_exp, so3_log
 from ispom.types import Rig
@@ -27,7 +28,7 @@ MOTIONS: Mapping[str, tuple[tuple[float, float, float], tuple[float, float, floa
     "up": ((0, 0, 0), (0, -1, 0)),
     "forwards": ((0, 0, 0), (0, 0, 1)),
 }
-"""By name: the axis of the turn and the direction of the step, in the axes of the camera: x right, y down, z forward."""
+"""By name: the axis of the turn and the direction of the step, in the rig's axes: x right, y down, z forward."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,13 @@ def with_motion(scene: Scene, rig: Rig, seen: Observations, name: str, noise_px:
 
 
 def looked_at(
-    scene: Scene, rig: Rig, cameras: list[int], points: Array, times_s: Array, noise_px: float, seed: int = 0
+    scene: Scene,
+    rig: Rig,
+    cameras: list[int],
+    points: NDArray[np.int64],
+    times_s: Array,
+    noise_px: float,
+    seed: int = 0,
 ) -> Observations:
     """Returns observations of these points at these times in these CAMERAS, where they are in the image, with normally
     distributed errors."""
@@ -91,7 +98,7 @@ def looked_at(
     asked = Observations(camera.astype(int), time_s, point.astype(int), np.zeros((len(camera), 2)))
     uv = -predicted(scene, rig, Change(), asked, False).residuals
     sizes = np.array([_size(rig, name) for name in CAMERAS])[asked.camera]
-    inside = (np.nan_to_num(uv, nan=-1.0) >= 0).all(axis=1) & (np.nan_to_num(uv, nan=np.inf) <= sizes - 1).all(axis=1)
+    inside = np.asarray(((uv >= 0) & (uv <= sizes - 1)).all(axis=1), bool)  # not where the camera cannot see
     noise = np.random.default_rng(seed).normal(0, noise_px, uv.shape)
     return replace(asked, uv=uv + noise).select(inside)
 

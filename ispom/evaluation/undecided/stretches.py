@@ -47,16 +47,22 @@ class Answer:
 
 
 def of_recording(
-    sequence: Sequence, seconds: float, step_s: float, advance: Callable[[], None] = lambda: None
+    sequence: Sequence,
+    seconds: float,
+    step_s: float,
+    advance: Callable[[], None] = lambda: None,
+    skip: int = 0,
+    most: int | None = None,
 ) -> Iterator[Answer]:
-    """Yields the answer for each stretch of so many seconds, which begin `step_s` apart.
+    """Yields the answer for each stretch of so many seconds, which begin `step_s` apart: without the first `skip`, and
+    `most` at most.
 
     Raises InputError where an image is unreadable. `advance` is called after each measurement that was read, and may
     raise to end the work.
     """
     kind = "video" if sequence.rig.video is not None else "stereo"
     own = np.flatnonzero([each == kind for each in sequence.kinds])
-    for first, last in spans(sequence.times_ns[own], seconds, step_s):
+    for first, last in spans(sequence.times_ns[own], seconds, step_s)[skip:][:most]:
         seen = examination(sequence, int(own[first]), int(own[last]), advance)
         times = int(sequence.times_ns[own[first]]), int(sequence.times_ns[own[last]])
         if seen.start is None or seen.baseline is None:
@@ -120,8 +126,8 @@ def _imagined(
     camera, rig_from_camera = rig.camera(name), rig.rig_from(name)
     points: list[Array] = []
     for k in stretch:
-        uv = random.uniform((0, 0), (camera.width - 1, camera.height - 1), (NEW_POINTS, 2))
-        depths = distance * np.exp(random.uniform(*np.log(DEPTHS), NEW_POINTS))
+        uv = random.uniform(0, 1, (NEW_POINTS, 2)) * (camera.width - 1, camera.height - 1)
+        depths = distance * np.exp(random.uniform(np.log(DEPTHS[0]), np.log(DEPTHS[1]), NEW_POINTS))
         rays = np.column_stack([camera.normalise(uv), np.ones(NEW_POINTS)])
         world_from_camera = Pose(poses.rotations[k], poses.translations[k]) @ rig_from_camera
         points.append(world_from_camera.apply(rays * depths[:, None]))

@@ -96,7 +96,9 @@ def decided(scene: Scene, rig: Rig, seen: Observations) -> Decided:
     poses = problem.shared - len(names)
     by_number = problem.families[0].derivatives(fit).by_shared[..., 12:]
     by_number = np.concatenate([_by_scale(scene, rig, seen)[..., None], by_number], axis=2)
-    effects = np.sqrt([(by_number[seen.camera == c] ** 2).mean(axis=(0, 1)) for c in np.unique(seen.camera)]).max(axis=0)
+    effects = np.sqrt([(by_number[seen.camera == c] ** 2).mean(axis=(0, 1)) for c in np.unique(seen.camera)]).max(
+        axis=0
+    )
     equations = normal_equations(problem, fit)
     reduced = equations.eliminated(DAMPING)
     scores = reduced.scores(equations)

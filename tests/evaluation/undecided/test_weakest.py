@@ -1,4 +1,4 @@
-"""The weakest combination of the numbers against one that is computed from numerical derivatives, and against refits."""
+"""The weakest combination of the numbers, against numerical derivatives and against refits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from ispom.evaluation.doctor.adjustment import adjust
 from ispom.evaluation.doctor.groups import has
-from ispom.evaluation.doctor.hypothesis import STEPS, Change, change_of
+from ispom.evaluation.doctor.hypothesis import STEPS, change_of
 from ispom.evaluation.doctor.scene import Observations, Scene, predicted
 from ispom.evaluation.undecided.motions import looked_at, motion_of, with_motion
 from ispom.evaluation.undecided.stretches import of_motion, spans
@@ -128,7 +128,7 @@ def test_the_motion_is_described() -> None:
 def test_a_planned_motion_gets_the_same_answer_as_its_scene() -> None:
     rates = {}
     for turn_deg in (0.0, 25.0):
-        world = scene(turn_deg, knots=40)
+        world = scene(turn_deg, knots=12)
         poses = Trajectory((world.times_s * 1e9).astype(np.int64), world.rotations, world.positions)
         (only,) = of_motion(poses, ALONE, 8.0, 2.0, 1.0)
         assert only.decided is not None
