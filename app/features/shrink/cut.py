@@ -21,6 +21,9 @@ WRITABLE: tuple[Kind, ...] = ("stereo", "video")
 SENSORS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right")}
 """Names of the cameras of each of them in the rig."""
 
+LEAST_PX = 24
+"""Least width and height of an image: in a smaller one the window of a tracked corner, of 21 pixels, does not fit."""
+
 
 def cameras_of(sequence: Sequence) -> tuple[Kind, ...]:
     """Returns the kinds of its frames. Raises InputError for one that cannot be written."""
@@ -67,10 +70,9 @@ def _smaller(part: Sequence, factor: float) -> Sequence:
     """The same with images and cameras of another size."""
     if factor == 1:
         return part
-    cameras = {name: camera.scaled(factor) for name, camera in part.rig.cameras.items()}
-    if min(min(camera.width, camera.height) for camera in cameras.values()) < 1:
-        raise InputError(f"{part.name} has images that cannot be halved again: give larger ones")
-    rig = part.rig.changed(**cameras)
+    if factor * min(min(camera.width, camera.height) for camera in part.rig.cameras.values()) < LEAST_PX:
+        raise InputError(f"{part.name} has images that cannot be halved again, to less than {LEAST_PX} pixels")
+    rig = part.rig.changed(**{name: camera.scaled(factor) for name, camera in part.rig.cameras.items()})
     guess = part.guess and replace(part.guess, focal_px=part.guess.focal_px * factor)
 
     def load(i: int) -> Measurement:

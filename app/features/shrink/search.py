@@ -173,4 +173,3 @@ def neighbours(clip: Clip) -> Iterator[Clip]:
     if clip.count > 2:
         yield clip.thinned(clip.count - 1)
     yield replace(clip, halvings=clip.halvings + 1)
-

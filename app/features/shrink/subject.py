@@ -1,0 +1,155 @@
+"""What is to be shrunk: a recording, what runs over it, and which of its events is the failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.io.files import Places, exists, expanded
+from ispom.methods import Config, default_methods, in_order, require_sensors, with_dependencies
+from ispom.types import Sequence
+
+from ...engine.playback import Builder
+from ...engine.run_events.event import RunEvent, event_kinds
+from ...engine.run_events.stretch import events_in
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import EVENTS, RUN
+from ...session.review.stored import stored_source
+from ..doctor.command import opened as opened_run
+from ..doctor.options import Doctor
+from .cut import cameras_of, cut, frame_times
+from .options import Shrink
+from .search import Clip, Shrunk, shrunk
+from .trial import Bench, Failure, events_of
+
+Seen = Callable[[Clip, bool], None]
+"""Is called after each trial, with whether the failure remains."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A recording and what runs over it."""
+
+    sequence: Sequence
+    methods: tuple[str, ...]
+    config: Config
+    wanted: Callable[[int, RunEvent], bool]
+    """Whether an event of the run, with its number, is the one to look at."""
+    external: tuple[str, ...] = ()
+    places: Places = None
+    """Only what lies here is read, links followed; None: anything."""
+
+    @property
+    def whole(self) -> Clip:
+        """The clip of the whole recording."""
+        return Clip(0, len(frame_times(self.sequence)) - 1, self.methods, cameras_of(self.sequence))
+
+
+def subject_of(options: Shrink) -> Subject:
+    """Returns what the options name. Raises InputError where the folder holds no such event, the source is gone, or
+    the run was forked or live."""
+    if options.event is not None and options.until is not None:
+        raise InputError("--event and --until both name the event: give one of them")
+    if options.until is not None and options.until not in event_kinds():
+        raise InputError(f"--until is {options.until[:40]!r}, no kind of event: give one of {', '.join(event_kinds())}")
+    folder = expanded(options.run)
+    if exists(folder / RUN):
+        return _of_run(options, folder, read_run_file(folder))
+    sequence = options.open(options.run)
+    require_replayable(sequence)
+    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
+    require_sensors(methods, sequence.rig)
+
+    def wanted(number: int, event: RunEvent) -> bool:
+        if options.event is not None:
+            return number == options.event
+        return event.kind == options.until if options.until is not None else event.severity.alarming
+
+    return Subject(sequence, methods, options.config, wanted, options.external)
+
+
+def require_replayable(sequence: Sequence) -> None:
+    """Raises InputError for a live source, which is gone."""
+    if sequence.grow is not None:
+        if sequence.stop is not None:
+            sequence.stop()
+        raise InputError(f"{sequence.name} is live, and cannot be run twice: give a recording")
+
+
+def require_own_frames(forked: Iterable[object]) -> None:
+    """Raises InputError for a fork: a clip of it would begin with other methods or settings."""
+    if any(forked):
+        raise InputError("the run was forked from another one, and a clip of it has no part before: run its settings")
+
+
+def _of_run(options: Shrink, folder: Path, run: RunFile) -> Subject:
+    require_own_frames(run.forked)
+    found = events_in(folder)
+    event = chosen(found, options.event, options.until)
+    if event is None:
+        what = "no warning and no loss"
+        if options.until is not None or options.event is not None:
+            what = f"no event {options.event if options.until is None else options.until}"
+        raise InputError(f"{folder / EVENTS} has {what}: give another run, or one of its events by --event N")
+
+    def wanted(number: int, other: RunEvent) -> bool:
+        return (other.kind, other.method, other.time_ns) == (event.kind, event.method, event.time_ns)
+
+    places = stored_source(folder, run, options.source).places
+    sequence = opened_run(Doctor(run=folder, source=options.source), run)
+    return Subject(sequence, run.methods, run.configs(), wanted, options.external, places)
+
+
+def chosen(events: Iterable[RunEvent], number: int | None, kind: str | None) -> RunEvent | None:
+    """Returns the event of this number, or the first of this kind, or the first warning or loss; None without."""
+    for i, event in enumerate(events):
+        first = event.kind == kind if kind is not None else event.severity.alarming
+        if i == number if number is not None else first:
+            return event
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A failure, and the smallest clip that has it."""
+
+    event: RunEvent
+    """In the whole recording."""
+    recorded_frame: int
+    """Number of its frame in the recording."""
+    bench: Bench
+    shrunk: Shrunk
+    whole: Clip
+
+
+def search(
+    subject: Subject, near: int, trials: int, builder: Builder, advance: Callable[[], None], seen: Seen
+) -> Found | None:
+    """Returns the smallest clip, or None where the failure does not happen again. Raises InputError where the recording
+    cannot be run."""
+    sequence, whole = subject.sequence, subject.whole
+    event = first_event(subject, whole, builder, advance)
+    if event is None:
+        return None
+    if event.method and event.method not in whole.methods:  # one that another method builds on
+        whole = Clip(whole.first, whole.last, in_order((*whole.methods, event.method)), whole.cameras)
+    times_ns = frame_times(sequence).tolist()
+    failure = Failure.of(event, times_ns, near)
+    bench = Bench(sequence, subject.config, builder, failure, advance)
+    end = next((i for i, t in enumerate(times_ns) if t >= event.time_ns), len(times_ns) - 1)
+
+    def fails(clip: Clip) -> bool:
+        remains = clip == whole or bench.fails(clip)  # the whole recording was just run
+        seen(clip, remains)
+        return remains
+
+    smallest = shrunk(whole, end, fails, trials)
+    return None if smallest is None else Found(event, end, bench, smallest, whole)
+
+
+def first_event(subject: Subject, whole: Clip, builder: Builder, advance: Callable[[], None]) -> RunEvent | None:
+    """Runs the whole recording up to its failure, and returns that; None where it does not happen."""
+    run = events_of(cut(subject.sequence, whole), with_dependencies(whole.methods), subject.config, builder, advance)
+    return next((event for number, event in enumerate(run) if subject.wanted(number, event)), None)
