@@ -34,7 +34,7 @@ from .cut import cut
 from .drawn import drawn, points_of
 from .expected import EXPECTED, Event, Expected, Part, read_expected
 from .options import Shrink
-from .search import Clip
+from .search import Clip, spans
 from .subject import Found, Subject, search, subject_of
 from .trial import Bench, steps_of
 from .write import SENSOR_FILE, has_sensors, require_empty, write_recording, zipped
@@ -150,7 +150,7 @@ def _expected(options: Shrink, subject: Subject, found: Found, event: RunEvent, 
         event.kind, event.method, event.cause, str(event.severity), event.sentence, event.frame, event.time_ns,
         found.recorded_frame, failure.from_ns, failure.until_ns,
     )  # fmt: skip
-    part = Part(clip.frames[0], clip.last, clip.every, clip.halvings, clip.cameras, clip.count, found.whole.last + 1)
+    part = Part(clip.frames, found.whole.count, clip.halvings, clip.cameras)
     config = {name: asdict(subject.config.of(name)) for name in with_dependencies(clip.methods)}
     return Expected(
         happened, part, clip.methods, config, subject.external, "" if options.private else subject.sequence.name,
@@ -206,10 +206,9 @@ def _summary(folder: Path, expected: Expected) -> Iterator[str]:
     event, part = expected.event, expected.part
     yield f"{_named(event.method)}{event.sentence}"
     size = "" if part.halvings == 0 else f", images of 1/{2**part.halvings} of their width"
-    rate = "" if part.every == 1 else f", every {part.every}. frame"
-    yield f"{part.frames} of {counted(part.of_frames, 'frame')} ({part.first} to {part.last}{rate}){size}"
+    yield f"{len(part.frames)} of {counted(part.of_frames, 'frame')} ({spans(part.frames)}){size}"
     if expected.complete:
-        yield "no frame, method or camera less, no lower rate and no smaller image keeps the event"
+        yield "without any single frame, method or camera, or with smaller images, the event is gone"
     else:
         yield f"all {expected.trials} trials are used up: more --trials may find a smaller clip"
     yield f"in {folder}: `ispom shrink --verify {shlex.quote(str(folder))}` says whether it happens"
@@ -227,7 +226,7 @@ def _readme(expected: Expected, command: str) -> str:
         "",
         f"- event: {_of_event(event)} of this clip ({event.time_ns / 1e9:.9f} s), frame {event.recorded_frame} of the "
         "recording",
-        f"- clip: {part.frames} of {part.of_frames} frames ({cameras}){printable(whole)}",
+        f"- clip: {len(part.frames)} of {part.of_frames} frames ({cameras}){printable(whole)}",
         f"- images: PNG, {images}; times in seconds in `*.txt`, calibration in `rig.yaml`",
         "",
         "```sh",

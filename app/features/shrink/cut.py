@@ -45,7 +45,7 @@ def cut(whole: Sequence, clip: Clip) -> Sequence:
 
     Raises InputError for fewer frames than a source may have, and for images that cannot be made smaller.
     """
-    times_ns = frame_times(whole)[clip.frames]
+    times_ns = frame_times(whole)[list(clip.frames)]
     own, used = set(times_ns.tolist()), kinds_of(clip.methods)
     chosen = [
         i

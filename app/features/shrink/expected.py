@@ -45,18 +45,14 @@ class Event(msgspec.Struct, frozen=True):
 class Part(msgspec.Struct, frozen=True):
     """What is left of the recording."""
 
-    first: int
-    last: int
-    """Frames of the recording, both included, by the times at which any camera has one."""
-    every: int
-    """Every K-th of them, counted back from the last one."""
+    frames: tuple[int, ...]
+    """Numbers of its frames in the recording, by the times at which any camera has one."""
+    of_frames: int
+    """Number of frames in the recording."""
     halvings: int
     """How many times width and height of the images were halved."""
     cameras: tuple[str, ...]
     """Kinds of frames: stereo, video."""
-    frames: int
-    of_frames: int
-    """Number of frames in the clip, and in the recording."""
 
 
 class Expected(msgspec.Struct, frozen=True):
@@ -76,7 +72,8 @@ class Expected(msgspec.Struct, frozen=True):
     trials: int
     """Number of clips that were run."""
     complete: bool
-    """Whether no single step further keeps the event; else the trials were used up."""
+    """Whether the event is gone without any single frame, method or camera, and with smaller images; else the trials
+    were used up."""
     images_sha256: str
     """Of the time, size and pixels of all images, as in run.yaml."""
     versions: dict[str, str]

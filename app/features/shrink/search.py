@@ -1,63 +1,71 @@
 """The search for the smallest clip in which a failure remains, over any test for that. It reads no image.
 
 The failure need not come and go evenly: a shorter clip may fail where a longer one does not. What is promised is that
-the clip fails, and that no single step further does: see `neighbours`.
+the clip fails, and that it does not without any single part: see `neighbours`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+from ispom.errors import counted
 from ispom.types import Kind
 
 
 @dataclass(frozen=True)
 class Clip:
-    """A part of a recording, and what runs over it. Frames are numbered by the times at which any camera has one."""
+    """A part of a recording, and what runs over it."""
 
-    first: int
-    last: int
-    """Frames of the recording, both included."""
+    frames: tuple[int, ...]
+    """Increasing numbers of its frames in the recording, by the times at which any camera has one."""
     methods: tuple[str, ...]
     cameras: tuple[Kind, ...]
     """Kinds of frames: video, stereo."""
-    every: int = 1
-    """Every K-th frame, counted back from the last one."""
     halvings: int = 0
     """How many times the images were halved in width and height."""
 
     @property
-    def frames(self) -> range:
-        """The frames of the recording that it has, in order."""
-        return range(self.last - (self.count - 1) * self.every, self.last + 1, self.every)
-
-    @property
     def count(self) -> int:
         """The number of its frames."""
-        return (self.last - self.first) // self.every + 1
+        return len(self.frames)
 
     def of_count(self, count: int) -> Clip:
         """Returns the clip of the last `count` of its frames."""
-        return replace(self, first=self.last - (count - 1) * self.every)
+        return replace(self, frames=self.frames[-count:])
 
     def of_begin(self, count: int) -> Clip:
         """Returns the clip of the first `count` of its frames."""
-        return replace(self, first=self.frames[0], last=self.frames[count - 1])
+        return replace(self, frames=self.frames[:count])
 
     def thinned(self, count: int) -> Clip:
-        """Returns the clip of at most so many frames, at least 2, at a lower rate over the same stretch: it may begin
-        a little earlier."""
-        every = -(-(self.last - self.first) // (count - 1))
-        steps = min(-(-(self.last - self.first) // every), self.last // every)
-        return replace(self, every=every, first=self.last - steps * every)
+        """Returns the clip of every K-th of its frames, at most so many, at least 2, back from the last one; the first
+        one stays."""
+        every = -(-(self.count - 1) // (count - 1))
+        kept = self.frames[::-every][::-1]
+        return replace(self, frames=kept if kept[0] == self.frames[0] else (self.frames[0], *kept))
 
     def words(self) -> str:
         """In a line of a list of trials."""
-        rate = "" if self.every == 1 else f", every {self.every}."
         size = "" if self.halvings == 0 else f", size 1/{2**self.halvings}"
         what = f"{', '.join(self.methods)} on {' and '.join(self.cameras)}"
-        return f"frames {self.first} to {self.last}{rate}{size} ({self.count}): {what}"
+        return f"{counted(self.count, 'frame')} ({spans(self.frames)}){size}: {what}"
+
+
+def spans(frames: Sequence[int]) -> str:
+    """Returns increasing numbers in words: 3, 5 to 9, 12 to 18 by 2."""
+    parts, i = list[str](), 0
+    while i < len(frames):
+        step = frames[i + 1] - frames[i] if i + 1 < len(frames) else 1
+        j = i
+        while j + 1 < len(frames) and frames[j + 1] - frames[j] == step:
+            j += 1
+        if j - i < (1 if step == 1 else 2):  # two numbers with a gap are no sequence
+            j = i
+        by = "" if step == 1 or i == j else f" by {step}"
+        parts.append(str(frames[i]) if i == j else f"{frames[i]} to {frames[j]}{by}")
+        i = j + 1
+    return ", ".join(parts)
 
 
 @dataclass(frozen=True)
@@ -113,6 +121,7 @@ class _Search:
         self._least(self.best.thinned, 2, self.best.count)
         while self.ok(replace(self.best, halvings=self.best.halvings + 1)):
             pass
+        self._leave_out()
 
     def _drop(self, what: str) -> None:
         """Drops methods or cameras: all but one at once, else one after the other."""
@@ -123,6 +132,17 @@ class _Search:
             left = tuple(other for other in getattr(self.best, what) if other != name)
             if left:
                 self.ok(replace(self.best, **{what: left}))
+
+    def _leave_out(self) -> None:
+        """Leaves out frames between the others, first half of them at a time, at last each alone."""
+        size = max(self.best.count // 2, 1)
+        while size:
+            at = 0
+            while at < self.best.count:
+                left = self.best.frames[:at] + self.best.frames[at + size :]
+                if not left or not self.ok(replace(self.best, frames=left)):
+                    at += size
+            size //= 2
 
     def _least(self, clip: Callable[[int], Clip], least: int, most: int) -> None:
         """Finds a number of frames that fails, whose predecessor does not: by doubling, as short clips are run soon,
@@ -138,16 +158,15 @@ class _Search:
 def shrunk(whole: Clip, end: int, fails: Callable[[Clip], bool], most: int) -> Shrunk | None:
     """Returns the smallest clip that was found in at most `most` trials, or None where `whole` does not fail.
 
-    `end` is the frame of the failure, after which nothing is needed; `fails` says whether it remains, and always the
-    same of a clip.
+    `end` is the place of the failure's frame in `whole`; `fails` says whether it remains, and always the same of a
+    clip.
     """
     search = _Search(whole, fails, most)
     complete = True
     try:
         if not search.ok(whole):
             return None
-        if end < whole.last:  # mostly one trial: nothing after it is needed
-            search.ok(replace(whole, last=end))
+        search.ok(whole.of_begin(end + 1))  # mostly nothing after it is needed
         before = None
         while before != search.best:
             before = search.best
@@ -160,16 +179,12 @@ def shrunk(whole: Clip, end: int, fails: Callable[[Clip], bool], most: int) -> S
 
 
 def neighbours(clip: Clip) -> Iterator[Clip]:
-    """Yields the clips that are smaller by one step: without one method, camera, the last frame or the first one; at
-    the next lower rate that has fewer frames; of images of half the size. None of them fails where the search was
-    complete."""
+    """Yields the clips that are smaller by one step: without one method, camera or frame; of images of half the size.
+    None of them fails where the search was complete."""
     for what in ("methods", "cameras"):
         for name in (names := getattr(clip, what)):
             if len(names) > 1:
                 yield replace(clip, **{what: tuple(other for other in names if other != name)})
-    if clip.count > 1:
-        yield clip.of_begin(clip.count - 1)
-        yield clip.of_count(clip.count - 1)
-    if clip.count > 2:
-        yield clip.thinned(clip.count - 1)
+    for i in range(clip.count if clip.count > 1 else 0):
+        yield replace(clip, frames=clip.frames[:i] + clip.frames[i + 1 :])
     yield replace(clip, halvings=clip.halvings + 1)

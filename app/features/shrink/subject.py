@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -44,7 +44,7 @@ class Subject:
     @property
     def whole(self) -> Clip:
         """The clip of the whole recording."""
-        return Clip(0, len(frame_times(self.sequence)) - 1, self.methods, cameras_of(self.sequence))
+        return Clip(tuple(range(len(frame_times(self.sequence)))), self.methods, cameras_of(self.sequence))
 
 
 def subject_of(options: Shrink) -> Subject:
@@ -134,7 +134,7 @@ def search(
     if event is None:
         return None
     if event.method and event.method not in whole.methods:  # one that another method builds on
-        whole = Clip(whole.first, whole.last, in_order((*whole.methods, event.method)), whole.cameras)
+        whole = replace(whole, methods=in_order((*whole.methods, event.method)))
     times_ns = frame_times(sequence).tolist()
     failure = Failure.of(event, times_ns, near)
     bench = Bench(sequence, subject.config, builder, failure, advance)
