@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from ispom.ensemble import build
@@ -30,13 +31,12 @@ from ...engine.run_folder.statistics import ImagesDigest
 from ...engine.signals import terminable
 from ...presentation import colours
 from ..headless.console import compile_first
-from .cut import cut
-from .drawn import drawn, points_of
+from .cut import cut, frame_times
 from .expected import EXPECTED, Event, Expected, Part, read_expected
 from .options import Shrink
 from .search import Clip, spans
-from .subject import Found, Subject, search, subject_of
-from .trial import Bench, steps_of
+from .subject import Found, Order, Subject, search, subject_of
+from .trial import Bench
 from .write import SENSOR_FILE, has_sensors, require_empty, write_recording, zipped
 
 NOT_AGAIN = 1
@@ -55,20 +55,24 @@ def shrink(options: Shrink, builder: Builder = build) -> int:
     if options.zip and (exists(archive) or archive.is_symlink()):
         raise InputError(f"{archive} exists: give another --out, or remove it first")
     subject = subject_of(options)
+    order = Order(options.near, options.trials, options.private)
     require_empty(options.out)
     compile_first(subject.methods, subject.config)
     with confined(subject.places), terminable():
         with _telling() as (advance, seen):
-            found = search(subject, options.near, options.trials, builder, advance, seen)
+            found = search(subject, order, builder, advance, seen)
         if found is None:
-            _say("the failure does not happen again: no clip is written")
+            how = " with tracks drawn in place of the images, or not at all" if options.private else ""
+            _say(f"the failure does not happen again{how}: no clip is written")
             return NOT_AGAIN
-        expected = _written(options, subject, found)
+        expected = None
+        try:
+            expected = _written(options, subject, found)
+        finally:
+            if expected is None:
+                _empty(options.out)
     if expected is None:
-        for left in options.out.iterdir():  # it was empty
-            shutil.rmtree(left) if left.is_dir() else left.unlink()
-        how = "with tracks drawn in place of the images" if options.private else "when the written clip is run"
-        _say(f"the failure does not happen {how}: no clip is written")
+        _say("the failure does not happen when the written clip is run: it is removed again")
         return NOT_AGAIN
     if options.zip:
         write_whole(archive, zipped(options.out))
@@ -126,11 +130,7 @@ def _flags(where: str, values: dict[str, Any], defaults: dict[str, Any]) -> Iter
 def _written(options: Shrink, subject: Subject, found: Found) -> Expected | None:
     """Writes the clip; None where its event does not happen in what is written."""
     bench, clip = found.bench, found.shrunk.clip
-    part = cut(subject.sequence, clip)
-    if options.private:
-        steps = steps_of(part, clip.methods, subject.config, bench.builder, bench.advance)
-        part = drawn(part, points_of(steps, found.event.method))
-    write_recording(options.out, part)
+    write_recording(options.out, cut(bench.whole, clip))
     sequence = _opened(options.out)
     event = bench.found(sequence, clip.methods)
     if event is None:
@@ -144,11 +144,18 @@ def _written(options: Shrink, subject: Subject, found: Found) -> Expected | None
     return expected
 
 
+def _empty(folder: Path) -> None:
+    """Removes what was written to a folder that was empty."""
+    for left in folder.iterdir():
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+
+
 def _expected(options: Shrink, subject: Subject, found: Found, event: RunEvent, digest: str) -> Expected:
     clip, failure = found.shrunk.clip, found.bench.failure
     happened = Event(
         event.kind, event.method, event.cause, str(event.severity), event.sentence, event.frame, event.time_ns,
-        found.recorded_frame, failure.from_ns, failure.until_ns,
+        int(np.searchsorted(frame_times(subject.sequence), event.time_ns)), found.recorded_frame, failure.from_ns,
+        failure.until_ns,
     )  # fmt: skip
     part = Part(clip.frames, found.whole.count, clip.halvings, clip.cameras)
     config = {name: asdict(subject.config.of(name)) for name in with_dependencies(clip.methods)}

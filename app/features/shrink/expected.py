@@ -36,7 +36,9 @@ class Event(msgspec.Struct, frozen=True):
     time_ns: int
     """On the clock of the recording, which the clip keeps."""
     recorded_frame: int
-    """Number of the frame in the recording, by the times at which any camera has one."""
+    """Number of that frame in the recording, by the times at which any camera has one."""
+    whole_frame: int
+    """Number of the frame at which the event begins in the whole recording."""
     from_ns: int
     until_ns: int
     """The event is the expected one where it begins at a frame from the one time to the other, both included."""

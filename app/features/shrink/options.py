@@ -43,5 +43,5 @@ class Shrink(Options):
     trials: int = TRIALS
     """Run at most so many clips."""
     near: int = NEAR
-    """The event is the same where kind, method and failed check are, and it begins within this number of frames of
-    the recording."""
+    """The event is the same where kind, method and failed check are, it begins within this number of frames of the
+    recording, and the method saw the recording's frame before it, or none."""

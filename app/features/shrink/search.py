@@ -39,11 +39,13 @@ class Clip:
         return replace(self, frames=self.frames[:count])
 
     def thinned(self, count: int) -> Clip:
-        """Returns the clip of every K-th of its frames, at most so many, at least 2, back from the last one; the first
-        one stays."""
-        every = -(-(self.count - 1) // (count - 1))
-        kept = self.frames[::-every][::-1]
-        return replace(self, frames=kept if kept[0] == self.frames[0] else (self.frames[0], *kept))
+        """Returns the clip of every K-th of its frames, at most so many, at least 3. The first one stays, and the last
+        two: a larger step to the frame of a failure could be a failure of its own."""
+        every = -(-(self.count - 2) // (count - 2))
+        kept = self.frames[-2::-every][::-1]
+        return replace(
+            self, frames=(*(kept if kept[0] == self.frames[0] else (self.frames[0], *kept)), self.frames[-1])
+        )
 
     def words(self) -> str:
         """In a line of a list of trials."""
@@ -118,7 +120,7 @@ class _Search:
         if self.best.count > 1 and self.ok(self.best.of_begin(self.best.count - 1)):
             self._least(self.best.of_begin, 1, self.best.count)
         self._least(self.best.of_count, 1, self.best.count)
-        self._least(self.best.thinned, 2, self.best.count)
+        self._least(self.best.thinned, 3, self.best.count)
         while self.ok(replace(self.best, halvings=self.best.halvings + 1)):
             pass
         self._leave_out()

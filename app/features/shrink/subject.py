@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -20,9 +21,10 @@ from ...session.review.stored import stored_source
 from ..doctor.command import opened as opened_run
 from ..doctor.options import Doctor
 from .cut import cameras_of, cut, frame_times
+from .drawn import drawn, points_of
 from .options import Shrink
 from .search import Clip, Shrunk, shrunk
-from .trial import Bench, Failure, events_of
+from .trial import Bench, Failure, events_of, steps_of
 
 Seen = Callable[[Clip, bool], None]
 """Is called after each trial, with whether the failure remains."""
@@ -111,6 +113,17 @@ def chosen(events: Iterable[RunEvent], number: int | None, kind: str | None) -> 
     return None
 
 
+@dataclass(frozen=True)
+class Order:
+    """How the smallest clip is looked for."""
+
+    near: int
+    """Frames by which the event may begin sooner or later."""
+    trials: int
+    private: bool = False
+    """Whether tracked points are drawn in place of the images."""
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """A failure, and the smallest clip that has it."""
@@ -124,9 +137,7 @@ class Found:
     whole: Clip
 
 
-def search(
-    subject: Subject, near: int, trials: int, builder: Builder, advance: Callable[[], None], seen: Seen
-) -> Found | None:
+def search(subject: Subject, order: Order, builder: Builder, advance: Callable[[], None], seen: Seen) -> Found | None:
     """Returns the smallest clip, or None where the failure does not happen again. Raises InputError where the recording
     cannot be run."""
     sequence, whole = subject.sequence, subject.whole
@@ -136,16 +147,22 @@ def search(
     if event.method and event.method not in whole.methods:  # one that another method builds on
         whole = replace(whole, methods=in_order((*whole.methods, event.method)))
     times_ns = frame_times(sequence).tolist()
-    failure = Failure.of(event, times_ns, near)
-    bench = Bench(sequence, subject.config, builder, failure, advance)
+    failure = Failure.of(event, times_ns, order.near)
     end = next((i for i, t in enumerate(times_ns) if t >= event.time_ns), len(times_ns) - 1)
+    if order.private:
+        part = cut(sequence, whole)
+        steps = steps_of(part, whole.methods, subject.config, builder, advance)
+        until = takewhile(lambda step: step.exposure.time_ns <= failure.until_ns, steps)
+        sequence = drawn(sequence, points_of(until, event.method))
+    bench = Bench(sequence, subject.config, builder, failure, advance)
 
     def fails(clip: Clip) -> bool:
-        remains = clip == whole or bench.fails(clip)  # the whole recording was just run
+        known = clip == whole and not order.private  # it was just run
+        remains = known or bench.fails(clip)
         seen(clip, remains)
         return remains
 
-    smallest = shrunk(whole, end, fails, trials)
+    smallest = shrunk(whole, end, fails, order.trials)
     return None if smallest is None else Found(event, end, bench, smallest, whole)
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from ispom.errors import InputError
-from ispom.methods import Config, require_sensors, with_dependencies
+from ispom.methods import Config, kinds_of, require_sensors, with_dependencies
 from ispom.types import Sequence
 
 from ...engine.events import Stepped
 from ...engine.playback import Builder, Playback
 from ...engine.run_events.event import RunEvent
 from ...engine.run_events.table import EventRecorder
-from .cut import cut
+from .cut import cut, frame_times
 from .search import Clip
 
 
@@ -61,9 +63,19 @@ class Bench:
         if self.failure.method and self.failure.method not in with_dependencies(clip.methods):
             return False
         try:
-            return self.found(cut(self.whole, clip), clip.methods) is not None
+            event = self.found(cut(self.whole, clip), clip.methods)
         except InputError:  # it lacks a camera, or cannot be run: another failure
             return False
+        return event is not None and self._follows(event, clip)
+
+    def _follows(self, event: RunEvent, clip: Clip) -> bool:
+        """Whether the method's frame before the event is the one of the recording: a larger step could be a failure of
+        its own. At the first frame of the clip there is none before."""
+        kinds = kinds_of((self.failure.method,)) if self.failure.method else frozenset(clip.cameras)
+        own = np.array([kind in kinds and kind in clip.cameras for kind in self.whole.kinds], bool)
+        before = self.whole.times_ns[own & (self.whole.times_ns < event.time_ns)]
+        kept = np.isin(before, frame_times(self.whole)[list(clip.frames)])
+        return not kept.any() or bool(kept[-1])
 
     def found(self, sequence: Sequence, methods: tuple[str, ...]) -> RunEvent | None:
         """Returns the event where the failure happens, None where it does not. Raises InputError where that cannot be

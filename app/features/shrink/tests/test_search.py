@@ -45,8 +45,8 @@ def test_what_is_needed_together_stays() -> None:
 def test_a_clip_is_cut_at_both_ends_and_thinned_with_them() -> None:
     clip = Clip((3, 4, 5, 6, 7, 8), ("a",), ("video",))
     assert clip.of_count(2).frames == (7, 8) and clip.of_begin(2).frames == (3, 4)
-    assert clip.thinned(2).frames == (3, 8) and clip.thinned(4).frames == (3, 4, 6, 8)
-    assert all(clip.thinned(n).count <= n for n in range(2, 7))
+    assert clip.thinned(3).frames == (3, 7, 8) and clip.thinned(4).frames == (3, 5, 7, 8)
+    assert all(clip.thinned(n).count <= n for n in range(3, 7))
 
 
 def test_numbers_of_frames_are_short_in_words() -> None:
