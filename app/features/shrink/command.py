@@ -36,7 +36,7 @@ from .expected import EXPECTED, Event, Expected, Part, read_expected
 from .options import Shrink
 from .search import Clip, spans
 from .subject import Found, Order, Subject, search, subject_of
-from .trial import Bench
+from .trial import Bench, Outcome
 from .write import SENSOR_FILE, has_sensors, require_empty, write_recording, zipped
 
 NOT_AGAIN = 1
@@ -179,15 +179,15 @@ def _digest(sequence: Sequence) -> str:
 
 
 @contextmanager
-def _telling() -> Iterator[tuple[Callable[[], None], Callable[[Clip, bool], None]]]:
+def _telling() -> Iterator[tuple[Callable[[], None], Callable[[Clip, Outcome], None]]]:
     """Gives what is called at each frame, and what prints each trial as soon as it is over."""
     console, count = Console(stderr=True), 0
     with console.status("running the whole recording") as status:
 
-        def seen(clip: Clip, remains: bool) -> None:
+        def seen(clip: Clip, outcome: Outcome) -> None:
             nonlocal count
             count += 1
-            _say(f"{count:4d}  {'remains' if remains else 'gone   '}  {clip.words()}")
+            _say(f"{count:4d}  {outcome:8}  {clip.words()}")
             if console.is_terminal:
                 status.update(f"after trial {count}")
 

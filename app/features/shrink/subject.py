@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 
+import numpy as np
+
 from ispom.errors import InputError
 from ispom.io.files import Places, exists, expanded
-from ispom.methods import Config, default_methods, in_order, require_sensors, with_dependencies
+from ispom.methods import Config, default_methods, in_order, require_sensors
 from ispom.types import Sequence
 
 from ...engine.playback import Builder
@@ -24,10 +26,10 @@ from .cut import cameras_of, cut, frame_times
 from .drawn import drawn, points_of
 from .options import Shrink
 from .search import Clip, Shrunk, shrunk
-from .trial import Bench, Failure, events_of, steps_of
+from .trial import Bench, Failure, Outcome, events_of, quiet_stretches, steps_of
 
-Seen = Callable[[Clip, bool], None]
-"""Is called after each trial, with whether the failure remains."""
+Seen = Callable[[Clip, Outcome], None]
+"""Is called after each trial."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +143,10 @@ def search(subject: Subject, order: Order, builder: Builder, advance: Callable[[
     """Returns the smallest clip, or None where the failure does not happen again. Raises InputError where the recording
     cannot be run."""
     sequence, whole = subject.sequence, subject.whole
-    event = first_event(subject, whole, builder, advance)
-    if event is None:
+    events = events_before(subject, whole, builder, advance)
+    if events is None:
         return None
+    event = events[-1]
     if event.method and event.method not in whole.methods:  # one that another method builds on
         whole = replace(whole, methods=in_order((*whole.methods, event.method)))
     times_ns = frame_times(sequence).tolist()
@@ -154,19 +157,28 @@ def search(subject: Subject, order: Order, builder: Builder, advance: Callable[[
         steps = steps_of(part, whole.methods, subject.config, builder, advance)
         until = takewhile(lambda step: step.exposure.time_ns <= failure.until_ns, steps)
         sequence = drawn(sequence, points_of(until, event.method))
-    bench = Bench(sequence, subject.config, builder, failure, advance)
+    same = [each.time_ns for each in events if failure.at_any_time.is_in(each)]
+    quiet = quiet_stretches(np.searchsorted(times_ns, same).tolist(), order.near)
+    bench = Bench(sequence, subject.config, builder, failure, advance, quiet)
 
     def fails(clip: Clip) -> bool:
         known = clip == whole and not order.private  # it was just run
-        remains = known or bench.fails(clip)
-        seen(clip, remains)
-        return remains
+        outcome = Outcome.REMAINS if known else bench.outcome(clip)
+        seen(clip, outcome)
+        return outcome == Outcome.REMAINS
 
     smallest = shrunk(whole, end, fails, order.trials)
     return None if smallest is None else Found(event, end, bench, smallest, whole)
 
 
-def first_event(subject: Subject, whole: Clip, builder: Builder, advance: Callable[[], None]) -> RunEvent | None:
-    """Runs the whole recording up to its failure, and returns that; None where it does not happen."""
-    run = events_of(cut(subject.sequence, whole), with_dependencies(whole.methods), subject.config, builder, advance)
-    return next((event for number, event in enumerate(run) if subject.wanted(number, event)), None)
+def events_before(
+    subject: Subject, whole: Clip, builder: Builder, advance: Callable[[], None]
+) -> list[RunEvent] | None:
+    """Runs the whole recording up to its failure, and returns the events up to that, the last one; None where it does
+    not happen."""
+    found = list[RunEvent]()
+    for event in events_of(cut(subject.sequence, whole), whole.methods, subject.config, builder, advance):
+        found.append(event)
+        if subject.wanted(len(found) - 1, event):
+            return found
+    return None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Sequence as Listed
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.methods import Config, kinds_of, require_sensors, with_dependencies
-from ispom.types import Sequence
+from ispom.types import FRAME_KINDS, Kind, Sequence
 
 from ...engine.events import Stepped
 from ...engine.playback import Builder, Playback
@@ -41,10 +44,51 @@ class Failure:
         begin, end = min(times_ns[first], event.time_ns), max(times_ns[last], event.time_ns)
         return Failure(event.kind, event.method, event.cause, begin, end)
 
+    @property
+    def at_any_time(self) -> Failure:
+        """The same wherever it begins."""
+        return replace(self, from_ns=-(1 << 63), until_ns=(1 << 63) - 1)
+
     def is_in(self, event: RunEvent) -> bool:
         """Whether this event is the failure: same kind, method and cause, at nearly the same frame."""
         same = (event.kind, event.method, event.cause) == (self.kind, self.method, self.cause)
         return same and self.from_ns <= event.time_ns <= self.until_ns
+
+
+class Outcome(StrEnum):
+    """Of a trial."""
+
+    REMAINS = "remains"
+    GONE = "gone"
+    ANYWHERE = "anywhere"
+    """The failure is there, but a clip of the same shape has it also where the recording has none."""
+
+
+def control_of(clip: Clip, quiet: Iterable[range], kinds: Listed[frozenset[Kind]]) -> Clip | None:
+    """Returns the clip of the same shape at the end of the first quiet stretch in which it has room; None without.
+
+    `kinds` (F,) are those of the frames of the recording: the same cameras must have frames at the same places.
+    """
+    first, last = clip.frames[0], clip.frames[-1]
+    for stretch in quiet:
+        for end in reversed(stretch[last - first :]):
+            moved = tuple(frame + end - last for frame in clip.frames)
+            if all(
+                kinds[a] & {*clip.cameras} == kinds[b] & {*clip.cameras}
+                for a, b in zip(clip.frames, moved, strict=True)
+            ):
+                return replace(clip, frames=moved)
+    return None
+
+
+def quiet_stretches(frames: Iterable[int], near: int) -> tuple[range, ...]:
+    """Returns the stretches between such events, which begin at these frames, and before the first one, that are more
+    than `near` frames away from each; the last one first."""
+    found, begin = list[range](), 0
+    for frame in sorted(frames):
+        found.append(range(begin, max(frame - near, begin)))
+        begin = frame + near + 1
+    return tuple(reversed(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +101,35 @@ class Bench:
     failure: Failure
     advance: Callable[[], None]
     """Called at each frame; raises what ends the command."""
+    quiet: tuple[range, ...] = ()
+    """Stretches of frames without such an event in the whole recording, the one next to the failure first."""
 
-    def fails(self, clip: Clip) -> bool:
-        """Whether the failure is in a clip."""
+    def outcome(self, clip: Clip) -> Outcome:
+        """Says what is in a clip. A failure that the same cut makes of a stretch without it, too, is one of the cut:
+        a map of two small images is often doubtful."""
         if self.failure.method and self.failure.method not in with_dependencies(clip.methods):
-            return False
+            return Outcome.GONE
+        event = self._event(clip, self.failure)
+        if event is None or not self._follows(event, clip):
+            return Outcome.GONE
+        control = control_of(clip, self.quiet, self._kinds)
+        anywhere = None if control is None else self._event(control, self.failure.at_any_time)
+        return Outcome.REMAINS if anywhere is None else Outcome.ANYWHERE
+
+    @cached_property
+    def _kinds(self) -> list[frozenset[Kind]]:
+        """By number of the frame in the recording."""
+        found: dict[int, frozenset[Kind]] = dict.fromkeys(frame_times(self.whole).tolist(), frozenset())
+        for time_ns, kind in zip(self.whole.times_ns.tolist(), self.whole.kinds, strict=True):
+            if kind in FRAME_KINDS:
+                found[time_ns] |= {kind}
+        return list(found.values())
+
+    def _event(self, clip: Clip, failure: Failure) -> RunEvent | None:
         try:
-            event = self.found(cut(self.whole, clip), clip.methods)
+            return replace(self, failure=failure).found(cut(self.whole, clip), clip.methods)
         except InputError:  # it lacks a camera, or cannot be run: another failure
-            return False
-        return event is not None and self._follows(event, clip)
+            return None
 
     def _follows(self, event: RunEvent, clip: Clip) -> bool:
         """Whether the method's frame before the event is the one of the recording: a larger step could be a failure of
