@@ -90,8 +90,8 @@ class Shrunk:
     """Whether no further step could be made; else the trials were used up."""
 
 
-class _Spent(Exception):
-    """No trial is left."""
+class Spent(Exception):
+    """No trial is left, or no time. The test of a clip may raise it, too."""
 
 
 @dataclass
@@ -104,10 +104,10 @@ class _Search:
     known: dict[Clip, bool] = field(default_factory=dict)
 
     def ok(self, clip: Clip) -> bool:
-        """Whether a clip fails; then it is the best one. Raises _Spent."""
+        """Whether a clip fails; then it is the best one. Raises Spent."""
         if clip not in self.known:
             if len(self.known) >= self.most:
-                raise _Spent
+                raise Spent
             self.known[clip] = self.fails(clip)
         if self.known[clip]:
             self.best = clip
@@ -173,7 +173,7 @@ def shrunk(whole: Clip, end: int, fails: Callable[[Clip], bool], most: int) -> S
         while before != search.best:
             before = search.best
             search.sweep()
-    except _Spent:
+    except Spent:
         complete = False
     if not search.known.get(search.best):
         return None
