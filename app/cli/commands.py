@@ -60,6 +60,7 @@ COMMANDS = Registry(
             "experiment", ".features.experiments.options:Experiment", ".features.experiments.command:experiment", B
         ),
         Command("triage", ".features.triage.options:Triage", ".features.triage.command:triage", B),
+        Command("shrink", ".features.shrink.options:Shrink", ".features.shrink.command:shrink", B),
         Command("fork", ".features.headless.options:Fork", ".features.headless.fork:fork", ("words", "builder")),
         Command("diff", ".features.diff.options:Diff", ".features.diff.command:diff"),
         Command("gate", ".features.gate.options:Gate", ".features.gate.command:gate", B),

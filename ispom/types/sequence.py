@@ -117,7 +117,7 @@ class Sequence:
             chosen = range(len(self))[i]
             if chosen.step < 0:
                 raise ValueError("a sequence does not go backwards: give a slice with a positive step")
-            return self._part(chosen)
+            return self.selected(chosen)
         if not -len(self) <= i < len(self):
             raise IndexError(f"measurement {i} of {len(self)}")
         return self.load(range(len(self))[i])
@@ -129,9 +129,10 @@ class Sequence:
         chosen = [i for i, kind in enumerate(whole.kinds) if kind not in unused]
         if len(chosen) == len(self):
             return self
-        return whole if len(chosen) == len(whole) else replace(whole._part(chosen), whole=whole)
+        return whole if len(chosen) == len(whole) else replace(whole.selected(chosen), whole=whole)
 
-    def _part(self, chosen: Listed[int]) -> Sequence:
+    def selected(self, chosen: Listed[int]) -> Sequence:
+        """Returns the sequence of these measurements, in this order, which must be that of time."""
         at, prepare = np.asarray(chosen, np.int64), self.prepare
         return replace(
             self,

@@ -34,6 +34,8 @@ class Alarm:
     sentence: str
     excess: Mapping[str, float]
     """By key of a failed check, how many times its value is beyond its limit."""
+    cause: str = ""
+    """Key of the check that the sentence is about; empty where no check says it."""
 
     def worse_than(self, said: Mapping[str, float]) -> bool:
         """Whether another check failed than those of which this was said, or one of them much farther."""
@@ -55,6 +57,8 @@ class RunEvent:
     """The first frame at which it no longer held; None while it holds."""
     said: Mapping[str, float] = field(default_factory=dict)
     """What it and the events that it continues said of failed checks, see Alarm.excess; not in tables."""
+    cause: str = ""
+    """Key of the check that made it, see Alarm.cause; not in tables."""
 
     @property
     def length(self) -> int:
@@ -114,7 +118,7 @@ class Moment:
         if not failed:
             return False if decisions else None
         worst = max(failed, key=lambda d: (d.failed, _excess(d)))
-        return Alarm(self.sentence(worst), {d.key: _excess(d) for d in failed})
+        return Alarm(self.sentence(worst), {d.key: _excess(d) for d in failed}, worst.key)
 
 
 def _excess(decision: Decision) -> float:

@@ -107,7 +107,7 @@ class EventLog:
                 self._change(replace(latest, until=None))
             return
         event = RunEvent(kind.name, moment.method, moment.frame, moment.time_ns, kind.severity, alarm.sentence)
-        self._begin(replace(event, said=said))
+        self._begin(replace(event, said=said, cause=alarm.cause))
 
     def _begin(self, event: RunEvent) -> None:
         name = (event.kind, event.method)

@@ -35,7 +35,9 @@ def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
     with agent_session(options, build) as agents:
         agents.open(SOURCE)
 
-        async def script(agent: Agent) -> tuple[dict[str, tuple[str, int]], dict[str, Any], dict[str, Any]]:
+        async def script(
+            agent: Agent,
+        ) -> tuple[dict[str, tuple[str, int]], dict[str, Any], dict[str, Any], dict[str, Any]]:
             found = {method: await first_failing_check(agent, method) for method in FIRST_CHECK}
             earliest = (await agent.ask("first_failures"))["rows"][0]
             assert (earliest["key"], earliest["first_frame"]) == min(found.values(), key=lambda each: each[1])
@@ -44,14 +46,18 @@ def test_darkness_is_found_at_its_first_frame(tmp_path: Path) -> None:
                 found,
                 await agent.ask("doctor", seconds=600.0, settings=False),
                 await agent.ask("blame", frame=bright, method="monocular"),
+                await agent.ask("shrink", kind="lost", method="monocular", seconds=600.0),
             )
 
-        found, diagnosis, blamed = asked(agents, script)
+        found, diagnosis, blamed, shrunk = asked(agents, script)
     kinds = {"monocular": "video", "stereo": "stereo"}
     assert found == {m: (key, first_dark_frame(kinds[m])) for m, key in FIRST_CHECK.items()}
     assert diagnosis["causes"][0] == "darkness"
     (row,) = blamed["methods"]
     assert row["method"] == "monocular" and {"track", "group"} & {part["kind"] for part in row["parts"]}
+    assert shrunk["methods"] == ["monocular"] and shrunk["event"]["frame"] == first_dark_frame("video")
+    assert shrunk["complete"] and len(shrunk["frames"]) < shrunk["of_frames"] / 2 and shrunk["command"] is None
+    assert {each["outcome"] for each in shrunk["tried"]} <= {"remains", "gone", "anywhere"}
 
 
 def test_over_standard_input_and_output(tmp_path: Path) -> None:

@@ -145,6 +145,20 @@ def test_unknown_names_and_arguments_are_answered_with_what_there_is(agents: Age
     asked(agents, script)
 
 
+def test_an_event_is_shrunk_to_the_frames_that_it_needs(agents: AgentSession) -> None:
+    async def script(agent: Agent) -> None:
+        await agent.ask("compute")
+        lost = next(row for row in (await agent.ask("events", kind="lost"))["rows"] if row["method"] == "integrated")
+        found = await agent.ask("shrink", kind="lost", frame=lost["frame"], method="integrated", trials=10)
+        assert found["methods"] == ["integrated"] and found["frames"][-1] == lost["frame"] == found["event"]["frame"]
+        assert len(found["tried"]) == 10 and not found["complete"] and found["command"] is None
+        assert await agent.refusal("shrink", kind="unreadable")
+        assert "pair" in await agent.refusal("shrink", kind="explosion")
+        assert await agent.refusal("shrink", trials=10_000) and await agent.refusal("shrink", seconds=0)
+
+    asked(agents, script)
+
+
 def test_a_picture_is_an_image_of_the_frame(agents: AgentSession) -> None:
     async def script(agent: Agent) -> None:
         await agent.ask("compute", frame=3)

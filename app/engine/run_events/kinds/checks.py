@@ -70,9 +70,9 @@ LOOP = EventKind(
 )
 
 
-def detect_pair(moment: Moment) -> str | bool | None:
+def detect_pair(moment: Moment) -> Alarm | bool | None:
     corrected = [d for d in moment.about("pair") if d.passed]
-    return moment.sentence(corrected[0]) if corrected else False
+    return Alarm(moment.sentence(corrected[0]), {}, corrected[0].key) if corrected else False
 
 
 PAIR = EventKind(

@@ -13,11 +13,17 @@ from ....presentation.texts import length
 from ...history.quantity import Value
 from ...history.step_quantities.motion import WAY
 from ...verdict import Severity, points, pose_detail
-from ..event import EventKind, Moment
+from ..event import Alarm, EventKind, Moment
 
 
-def detect_lost(moment: Moment) -> str | bool | None:
-    return moment.verdict.sentence if moment.now.get("status") == Status.LOST else False
+def detect_lost(moment: Moment) -> Alarm | bool | None:
+    return _of_verdict(moment, moment.verdict.sentence) if moment.now.get("status") == Status.LOST else False
+
+
+def _of_verdict(moment: Moment, sentence: str) -> Alarm:
+    """What the check that decided the verdict made happen."""
+    decisive = moment.verdict.decisive
+    return Alarm(sentence, {}, "" if decisive is None else decisive.key)
 
 
 LOST = EventKind(
@@ -35,13 +41,13 @@ LONG = 50
 """So many frames without a map are worth a look: two seconds of video."""
 
 
-def detect_no_map(moment: Moment) -> str | bool | None:
+def detect_no_map(moment: Moment) -> Alarm | bool | None:
     if moment.now.get("status") != Status.INITIALISING or registered(moment.method).asks:
         return False
     if moment.frame - moment.since < LONG:
         return False
     detail = moment.verdict.detail
-    return f"No map after {LONG} frames: {detail}." if detail else f"No map after {LONG} frames."
+    return _of_verdict(moment, f"No map after {LONG} frames: {detail}." if detail else f"No map after {LONG} frames.")
 
 
 NO_MAP = EventKind(
@@ -90,12 +96,12 @@ RELOCALISED = EventKind(
 )
 
 
-def detect_segment(moment: Moment) -> str | bool | None:
+def detect_segment(moment: Moment) -> Alarm | str | bool | None:
     if not moment.now.get("restarted") or not moment.tracked:
         return False
     lost = [d for d in moment.about("scale") if d.failed]
     if lost:
-        return f"New segment: {moment.sentence(lost[0])}"
+        return Alarm(f"New segment: {moment.sentence(lost[0])}", {}, lost[0].key)
     return "New segment: no observation connects it to earlier frames, so its position and scale are a guess."
 
 

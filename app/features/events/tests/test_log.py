@@ -269,3 +269,12 @@ def test_every_kind_says_when_it_happens() -> None:
     for kind in found.values():
         assert kind.label and kind.help.endswith(".") and (kind.detect is None) == (kind.scope == "person")
     assert replace(found["lost"], name="other").name == "other"
+
+
+def test_an_event_has_the_key_of_the_check_that_made_it() -> None:
+    few = checks.POSE_POINTS.of(3, 15)
+    lost = logged([step(T), step(L, few)]).events[0]
+    assert (lost.kind, lost.cause) == ("lost", "pose_points")
+    levelled = logged([replace(step(T, LEVELLED.of(3.2, 10)), method="stereo")]).events[0]
+    assert (levelled.kind, levelled.cause) == ("pair", LEVELLED.key)
+    assert logged([step(T), step(L)]).events[0].cause == ""
