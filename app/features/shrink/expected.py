@@ -104,7 +104,7 @@ def read_expected(folder: Path) -> Expected:
     path = folder / EXPECTED
     try:
         return msgspec.convert(json.loads(read_text(path, MAX_BYTES)), Expected)
-    except (ValueError, msgspec.ValidationError) as fault:
+    except (ValueError, RecursionError, msgspec.ValidationError) as fault:
         raise InputError(f"{path} is not as `ispom shrink` writes it ({fault}): restore the file") from None
 
 

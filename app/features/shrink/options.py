@@ -12,7 +12,8 @@ from ...engine.options import Options
 TRIALS = 200
 """Each of 30 frames that are all needed takes two trials, and what comes before that takes some 30."""
 NEAR = 5
-"""A map that begins later has other points, and its checks fail a few frames sooner or later."""
+"""A map that begins later has other points, and its checks fail a few frames sooner or later. How many is not measured:
+a few are less than a person would call another failure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +29,7 @@ class Shrink(Options):
     --verify: a folder that this command wrote."""
     event: int | None = None
     """Row of the event in events.csv, from 0. Default: the first warning or loss."""
-    until: str | None = None
+    kind: str | None = None
     """Instead of --event: the first event of this kind, such as lost, scale, pair or segment."""
     source: str | None = None
     """Where the run's source is now, if it has been moved."""

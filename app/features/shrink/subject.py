@@ -54,10 +54,10 @@ class Subject:
 def subject_of(options: Shrink) -> Subject:
     """Returns what the options name. Raises InputError where the folder holds no such event, the source is gone, or
     the run was forked or live."""
-    if options.event is not None and options.until is not None:
-        raise InputError("--event and --until both name the event: give one of them")
-    if options.until is not None and options.until not in event_kinds():
-        raise InputError(f"--until is {options.until[:40]!r}, no kind of event: give one of {', '.join(event_kinds())}")
+    if options.event is not None and options.kind is not None:
+        raise InputError("--event and --kind both name the event: give one of them")
+    if options.kind is not None and options.kind not in event_kinds():
+        raise InputError(f"--kind is {options.kind[:40]!r}, no kind of event: give one of {', '.join(event_kinds())}")
     folder = expanded(options.run)
     if exists(folder / RUN):
         return _of_run(options, folder, read_run_file(folder))
@@ -69,7 +69,7 @@ def subject_of(options: Shrink) -> Subject:
     def wanted(number: int, event: RunEvent) -> bool:
         if options.event is not None:
             return number == options.event
-        return event.kind == options.until if options.until is not None else event.severity.alarming
+        return event.kind == options.kind if options.kind is not None else event.severity.alarming
 
     return Subject(sequence, methods, options.config, wanted, options.external)
 
@@ -91,11 +91,11 @@ def require_own_frames(forked: Iterable[object]) -> None:
 def _of_run(options: Shrink, folder: Path, run: RunFile) -> Subject:
     require_own_frames(run.forked)
     found = events_in(folder)
-    event = chosen(found, options.event, options.until)
+    event = chosen(found, options.event, options.kind)
     if event is None:
         what = "no warning and no loss"
-        if options.until is not None or options.event is not None:
-            what = f"no event {options.event if options.until is None else options.until}"
+        if options.kind is not None or options.event is not None:
+            what = f"no event {options.event if options.kind is None else options.kind}"
         raise InputError(f"{folder / EVENTS} has {what}: give another run, or one of its events by --event N")
 
     def wanted(number: int, other: RunEvent) -> bool:
@@ -147,6 +147,8 @@ def search(subject: Subject, order: Order, builder: Builder, advance: Callable[[
     if events is None:
         return None
     event = events[-1]
+    if not event.method:
+        raise InputError(f"{event.sentence.removesuffix('.')}: such an image cannot be copied, so give the file itself")
     if event.method and event.method not in whole.methods:  # one that another method builds on
         whole = replace(whole, methods=in_order((*whole.methods, event.method)))
     times_ns = frame_times(sequence).tolist()

@@ -73,7 +73,7 @@ def expected(folder: Path) -> Expected:
 
 @pytest.fixture
 def clip(drive: Path, tmp_path: Path) -> Path:
-    assert shrink(drive, "--until", "lost", "--methods", "monocular", "stereo", "--out", tmp_path / "out", "--zip") == 0
+    assert shrink(drive, "--kind", "lost", "--methods", "monocular", "stereo", "--out", tmp_path / "out", "--zip") == 0
     return tmp_path / "out"
 
 
@@ -136,8 +136,8 @@ def test_mistakes_are_refused_before_anything_is_computed(drive: Path, tmp_path:
         (drive, "--out", full),
         (drive, "--out", tmp_path / "link"),
         (drive, "--zip", "--out", tmp_path / "a"),
-        (drive, "--until", "nothing", "--out", tmp_path / "b"),
-        (drive, "--until", "lost", "--event", 0, "--out", tmp_path / "b"),
+        (drive, "--kind", "nothing", "--out", tmp_path / "b"),
+        (drive, "--kind", "lost", "--event", 0, "--out", tmp_path / "b"),
         (drive, "--trials", 0, "--out", tmp_path / "b"),
         ("--verify", full),
         ("--verify", tmp_path / "nowhere"),
@@ -146,15 +146,28 @@ def test_mistakes_are_refused_before_anything_is_computed(drive: Path, tmp_path:
     assert [p.name for p in full.iterdir()] == ["own.txt"] and (tmp_path / "a.zip").read_text() == "mine"
 
 
+@pytest.mark.parametrize("content", ["", "{}", "[" * 100_000, '{"event": 3}', "\x00"])
+def test_a_damaged_file_is_refused(clip: Path, content: str) -> None:
+    (clip / EXPECTED).write_text(content)
+    assert shrink("--verify", clip) == 2
+
+
+def test_nothing_outside_of_the_folder_is_read(clip: Path, tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_bytes((clip / "rig.yaml").read_bytes())
+    (clip / "rig.yaml").unlink()
+    (clip / "rig.yaml").symlink_to(tmp_path / "rig.yaml")
+    assert shrink("--verify", clip) == 2
+
+
 def test_few_trials_give_a_larger_clip(drive: Path, tmp_path: Path) -> None:
-    words = ("--until", "lost", "--methods", "monocular", "--out", tmp_path / "out")
+    words = ("--kind", "lost", "--methods", "monocular", "--out", tmp_path / "out")
     assert shrink(drive, *words, "--trials", 3) == 0
     found = expected(tmp_path / "out")
     assert not found.complete and found.trials == 3 and NEEDED + 1 < len(found.part.frames) <= DARK + 1
 
 
 def test_private_images_are_drawn_and_nothing_else_is_left(drive: Path, tmp_path: Path) -> None:
-    words = ("--until", "lost", "--methods", "monocular", "--private")
+    words = ("--kind", "lost", "--methods", "monocular", "--private")
     assert shrink(drive, *words, "--out", tmp_path / "out") == NOT_AGAIN  # grey is not dark
     assert not list((tmp_path / "out").iterdir())
 

@@ -47,7 +47,7 @@ def test_the_example_of_the_page_is_what_happens(
 
 
 def test_drawn_tracks_keep_the_failure_and_no_image(tmp_path: Path) -> None:
-    words = ["shrink", SOURCE, "--until", "lost", "--methods", "monocular", "--private", "--out", str(tmp_path / "out")]
+    words = ["shrink", SOURCE, "--kind", "lost", "--methods", "monocular", "--private", "--out", str(tmp_path / "out")]
     assert main(words) == 0
     found = expected(tmp_path / "out")
     assert found.private and not found.recording and found.event.cause == "pose_points"
@@ -61,7 +61,7 @@ def test_the_failure_of_a_program_is_shrunk(tmp_path: Path) -> None:
     """A process of its own: methods that are programs are added to those of a process."""
     program = f"compass={shlex.quote(sys.executable)} {shlex.quote(str(ROOT / 'examples/external_program/compass.py'))}"
     out = tmp_path / "out"
-    words = ["shrink", SOURCE, "--external", program, "--methods", "compass", "--until", "lost", "--out", str(out)]
+    words = ["shrink", SOURCE, "--external", program, "--methods", "compass", "--kind", "lost", "--out", str(out)]
     done = ispom(words)
     assert not done.returncode, done.stderr
     found = expected(out)
