@@ -122,9 +122,9 @@ def fall_m2(before: TrajectoryError, after: TrajectoryError) -> float | None:
 def noise_share(run: TrajectoryError, noisier: Sequence[TrajectoryError]) -> Share | None:
     """Returns the share of the noise, from runs with as much noise again on the images as they have. None without any.
 
-    Noise n_k moves the aligned path of run k by as much as the noise in the run, n, has moved that: of the same size, in
-    another direction. The squared error without n is smaller by |n|^2 + 2 e n, where e is the error that other causes
-    make: its mean is |n|^2, and its scatter that of both terms.
+    Noise n_k moves the aligned path of run k by as much as the noise in the run, n, has moved that, in another
+    direction. The squared error without n is smaller by |n|^2 + 2 e n, where e is the error that other causes make: its
+    mean is |n|^2, and its scatter that of both terms.
     """
     sizes, crossed = list[float](), list[float]()
     for each in noisier:

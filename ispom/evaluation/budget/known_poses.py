@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from ispom.evaluation.doctor.adjustment import adjust_gradually, covariance
-
 from ispom.evaluation.doctor.groups import has
 from ispom.evaluation.doctor.hypothesis import Change, change_of
 from ispom.evaluation.doctor.scene import CAMERAS, Observations, Scene
@@ -36,7 +36,7 @@ VIEWS = 12
 """Frames of the main camera that the scene is observed in, at most: all numbers are of one calibration, and more frames
 of the same tracks say little more of it."""
 BETWEEN = 4
-"""Poses of the scene for each true one: between two of these a rig does not move evenly, and pairs are exposed there."""
+"""Poses of the scene for each true one: a rig does not move evenly between two of these, where pairs are exposed."""
 LEAST_VIEWS = 3
 """Of a track: two rays always meet in nearly one point."""
 
@@ -117,7 +117,7 @@ def _scene(seen: Stretch, tracked: Tracked, world_from_rig: Trajectory) -> tuple
     return scene, Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in every))
 
 
-def _points(seen: Stretch, poses: list[Pose], uv: Array, chosen: Array) -> tuple[Array, Array]:
+def _points(seen: Stretch, poses: list[Pose], uv: Array, chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
     """Returns the tracks that are seen often enough in the chosen frames and meet in front of these, and where."""
     camera, rig_from_camera = seen.rig.camera(seen.main), seen.rig.rig_from(seen.main)
     rays = camera.normalise(uv[:, chosen].reshape(-1, 2)).reshape(len(uv), len(chosen), 2)

@@ -11,7 +11,7 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 
 
 def scale_part_m2(error: TrajectoryError) -> float | None:
-    """Returns by how much the squared error falls with the right scale [m^2]; None where the path is too short for that.
+    """Returns by how much the squared error falls with the right scale [m^2]; None where the path is too short.
 
     Of a metric method it is the scale of the whole path (SE(3) against Sim(3)), else its drift along the path.
     """

@@ -66,7 +66,7 @@ def adjust(
     """Returns the scene and the change of the calibration (in `names` only, from `first` on) that fit best, and their
     cost.
 
-    Levenberg and Marquardt with a robust loss; the first pose is fixed, as are all that are known, and damping holds the
+    Levenberg and Marquardt with a robust loss; the first pose is fixed, as are all known ones, and damping holds the
     scale where nothing else does.
     """
     start = _Fit(scene, np.array([first.value(name) for name in names]))

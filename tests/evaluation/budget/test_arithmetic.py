@@ -53,9 +53,9 @@ def test_the_fall_is_that_over_the_poses_that_both_have() -> None:
     errors = np.zeros((COUNT, 3))
     errors[:50, 0], errors[50:, 0] = 5.0, 0.3
     before, after = off_by(errors), off_by(np.full((COUNT, 3), [0.1, 0, 0]))
-    part = replace(after, estimate=after.estimate[50:], reference=after.reference[50:])
+    part = replace(after, estimate=after.estimate.select(slice(50, None)), reference=TRUE.select(slice(50, None)))
     assert fall_m2(before, part) == pytest.approx(0.3**2 - 0.1**2)
-    few = replace(after, estimate=after.estimate[150:], reference=after.reference[150:])
+    few = replace(after, estimate=after.estimate.select(slice(150, None)), reference=TRUE.select(slice(150, None)))
     assert fall_m2(before, few) is None
 
 
@@ -115,5 +115,5 @@ def test_the_part_of_the_scale_of_another_path_is_its_drift() -> None:
     drifting = TrajectoryError(replace(TRUE, translations=3 * path), TRUE, "sim3")
     part = scale_part_m2(drifting)
     assert part is not None and part == pytest.approx(drifting.ate_m**2, rel=0.05)
-    short = TrajectoryError(TRUE[:20], TRUE[:20], "sim3")
+    short = TrajectoryError(TRUE.select(slice(20)), TRUE.select(slice(20)), "sim3")
     assert scale_part_m2(short) is None

@@ -18,8 +18,8 @@ PAIRS_NS = np.arange(6) * 170_000_000 + 40_000_000
 POINTS = np.random.default_rng(5).uniform([-6, -4, 4], [6, 4, 25], (400, 3))
 
 
-def true_pose(time_ns: float) -> Pose:
-    t = time_ns * 1e-9
+def true_pose(time_ns: int | np.signedinteger) -> Pose:
+    t = int(time_ns) * 1e-9
     turn = np.array([0.15 * np.sin(3 * t), 0.3 * np.sin(2.5 * t), 0.1 * np.sin(4 * t)])
     return Pose.from_rotvec(turn, np.array([np.sin(2 * t), 0.4 * np.sin(3 * t), 1.5 * t]))
 
@@ -84,6 +84,6 @@ def test_noisy_tracks_give_them_within_their_uncertainty() -> None:
 
 def test_without_true_poses_nothing_is_known() -> None:
     stretch, tracked, truth = filmed(rig(), rig(), 0.0, 0.0)
-    assert calibrated(stretch, tracked, truth[:2]) is None
+    assert calibrated(stretch, tracked, truth.select(slice(2))) is None
     few = Tracked(tracked.uv[:20], tracked.left[:20], tracked.right[:20], tracked.survived)
     assert calibrated(stretch, few, truth) is None
