@@ -19,6 +19,7 @@ from ispom.evaluation.budget.budget import (
 from ispom.evaluation.budget.known_poses import CLOCK, Calibrated, calibrated
 from ispom.evaluation.budget.scale import scale_part_m2
 from ispom.evaluation.doctor.examination import examination
+from ispom.evaluation.doctor.hypothesis import Change
 from ispom.evaluation.doctor.tracking import track
 from ispom.methods import method as registered
 from ispom.types import Sequence
@@ -115,14 +116,20 @@ def _calibration(
     if found is None:
         return _none(label, removed, names, "too few tracks are seen from true poses"), ()
     numbers = tuple(name for name in found.names if name != CLOCK)
+    if not numbers:
+        return _none(label, removed, names, "the tracks show no error of the calibration"), ()
+    removed = f"{removed} ({', '.join(numbers)})"
     right = run.again(lambda k, sequence: bench.corrected(_drawn(found, numbers, k), sequence))
     return {name: _row(label, removed, run.share(name, right)) for name in names}, right
 
 
 def _clock(bench: Bench, run: _Run, found: Calibrated | None, names: list[str]) -> dict[str, Cause]:
     label, removed = "clock", "run again with corrected stamps of the video"
+    rig = bench.sequence.rig
+    if rig.video is None or not rig.has_stereo:
+        return _none(label, removed, names, "the rig has one clock")
     if found is None or CLOCK not in found.names:
-        why = "the rig has one clock" if found is not None else "too few tracks are seen from true poses"
+        why = "too few tracks are seen from true poses" if found is None else "the tracks show no error of the clock"
         return _none(label, removed, names, why)
     late_ms = found.change((CLOCK,)).perturbation.clock_ms
     removed = f"run again with the video's stamps {late_ms:+.2f} ms later"
@@ -130,7 +137,7 @@ def _clock(bench: Bench, run: _Run, found: Calibrated | None, names: list[str]) 
     return {name: _row(label, removed, run.share(name, right)) for name in names}
 
 
-def _drawn(found: Calibrated, names: tuple[str, ...], repetition: int):
+def _drawn(found: Calibrated, names: tuple[str, ...], repetition: int) -> Change:
     return found.drawn(names, repetition) if repetition else found.change(names)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from ispom.evaluation.doctor.adjustment import adjust_gradually, covariance
+from ispom.evaluation.doctor.adjustment import adjust, adjust_gradually, covariance
 from ispom.evaluation.doctor.groups import has
 from ispom.evaluation.doctor.hypothesis import Change, change_of
 from ispom.evaluation.doctor.scene import CAMERAS, Observations, Scene
@@ -24,14 +24,20 @@ from ispom.solvers.trajectory.cubic import cubic_at
 from ispom.types import Rig, Trajectory
 
 CLOCK = "clock_ms"
-NUMBERS = (
-    "video_focal_percent", "video_centre_x_px", "video_centre_y_px", "k1",
-    "pair_focal_percent", "pair_centre_x_px", "pair_centre_y_px", "baseline_percent",
-    "right_x_deg", "right_y_deg", "right_z_deg",
-    "turn_x_deg", "turn_y_deg", "turn_z_deg", "shift_x_m", "shift_y_m", "shift_z_m",
-    CLOCK,
+GROUPS = (
+    ("video_focal_percent",), ("video_centre_x_px", "video_centre_y_px"), ("k1",),
+    ("pair_focal_percent",), ("pair_centre_x_px", "pair_centre_y_px"), ("baseline_percent",),
+    ("right_x_deg", "right_y_deg", "right_z_deg"),
+    ("turn_x_deg", "turn_y_deg", "turn_z_deg"), ("shift_x_m", "shift_y_m", "shift_z_m"),
+    (CLOCK,),
 )  # fmt: skip
-"""What may be wrong: of the lens, the pair, the mount and the clock."""
+"""What may be wrong, together: of the lens, the pair, the mount and the clock."""
+SURE = 4.0
+"""Numbers are wrong where they differ from what is stated by so many standard deviations (root mean square of a group).
+By chance none of ten groups does in one of a thousand recordings, and errors that tracks of one place share reach
+three. With all numbers free, each is known so badly that a rerun is worse than the run, whatever was wrong."""
+TRIAL = 3
+"""Iterations after which the groups that may be wrong are compared: the one that explains most is ahead by then."""
 VIEWS = 12
 """Frames of the main camera that the scene is observed in, at most: all numbers are of one calibration, and more frames
 of the same tracks say little more of it."""
@@ -43,7 +49,7 @@ LEAST_VIEWS = 3
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """The numbers that the tracks have with the true poses."""
+    """The numbers that are wrong, as the tracks have them with the true poses."""
 
     names: tuple[str, ...]
     values: Array
@@ -66,18 +72,60 @@ class Calibrated:
 
 
 def calibrated(seen: Stretch, tracked: Tracked, world_from_rig: Trajectory) -> Calibrated | None:
-    """Returns the numbers of the rig's cameras that the tracks of a stretch have with the true poses. None where too
-    few tracks, or too few frames with a true pose, are there."""
+    """Returns the numbers in which the calibration and the clock that the tracks of a stretch have with the true poses
+    differ from what is stated; perhaps there are none. None where too few tracks, or frames with a true pose, are
+    there."""
     found = _scene(seen, tracked, world_from_rig)
     if found is None:
         return None
     scene, observed = found
-    names = tuple(name for name in NUMBERS if _applies(seen.rig, name))
-    scene, change, _ = adjust_gradually(scene, seen.rig, observed, names)
-    spread = covariance(scene, seen.rig, observed, names, change)
-    factors = np.array([_recorded(seen, name) for name in names])
-    values = factors * np.array([change.value(name) for name in names])
-    return Calibrated(names, values, spread * np.outer(factors, factors), len(scene.points))
+    groups = [group for group in GROUPS if _applies(seen.rig, group[0])]
+    fit = _chosen(scene, seen.rig, observed, groups)
+    factors = np.array([_recorded(seen, name) for name in fit.names])
+    values = factors * np.array([fit.change.value(name) for name in fit.names])
+    return Calibrated(fit.names, values, fit.covariance * np.outer(factors, factors), len(scene.points))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A scene that is fitted with some numbers free."""
+
+    scene: Scene
+    names: tuple[str, ...]
+    change: Change
+    cost: float
+    covariance: Array
+
+    @staticmethod
+    def of(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...]) -> _Fit:
+        """Fits the scene."""
+        fitted, change, cost = adjust_gradually(scene, rig, seen, names)
+        spread = covariance(fitted, rig, seen, names, change) if names else np.zeros((0, 0))
+        return _Fit(fitted, names, change, cost, spread)
+
+    def sigmas_off(self, group: tuple[str, ...]) -> float:
+        """Returns by how many standard deviations these numbers are off, root mean square."""
+        at = [self.names.index(name) for name in group]
+        values = np.array([self.change.value(name) for name in group])
+        return float(np.sqrt(values @ np.linalg.solve(self.covariance[np.ix_(at, at)], values) / len(group)))
+
+
+def _chosen(scene: Scene, rig: Rig, seen: Observations, groups: list[tuple[str, ...]]) -> _Fit:
+    """Frees the group that explains most, and the next one, as long as it is SURE; one that is no longer so beside the
+    later ones is given up."""
+    chosen, fit = list[tuple[str, ...]](), _Fit.of(scene, rig, seen, ())
+    while left := [group for group in groups if group not in chosen]:
+
+        def cost(group: tuple[str, ...], now: _Fit = fit) -> float:
+            return adjust(now.scene, rig, seen, now.names + group, TRIAL, now.change)[2]
+
+        best = min(left, key=cost)
+        more = _Fit.of(scene, rig, seen, fit.names + best)
+        if more.sigmas_off(best) < SURE:
+            break
+        chosen, fit = [*chosen, best], more
+    kept = [group for group in chosen if fit.sigmas_off(group) >= SURE]
+    return fit if kept == chosen else _Fit.of(scene, rig, seen, tuple(name for group in kept for name in group))
 
 
 def _applies(rig: Rig, name: str) -> bool:

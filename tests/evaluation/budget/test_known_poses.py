@@ -1,11 +1,11 @@
-"""With true poses, exact tracks give the calibration and the clock exactly, and noisy ones within what they state."""
+"""With true poses, tracks give what is wrong with the calibration and the clock, within what they state."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ispom.evaluation.budget.known_poses import CLOCK, NUMBERS, Calibrated, calibrated
+from ispom.evaluation.budget.known_poses import CLOCK, Calibrated, calibrated
 from ispom.evaluation.doctor.hypothesis import Change, change_of
 from ispom.evaluation.doctor.stretch import Shot, Stretch
 from ispom.evaluation.doctor.tracking import Tracked
@@ -15,7 +15,7 @@ from tests.doubles import rig
 
 VIDEO_NS = np.arange(31) * 33_000_000
 PAIRS_NS = np.arange(6) * 170_000_000 + 40_000_000
-POINTS = np.random.default_rng(5).uniform([-6, -4, 4], [6, 4, 25], (400, 3))
+POINTS = np.random.default_rng(5).uniform([-6, -4, 4], [6, 4, 25], (150, 3))
 
 
 def true_pose(time_ns: int | np.signedinteger) -> Pose:
@@ -56,30 +56,31 @@ def wrong(**numbers: float) -> Change:
 def found_for(change: Change, late_ms: float, noise_px: float) -> Calibrated:
     """`change` makes the true rig of the stated one."""
     found = calibrated(*filmed(change.of_rig(rig()), rig(), late_ms, noise_px))
-    assert found is not None and found.names == NUMBERS
+    assert found is not None
     return found
 
 
-def test_exact_tracks_give_all_numbers() -> None:
-    planted = {"video_focal_percent": 2.0, "baseline_percent": -3.0, "right_y_deg": 0.1, "turn_y_deg": 0.5, "k1": 0.01}
-    found = found_for(wrong(**planted), 12.0, 0.0)
-    values = dict(zip(found.names, found.values, strict=True))
-    for name, value in planted.items():
-        assert values[name] == pytest.approx(value, abs=0.02 * abs(value)), name
-    assert values[CLOCK] == pytest.approx(12.0, abs=0.2)
-    assert abs(values["pair_focal_percent"]) < 0.05 and abs(values["shift_x_m"]) < 0.002
+def test_what_is_wrong_is_found_by_its_size_and_nothing_else() -> None:
+    planted = {"video_focal_percent": 2.0, "baseline_percent": -3.0, CLOCK: 12.0}
+    change = wrong(**{name: value for name, value in planted.items() if name != CLOCK})
+    found = found_for(change, planted[CLOCK], 0.1)
+    assert set(found.names) == set(planted)
+    off = found.values - np.array([planted[name] for name in found.names])
+    assert off @ np.linalg.solve(found.covariance, off) < 4 * len(off)
 
 
-def test_noisy_tracks_give_them_within_their_uncertainty() -> None:
+def test_nothing_is_wrong_with_a_right_calibration() -> None:
+    assert found_for(wrong(), 0.0, 0.2).names == ()
+
+
+def test_other_draws_are_the_same_for_a_seed() -> None:
     found = found_for(wrong(pair_focal_percent=1.5), -8.0, 0.2)
-    true = np.array([{"pair_focal_percent": 1.5, CLOCK: -8.0}.get(name, 0.0) for name in found.names])
-    off = found.values - true
-    squared = off @ np.linalg.solve(found.covariance, off)
-    assert squared < 2.5 * len(off)
+    assert set(found.names) == {"pair_focal_percent", CLOCK}
     drawn = found.drawn((CLOCK,), 1)
     assert drawn.perturbation.clock_ms == found.drawn((CLOCK,), 1).perturbation.clock_ms
     assert drawn.perturbation.clock_ms != found.change((CLOCK,)).perturbation.clock_ms
     assert drawn.perturbation.pair_focal_percent == 0
+    assert found.change((CLOCK,)).perturbation.clock_ms == pytest.approx(-8.0, abs=1.0)
 
 
 def test_without_true_poses_nothing_is_known() -> None:
