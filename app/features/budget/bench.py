@@ -16,6 +16,7 @@ from ispom.evaluation.doctor.hypothesis import Change
 from ispom.evaluation.trajectory_error import TrajectoryError, alignment_of, error_against_truth
 from ispom.methods import Config
 from ispom.methods import method as registered
+from ispom.simulation.scenario.calibrations import WrongPair
 from ispom.simulation.scenario.spoilt import Noise
 from ispom.types import Frame, Measurement, Rig, Sequence, Status, Step, Tracks, Trajectory
 
@@ -109,9 +110,15 @@ class Bench:
 
 def changed(sequence: Sequence, change: Change) -> Sequence:
     """Returns the sequence with a changed calibration and clock. What the rig states of its accuracy stays: methods
-    correct their cameras by as much as before."""
-    own, rig = sequence.rig, change.of_rig(sequence.rig)
-    made = replace(sequence, rig=rig.changed(pair_sigma=own.pair_sigma, video_sigma=own.video_sigma))
+    correct their cameras by as much as before. For a right camera that has turned, its images are turned back: methods
+    take the pair to be rectified."""
+    own = sequence.rig
+    rig = replace(change, right_x_deg=0.0, right_y_deg=0.0, right_z_deg=0.0).of_rig(own)
+    made = replace(sequence, rig=rig)
+    back = [-change.right_x_deg, -change.right_y_deg, -change.right_z_deg]
+    if any(back):
+        made = WrongPair(pitch_deg=back[0], yaw_deg=back[1], roll_deg=back[2]).on(made, 0)
+    made = replace(made, rig=rig.changed(pair_sigma=own.pair_sigma, video_sigma=own.video_sigma))
     late_s = change.perturbation.clock_ms * 1e-3
     return made.with_video_later(late_s) if late_s else made
 

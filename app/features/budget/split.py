@@ -112,15 +112,20 @@ def _calibration(
     bench: Bench, run: _Run, found: Calibrated | None, names: list[str]
 ) -> tuple[dict[str, Cause], tuple[Errors, ...]]:
     """Also returns the errors with the calibration."""
-    label, removed = "calibration", "run again with the calibration that the tracks have with the true poses"
+    label, removed = "calibration", "run again with the calibration set right"
     if found is None:
         return _none(label, removed, names, "too few tracks are seen from true poses"), ()
     numbers = tuple(name for name in found.names if name != CLOCK)
     if not numbers:
         return _none(label, removed, names, "the tracks show no error of the calibration"), ()
-    removed = f"{removed} ({', '.join(numbers)})"
+    removed = f"{removed}: {', '.join(_words(found, name) for name in numbers)}"
     right = run.again(lambda k, sequence: bench.corrected(_drawn(found, numbers, k), sequence))
     return {name: _row(label, removed, run.share(name, right)) for name in names}, right
+
+
+def _words(found: Calibrated, name: str) -> str:
+    at = found.names.index(name)
+    return f"{name} {found.values[at]:+.3g} +- {found.covariance[at, at] ** 0.5:.2g}"
 
 
 def _clock(bench: Bench, run: _Run, found: Calibrated | None, names: list[str]) -> dict[str, Cause]:

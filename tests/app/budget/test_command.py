@@ -9,12 +9,14 @@ import msgspec
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.budget.bench import Bench
+from ispom_app.features.budget.bench import Bench, changed
 from ispom_app.features.budget.split import APART, STARTS, later_starts
 from ispom_app.features.budget.text import BudgetFile, json_of, plain, rows, schema
 
 from ispom.ensemble import build
 from ispom.evaluation.budget.budget import Budget, Cause, Share
+from ispom.evaluation.doctor.hypothesis import Change
+from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from tests import doubles
@@ -75,6 +77,29 @@ def test_a_rerun_with_nothing_changed_is_the_run_and_one_held_to_the_truth_is_as
     assert 0 < first < 20
     assert bench.leave_out() == {"monocular"}
     assert bench.without_contradicted(sequence)["monocular"].ate_m < 2 * again.ate_m
+
+
+def test_a_right_camera_that_turned_is_turned_back_and_the_stated_accuracy_stays() -> None:
+    """The rig of a pair says nothing of turns: methods take its images to be rectified."""
+    right = open_sequence("sim:tiny?duration_s=1")
+    turned = open_sequence("sim:tiny?duration_s=1&fault=wrong-pair:yaw_deg=1,pitch_deg=0.5")
+    back = changed(turned, Change(right_x_deg=0.5, right_y_deg=1.0))
+    at = next(i for i, kind in enumerate(right.kinds) if kind == "stereo")
+    images = [np.asarray(s.load(at).images["right"], float)[20:-20, 20:-20] for s in (right, turned, back)]  # type: ignore[union-attr]
+    assert np.abs(images[2] - images[0]).mean() < 0.3 * np.abs(images[1] - images[0]).mean()
+    assert back.rig.pair_sigma is turned.rig.pair_sigma and np.array_equal(back.times_ns, turned.times_ns)
+
+
+def test_another_calibration_and_clock_keep_the_truth_of_each_frame() -> None:
+    sequence = doubles.sequence(30)
+    change = Change(Perturbation(baseline_percent=2.0, clock_ms=5.0))
+    made = changed(sequence, change)
+    assert made.rig.baseline_m == pytest.approx(1.02 * sequence.rig.baseline_m)
+    assert sequence.truth is not None and made.truth is not None
+    for time_ns, kind in zip(sequence.times_ns, sequence.kinds, strict=True):
+        now = made.truth.at(int(time_ns) + 5_000_000 * (kind == "video"))
+        was = sequence.truth.at(int(time_ns))
+        assert now is not None and was is not None and np.allclose(now.translation, was.translation)
 
 
 @pytest.mark.slow
