@@ -154,15 +154,19 @@ def _noise(run: _Run, method: str, sigmas: dict[str, float]) -> Cause:
 
 
 def _outliers(bench: Bench, run: _Run, names: list[str]) -> dict[str, Cause]:
-    label, removed = "outliers", "run again without the tracks that contradict the true poses"
     able = bench.leave_out()
     right = run.again(lambda k, sequence: bench.without_contradicted(sequence)) if able & set(names) else ()
-    return {
-        name: _row(label, removed, run.share(name, right))
-        if name in able
-        else Cause(label, removed, unknown="the method cannot leave out tracks")
-        for name in names
-    }
+    return {name: outlier_row(run.share(name, right), name in able) for name in names}
+
+
+def outlier_row(share: Share | None, able: bool) -> Cause:
+    """Returns the row of the outliers. Where not even the last digit changes, no track was left out: what the method itself rejected does not show."""
+    label, removed = "outliers", "run again without the tracks that contradict the true poses"
+    if not able:
+        return Cause(label, removed, unknown="the method cannot leave out tracks")
+    if share is not None and share.value_m2 == share.half_m2 == 0:
+        return Cause(label, removed, unknown="no track of the method contradicts the true poses")
+    return _row(label, removed, share)
 
 
 def _scale(method: str, errors: Iterable[Errors], calibrated: bool) -> Cause:

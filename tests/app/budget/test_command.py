@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.budget.bench import Bench, changed
-from ispom_app.features.budget.split import APART, STARTS, later_starts
+from ispom_app.features.budget.split import APART, STARTS, later_starts, outlier_row
 from ispom_app.features.budget.text import BudgetFile, json_of, plain, rows, schema
 
 from ispom.ensemble import build
@@ -114,3 +114,10 @@ def test_a_clock_has_nearly_all_of_the_error_that_it_makes(tmp_path: Path) -> No
     clock = shares["clock"]
     assert clock is not None and clock.percent > 80 and clock.low_m2 > 0
     assert (out / "budget.schema.json").read_text() == schema()
+
+
+def test_where_no_track_was_left_out_nothing_is_known_of_outliers() -> None:
+    nothing = outlier_row(Share.around(0.0, 0.0), True)
+    assert nothing.share is None and nothing.unknown
+    assert outlier_row(Share.around(0.0, 0.1), True).share is not None
+    assert outlier_row(None, False).unknown != nothing.unknown
