@@ -22,6 +22,7 @@ RAN = ["sim:tiny", "--max-exposures", "40", "--methods", "monocular", "stereo.pa
 RUN, OUT = "{run}", "{out}"
 WORKS = {
     "blame": [RUN, "--at", "35", "--method", "monocular"],
+    "budget": [RUN, "--methods", "stereo.paper", "--repeats", "1"],
     "calibrate": ["stereo", "sim:calibration?views=8", "--target", "aprilgrid:6x6:0.03:0.3"],
     "diff": [RUN, RUN],
     "doctor": [RUN, "--seconds", "1"],

@@ -17,6 +17,7 @@ from ispom.methods import names
 from . import child
 from .audit import audits_found, pairs_in, print_audit, write_audits
 from .blocks import print_blocks
+from .budget import CASES, budgets_found, print_budgets, write_budgets
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
 from .figures import FILE, Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
@@ -54,7 +55,7 @@ class Options:
     file: Path = FILE
     """Where figures are written to."""
     table: Path | None = None
-    """The page of the documentation whose table audit writes."""
+    """The page of the documentation whose table audit or budget writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -222,6 +223,18 @@ def audit(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def budget(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Shares of planted causes against what `ispom budget` says."""
+    measured = list[dict[str, Any]]()
+    for case in range(len(CASES)):
+        measured += rows_of(console, f"budget: case {case} of {len(CASES)}", "budget", {"case": case}) or []
+    if measured:
+        print_budgets(console, budgets_found(measured))
+        if options.table is not None:
+            write_budgets(options.table, budgets_found(measured))
+    return measured
+
+
 def blocks(console: Console, options: Options) -> list[dict[str, Any]]:
     """Times of the building blocks, and the unit in which machines compare."""
     with child.progress("building blocks"):
@@ -265,6 +278,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "scale": scale,
         "soak": soak,
         "audit": audit,
+        "budget": budget,
         "blocks": blocks,
     }
 )

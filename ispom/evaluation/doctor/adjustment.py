@@ -66,8 +66,8 @@ def adjust(
     """Returns the scene and the change of the calibration (in `names` only, from `first` on) that fit best, and their
     cost.
 
-    Levenberg and Marquardt with a robust loss; the first pose is fixed, and damping holds the scale where nothing else
-    does.
+    Levenberg and Marquardt with a robust loss; the first pose is fixed, as are all known ones, and damping holds the
+    scale where nothing else does.
     """
     start = Fit(scene, np.array([first.value(name) for name in names]))
     found = least_squares.adjust(problem_of(scene, rig, seen, names, loss_px), start, iterations, ENOUGH)
@@ -81,6 +81,11 @@ def uncertainties(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, 
     as one measurement (a sandwich of the normal equations and the tracks' own gradients).
     """
     return _Fitted(scene, rig, seen, names, change).sigmas(names)
+
+
+def covariance(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], change: Change) -> Array:
+    """Returns the covariance (N, N) of the numbers in `names`, as `uncertainties` has their standard deviations."""
+    return _Fitted(scene, rig, seen, names, change).covariance(names)
 
 
 @dataclass(frozen=True)
@@ -122,15 +127,21 @@ class Fit:
 
 
 def problem_of(scene: Scene, rig: Rig, seen: Observations, names: tuple[str, ...], loss_px: float) -> Problem[Fit]:
-    """All poses but the first, all points, and these numbers of the calibration."""
-    poses = 6 * len(scene.times_s)
+    """All poses but the first, or none where they are known, all points, and these numbers of the calibration."""
+    free = _free_of_poses(scene)
 
     def moved(now: Fit, shared: Array, blocks: Array) -> Fit:
-        step = np.concatenate([np.zeros(6), shared])
-        return Fit(now.scene.moved(step[:poses].reshape(-1, 6), blocks), now.numbers + step[poses:])
+        twists = np.zeros((len(scene.times_s), 6))
+        twists[len(twists) - free // 6 :] = shared[:free].reshape(-1, 6)
+        return Fit(now.scene.moved(twists, blocks), now.numbers + shared[free:])
 
     family = _ImagePoints(rig, seen, names, np.full(len(seen), loss_px))
-    return Problem((family,), moved, poses - 6 + len(names), len(scene.points), 3)
+    return Problem((family,), moved, free + len(names), len(scene.points), 3)
+
+
+def _free_of_poses(scene: Scene) -> int:
+    """Returns how many unknowns the poses have."""
+    return 0 if scene.known else 6 * (len(scene.times_s) - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +169,18 @@ class _ImagePoints(Family[Fit]):
             step = STEPS[name] * (np.arange(len(self.names)) == k)
             there = self._predicted(values.scene, values.numbers + step, False)
             by_numbers[..., k] = np.nan_to_num(now.residuals - there.residuals) / STEPS[name]
-        poses = 6 * (now.knot[:, None, None] + [[-1], [0]]) + np.arange(6)  # the first pose is the origin
-        numbers = 6 * len(values.scene.times_s) - 6 + np.arange(len(self.names))
-        columns = [np.maximum(poses, -1).reshape(-1, 12), np.broadcast_to(numbers, (len(self.seen), len(numbers)))]
-        by_shared = np.concatenate([(1 - weight) * by_twist, weight * by_twist, by_numbers], axis=2)
-        return Derivatives(by_shared, np.concatenate(columns, axis=1), np.nan_to_num(now.by_point), self.seen.point)
+        numbers = _free_of_poses(values.scene) + np.arange(len(self.names))
+        columns, by_shared = [np.broadcast_to(numbers, (len(self.seen), len(numbers)))], [by_numbers]
+        if not values.scene.known:
+            poses = 6 * (now.knot[:, None, None] + [[-1], [0]]) + np.arange(6)  # the first pose is the origin
+            columns = [np.maximum(poses, -1).reshape(-1, 12), *columns]
+            by_shared = [(1 - weight) * by_twist, weight * by_twist, *by_shared]
+        return Derivatives(
+            np.concatenate(by_shared, axis=2),
+            np.concatenate(columns, axis=1),
+            np.nan_to_num(now.by_point),
+            self.seen.point,
+        )
 
     def _predicted(self, scene: Scene, numbers: Array, derivatives: bool = True) -> Predicted:
         return predicted(scene, self.rig, change_of(self.names, numbers), self.seen, derivatives)
@@ -193,11 +211,19 @@ class _Fitted:
 
     def sigmas(self, names: tuple[str, ...]) -> Array:
         """Returns the standard deviations of these numbers, all of them free, with each track as one measurement."""
+        return np.sqrt((self._influences(names) ** 2).sum(axis=0) * self.tracks / max(self.tracks - 1, 1))
+
+    def covariance(self, names: tuple[str, ...]) -> Array:
+        """Returns the covariance of these numbers, likewise."""
+        influences = self._influences(names)
+        return influences.T @ influences * (self.tracks / max(self.tracks - 1, 1))
+
+    def _influences(self, names: tuple[str, ...]) -> Array:
+        """Returns by how much each track moves each of these numbers."""
         free = self._free(names)
         last = np.eye(len(free))[:, self.poses :]
         influences = self.scores[:, free] @ np.linalg.solve(self.matrix[np.ix_(free, free)], last)
-        influences /= max(self.curvature, 1e-3)
-        return np.sqrt((influences**2).sum(axis=0) * self.tracks / max(self.tracks - 1, 1))
+        return influences / max(self.curvature, 1e-3)
 
     def _free(self, names: tuple[str, ...]) -> NDArray[np.int64]:
         return np.r_[: self.poses, [self.poses + self.names.index(name) for name in names]].astype(int)

@@ -48,6 +48,8 @@ class Scene:
     """(K, 3)"""
     points: Array
     """(P, 3)"""
+    known: bool = False
+    """Whether the poses are known, and no adjustment moves them."""
 
     def moved(self, twists: Array, points: Array) -> Scene:
         """Returns it with the poses changed by (K, 6), rotation in the rig's axes first, and the points by (P, 3)."""

@@ -1,0 +1,1 @@
+"""`ispom budget`: the error of a run with ground truth, split by causes."""
