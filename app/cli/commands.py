@@ -67,6 +67,7 @@ COMMANDS = Registry(
         Command("sources", ".features.sources.description:Sources", ".features.sources.description:sources"),
         Command("calibrate", ".features.calibration.options:Calibrate", ".features.calibration.command:calibrate"),
         Command("blame", ".features.blame.options:Blame", ".features.blame.command:blame", B),
+        Command("loops", ".features.loops.options:Loops", ".features.loops.command:loops", B),
         Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
         Command("evaluate", ".features.evaluation.options:Evaluate", ".features.evaluation.command:evaluate"),
         Command("judge", ".features.judge.options:Judge", ".features.judge.command:judge"),
