@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ispom.errors import counted
+from ispom.methods import method as registered
 
 from .candidate import Candidate, Side, WhatIf
 from .docket import Docket
@@ -47,6 +48,7 @@ def truth_text(each: Candidate) -> str:
 
 def answer_lines(each: WhatIf) -> list[str]:
     """What would have come of the opposite decision."""
+    unit = "m" if registered(each.method).unit == "metric" else "units"
     verb = {"refuse": "refused", "accept": "accepted"}[each.asked]
     head = f"What if {', '.join(each.pairs)} were {verb} ({each.setting}):"
     if not each.carried_out:
@@ -57,15 +59,15 @@ def answer_lines(each: WhatIf) -> list[str]:
     return [
         head,
         f"  The runs differ from frame {each.first_different_frame} on (fork after frame {each.from_frame - 1}).",
-        f"  The final paths are up to {each.largest_shift:.3g} apart, at frame {each.shift_at_frame}.",
-        f"  as it was: {side_text(each.as_it_was)}",
-        f"  otherwise: {side_text(each.otherwise)}",
+        f"  The final paths are up to {each.largest_shift:.3g} {unit} apart, at frame {each.shift_at_frame}.",
+        f"  as it was: {side_text(each.as_it_was, unit)}",
+        f"  otherwise: {side_text(each.otherwise, unit)}",
     ]
 
 
-def side_text(side: Side) -> str:
-    """The end of one run."""
+def side_text(side: Side, unit: str) -> str:
+    """The end of one run; `unit` is that of the method's world."""
     found = [f"ATE {side.ate_m:.4g} m"] if side.ate_m is not None else []
     if side.closing_distance is not None:
-        found.append(f"off the candidate's pose by {side.closing_distance:.3g} and {side.closing_turn_deg or 0:.2g}°")
+        found.append(f"off the candidate's pose by {side.closing_distance:.3g} {unit} and {side.closing_turn_deg or 0:.2g}°")
     return "; ".join([*found, f"accepted from there on: {', '.join(side.closed) or 'none'}"])
