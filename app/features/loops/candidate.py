@@ -69,7 +69,8 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 class Candidate(msgspec.Struct, frozen=True):
-    """One image that was, or might have been, recognised as the place of an earlier keyframe."""
+    """One image that was, or might have been, recognised as the place of an earlier keyframe: `first` is of the
+    keyframe, `then` of the image. A lost frame is tried again later, so that its keyframe may be a later one."""
 
     kind: TrialKind
     method: str

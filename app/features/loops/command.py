@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -15,7 +16,7 @@ from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.estimators.modern.trials import collecting_trials
 from ispom.io.files import confined, exists
-from ispom.io.whole import write_whole
+from ispom.io.whole import write_parts, write_whole
 from ispom.methods import default_methods, in_order, require_sensors, with_dependencies
 from ispom.stop import check_stop
 from ispom.types import Trajectory
@@ -142,10 +143,5 @@ def _write_all(
         "decided_by": dict(docket.decided_by.most_common()),
         "what_if": what_if,
     }
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
-        file.write(msgspec.json.encode(head)[:-1] + b',"candidates":[')
-        for i, each in enumerate(every):
-            file.write((b",\n" if i else b"\n") + msgspec.json.encode(each))
-        file.write(b"\n]}\n")
-    part.replace(path)
+    rows = (b",\n" * (i > 0) + msgspec.json.encode(each) for i, each in enumerate(every))
+    write_parts(path, chain([msgspec.json.encode(head)[:-1] + b',"candidates":[\n'], rows, [b"\n]}\n"]))

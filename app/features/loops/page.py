@@ -12,6 +12,7 @@ import numpy as np
 from ispom.errors import UnreadableImage
 from ispom.estimators.modern.trials import Matches, Trial
 from ispom.geometry import Array
+from ispom.io.whole import write_parts
 from ispom.types import Camera, Image, Sequence, images_of
 
 from ...engine.run_folder.thumbnail import jpeg
@@ -55,10 +56,7 @@ def write_page(
         left=docket.counts.total() - len(candidates),
         cards=(_card(sequence, each, one) for each, one in candidates),
     )
-    part = path.with_suffix(".part")
-    with part.open("w", encoding="utf-8") as file:
-        file.writelines(parts)
-    part.replace(path)
+    write_parts(path, parts)
 
 
 def _card(sequence: Sequence, each: Candidate, one: Trial) -> dict[str, Any]:

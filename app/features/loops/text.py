@@ -69,5 +69,7 @@ def side_text(side: Side, unit: str) -> str:
     """The end of one run; `unit` is that of the method's world."""
     found = [f"ATE {side.ate_m:.4g} m"] if side.ate_m is not None else []
     if side.closing_distance is not None:
-        found.append(f"off the candidate's pose by {side.closing_distance:.3g} {unit} and {side.closing_turn_deg or 0:.2g}°")
+        found.append(
+            f"off the candidate's pose by {side.closing_distance:.3g} {unit} and {side.closing_turn_deg or 0:.2g}°"
+        )
     return "; ".join([*found, f"accepted from there on: {', '.join(side.closed) or 'none'}"])

@@ -188,7 +188,7 @@ class Trial:
     kind: TrialKind
     camera: FrameName
     first_ns: int
-    """Time of the earlier keyframe."""
+    """Time of the earlier keyframe. A lost frame is tried again later: then it may be a later one."""
     then_ns: int
     """Time of the image that is compared with it."""
     rules: dict[str, Decision] = field(default_factory=dict)
