@@ -69,6 +69,7 @@ COMMANDS = Registry(
         Command("calibrate", ".features.calibration.options:Calibrate", ".features.calibration.command:calibrate"),
         Command("blame", ".features.blame.options:Blame", ".features.blame.command:blame", B),
         Command("budget", ".features.budget.options:Budget", ".features.budget.command:budget", B),
+        Command("loops", ".features.loops.options:Loops", ".features.loops.command:loops", B),
         Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
         Command("evaluate", ".features.evaluation.options:Evaluate", ".features.evaluation.command:evaluate"),
         Command("judge", ".features.judge.options:Judge", ".features.judge.command:judge"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -71,13 +72,28 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def replace_whole(path: Path, content: str | bytes) -> None:
     """Writes as `write_whole`, but raises OSError where the disk is full or read-only; escapes characters that are not
     UTF-8."""
+    _replace(path, [content])
+
+
+def write_parts(path: Path, parts: Iterable[str | bytes]) -> None:
+    """Writes as `write_whole`, one part after the other, so that only one is in memory."""
+    try:
+        _replace(path, parts)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}): make room, or give another place to write to"
+        ) from None
+
+
+def _replace(path: Path, parts: Iterable[str | bytes]) -> None:
     part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        left = memoryview(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
         with create_file(part) as file:
-            while left:
-                left = left[file.write(left) :]
+            for content in parts:
+                left = memoryview(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
+                while left:
+                    left = left[file.write(left) :]
         os.replace(part, path)
     except OSError:
         with suppress(OSError):  # the folder is missing, so that nothing was written

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from ispom.errors import InputError
-from ispom.io.whole import append_to_file, create_file, part_of, require_no_links, write_whole
+from ispom.io.whole import append_to_file, create_file, part_of, require_no_links, write_parts, write_whole
 
 ROOT = Path(__file__).parents[2]
 OWN_WRITERS = {
@@ -95,3 +96,17 @@ def test_nothing_else_opens_a_file_to_write() -> None:
     ]
     named = {path.relative_to(ROOT).as_posix() for path in sources if writes.search(path.read_text(encoding="utf-8"))}
     assert named <= OWN_WRITERS
+
+
+def test_parts_are_written_one_after_the_other_and_a_fault_between_keeps_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    write_parts(path, iter(["a", b"b", "c"]))
+    assert path.read_bytes() == b"abc"
+
+    def broken() -> Iterator[str]:
+        yield "x"
+        raise OSError(28, "no space")
+
+    with pytest.raises(InputError, match="no space"):
+        write_parts(path, broken())
+    assert path.read_bytes() == b"abc" and [p.name for p in tmp_path.iterdir()] == ["file"]

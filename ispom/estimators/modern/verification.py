@@ -13,6 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern import trials
+from ispom.estimators.modern.trials import judged
 from ispom.features.descriptors import each_once, match_near, near, on_lines
 from ispom.features.interfaces import Allowed, Features, Matcher
 from ispom.geometry import Array, Pose, skew
@@ -84,14 +86,17 @@ class Verification:
         """Returns the pose with which most of the candidate's features are found in the image; None if it does not
         match."""
         pairs = self.matcher.match(candidate.features, view.features)
-        if len(pairs) < self.fewest_matched:
+        trials.report_pairs(pairs)
+        if not judged(len(pairs) >= self.fewest_matched, trials.MATCHES, len(pairs), self.fewest_matched):
             return None
         xyz, best = candidate.xyz_of(pairs[:, 0]), None
         known = np.isfinite(xyz[:, 0])
         xyz, x, every = xyz[known], view.normalise(pairs[known, 1]), None
         for solve in self.solvers:
             found = solve(xyz, x, self.limit)
-            if found is None or _agreeing(candidate, xyz, found).sum() < self.fewest_matched:
+            agreeing = 0 if found is None else int(_agreeing(candidate, xyz, found).sum())
+            enough = judged(agreeing >= self.fewest_matched, trials.POSE, agreeing, self.fewest_matched)
+            if found is None or not enough:
                 continue
             if every is None:
                 every = candidate.xyz_of(np.arange(len(candidate.features)))
@@ -113,11 +118,14 @@ class Verification:
             if refined is None:
                 return None
             pose, agreeing = refined.camera_from_world, _agreeing(candidate, xyz[pairs[:, 0]], refined)
-        if agreeing.sum() < self.fewest:
+        trials.report_inliers(pairs[agreeing])
+        if not judged(agreeing.sum() >= self.fewest, trials.FOUND, agreeing.sum(), self.fewest):
             return None
         matched = all_found[:, 0] if candidate.repeated else pairs[agreeing, 0]
         chance = partial(matches_by_chance, self.matcher, then, now, expected, self.search[-1])
-        if not confirmed(matched, expected, self.fewest, chance if self.measure_chance else None):
+        share = len(matched) / max(int(np.isfinite(expected[:, 0]).sum()), 1)
+        good = confirmed(matched, expected, self.fewest, chance if self.measure_chance else None)
+        if not judged(good, trials.SHARE, share, MIN_CONFIRMED):
             return None
         return Verified(pose, pairs[agreeing], xyz[pairs[agreeing, 0]])
 

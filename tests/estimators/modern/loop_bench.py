@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.estimators.modern.loops.asked import NOTHING_ASKED, Asked
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, seen_again
 from ispom.estimators.modern.loops.relative_pose import DescribedPoints, LoopCamera
 from ispom.features.sift import SIFT_MATCHER
@@ -93,6 +94,7 @@ def driven(
     begun_with: int = 1,
     blind_m: float = 3.0,
     blind_scale: float = 1.0,
+    asked: Asked = NOTHING_ASKED,
 ) -> Driven:
     """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well.
 
@@ -131,10 +133,10 @@ def driven(
         key = KeyFrameSeen(
             i, odometry[-1], covariance, variance, window, lambda seen=seen: seen, joined=blind_at < 0 or i != begins
         )
-        loops, new = seen_again(loops, camera, None if blind_at <= i < begins else key, i + 1)
+        loops, new = seen_again(loops, camera, None if blind_at <= i < begins else key, i + 1, asked)
         told += new
         for _ in range(3):
-            loops, new = seen_again(loops, camera, None, i + 1)
+            loops, new = seen_again(loops, camera, None, i + 1, asked)
             told += new
     return Driven(loops, told, tuple(truth), tuple(odometry))
 

@@ -65,7 +65,7 @@ def off(found: Recognised, true: Similarity) -> Array:
 
 def test_exact_points_give_the_exact_similarity(setup: Setup) -> None:
     found = measured(setup)
-    assert found is not None and (found.segment, found.earlier) == (1, 0)
+    assert found is not None and (found.segment, found.earlier, found.pair) == (1, 0, (1, 9))
     np.testing.assert_allclose(off(found, SIMILARITY), 0, atol=2e-6)
     assert found.earlier_from_own.scale == pytest.approx(2.5, rel=1e-6)
 

@@ -31,4 +31,13 @@ LOOP_SHIFT = Check(
     passes="The loop closure corrects this pose by {value:.2%} of the path since (expected: up to {threshold:.0%}).",
     fails="The loop closure corrects this pose by {value:.2%} of the path since (expected: up to {threshold:.0%}).",
 )
-LOOP_CHECKS = (LOOP_POINTS, LOOP_VIEWS, LOOP_SHIFT)
+LOOP_ASKED = Check(
+    "loop_asked",
+    "loop as asked",
+    "trigger",
+    LOOP,
+    passes="Loop closure as asked: the setting accept_loops has it, whatever other rules say.",
+    fails="No loop closure as asked: the setting refuse_loops has it.",
+    topic="loop",
+)
+LOOP_CHECKS = (LOOP_POINTS, LOOP_VIEWS, LOOP_SHIFT, LOOP_ASKED)

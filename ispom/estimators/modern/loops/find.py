@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtri
 
+from ispom.estimators.modern import trials
 from ispom.estimators.modern.loops.nodes import Loop, Node, step_between
+from ispom.estimators.modern.trials import judged
 from ispom.geometry import Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
@@ -43,10 +45,24 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
     first."""
     found = list[tuple[float, int]]()
     for candidate in nodes[: -LEAST_NODES + 1]:
-        apart = np.linalg.norm((candidate.corrected.inverse() @ node.corrected).pose.translation)
-        if candidate.segment != node.segment or apart <= candidate.described.depth + _slack(candidate, node, drift):
-            found.append((-float((candidate.described.looks * node.described.looks).sum()), candidate.time_ns))
+        apart, limit = reach(candidate, node, drift)
+        if apart <= limit:
+            found.append((-similarity(candidate, node), candidate.time_ns))
     return tuple(time_ns for _, time_ns in sorted(found)[:COMPARED])
+
+
+def reach(candidate: Node, node: Node, drift: float) -> tuple[float, float]:
+    """Returns the distance of two nodes, and the largest one at which the newer may observe what the other did: without
+    limit for nodes of two segments."""
+    apart = float(np.linalg.norm((candidate.corrected.inverse() @ node.corrected).pose.translation))
+    if candidate.segment != node.segment:
+        return apart, float("inf")
+    return apart, candidate.described.depth + _slack(candidate, node, drift)
+
+
+def similarity(candidate: Node, node: Node) -> float:
+    """Returns how similar two nodes look, 1 for the same image."""
+    return float((candidate.described.looks * node.described.looks).sum())
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
@@ -63,11 +79,11 @@ def within_drift(first: Node, then: Node, first_from_then: Similarity, drift: fl
     """
     off = (first.corrected.inverse() @ then.corrected).inverse() @ first_from_then
     by_unit = abs(float(np.log(off.scale))) / 2 * (then.path - first.path)
-    return (
-        float(np.linalg.norm(off.pose.translation)) <= max(_slack(first, then, drift), by_unit)
-        and float(np.degrees(rotation_angle_rad(off.pose.rotation))) <= MAX_TURN_DEG
-        and abs(float(np.log(off.scale))) <= MAX_SCALE
-    )
+    away, possible_away = float(np.linalg.norm(off.pose.translation)), max(_slack(first, then, drift), by_unit)
+    turned, scaled = float(np.degrees(rotation_angle_rad(off.pose.rotation))), abs(float(np.log(off.scale)))
+    near = judged(away <= possible_away, trials.DRIFT, away, possible_away)
+    near &= judged(turned <= MAX_TURN_DEG, trials.DRIFT_TURN, turned, MAX_TURN_DEG)
+    return near & judged(scaled <= MAX_SCALE, trials.DRIFT_SCALE, scaled, MAX_SCALE)
 
 
 def _slack(first: Node, then: Node, drift: float) -> float:

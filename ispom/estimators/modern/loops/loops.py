@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.errors import required
-from ispom.estimators.modern.loops.checks import LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
+from ispom.estimators.modern.loops.asked import NOTHING_ASKED, Asked
+from ispom.estimators.modern.loops.checks import LOOP_ASKED, LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
 from ispom.estimators.modern.loops.depths import surroundings, with_depths
 from ispom.estimators.modern.loops.find import (
     MAJORITY,
@@ -39,6 +40,13 @@ from ispom.estimators.modern.loops.nodes import (
     with_poses,
 )
 from ispom.estimators.modern.loops.relative_pose import FEWEST, DescribedPoints, LoopCamera, RelativePose, relative_pose
+from ispom.estimators.modern.loops.reports import (
+    loop_trial,
+    report_best,
+    report_candidates,
+    report_loops,
+    report_not_compared,
+)
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import adjoint_sim3, optimise
 from ispom.types import Decision
@@ -91,6 +99,8 @@ class Loops:
     """Loops measured by single views of the last nodes, not confirmed yet."""
     waiting: tuple[int, ...] = ()
     """Times of the candidates with which the newest node has not been compared yet."""
+    compared: int = 0
+    """Number of its candidates that it has been compared with."""
     known: Known | None = None
     uncorrected: int = 0
     """Number of poses still to be corrected, counted backwards from the one before `corrected_to`, and around to
@@ -108,31 +118,50 @@ class Loops:
 
 
 def seen_again(
-    loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int
+    loops: Loops, camera: LoopCamera, key: KeyFrameSeen | None, poses: int, asked: Asked = NOTHING_ASKED
 ) -> tuple[Loops, tuple[Decision, ...]]:
-    """Updates the loops after a frame; `key` is its keyframe, if it is one, and `poses` the number of poses so far."""
+    """Updates the loops after a frame; `key` is its keyframe, if it is one, and `poses` the number of poses so far.
+    Loops that are `asked` for are decided so."""
     drift, loops = PAIR_DRIFT if camera.baseline else SINGLE_DRIFT, replace(loops, joins=None)
     if key is not None:
-        loops = _with_key(loops, camera, key, drift)
+        loops = _with_key(loops, camera, key, drift, asked)
     if not loops.waiting:
         return loops, ()
     then = loops.nodes[-1]
     compared = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
     relative_poses = _relative_poses(camera, loops.nodes, compared, then)
-    loops = replace(loops, waiting=loops.waiting[AT_A_TIME:])
-    found = [(p, relative) for p, relative in relative_poses if possible(p, then, relative.first_from_then, drift)]
+    loops = replace(loops, waiting=loops.waiting[AT_A_TIME:], compared=loops.compared + len(compared))
+    found = [one for one in relative_poses if _possible(camera, *one, then, drift)]
+    wanted = [one for one in relative_poses if (one[0].time_ns, then.time_ns) in asked.accepted]
+    found = wanted or found
     points = LOOP_POINTS.of(max((relative.count for _, relative in found or relative_poses), default=0), FEWEST)
     if not found:
         why = "the odometry cannot have drifted that far" if relative_poses else ""
         return loops, (replace(points, passed=False, consequence=why),)
-    first, relative = max(found, key=lambda one: one[1].count)
+    first, relative = best = max(found, key=lambda one: one[1].count)
+    report_best(camera, found, best, then)
+    report_not_compared(camera, loops.waiting, then.time_ns, loops.compared)
     loop = Loop(first.time_ns, then.time_ns, relative.first_from_then, relative.covariance)
+    if (loop.first_ns, loop.then_ns) in asked.refused:
+        refused = LOOP_ASKED.of(0, 1)
+        report_loops(camera, (loop,), refused, accepted=False)
+        return replace(loops, waiting=()), (points, refused)
     loops = replace(loops, proposed=(*loops.proposed, loop), waiting=())
     same = agreeing(loops.nodes, loops.proposed, loop, drift)
-    views = LOOP_VIEWS.of(len(same), max(VIEWS, np.ceil(MAJORITY * len(loops.proposed))))
-    if not views.passed:
-        return loops, (points, views)
-    return _closed(loops, same, drift, bool(camera.baseline), poses, (points, views))
+    decision = LOOP_VIEWS.of(len(same), max(VIEWS, np.ceil(MAJORITY * len(loops.proposed))))
+    if wanted:
+        report_loops(camera, (loop,), decision, accepted=False)
+        same, decision = (loop,), LOOP_ASKED.of(1, 1)
+    if not decision.passed:
+        report_loops(camera, (loop,), decision, accepted=False)
+        return loops, (points, decision)
+    report_loops(camera, [one for one in same if one not in loops.closed], decision, accepted=True)
+    return _closed(loops, same, drift, bool(camera.baseline), poses, (points, decision))
+
+
+def _possible(camera: LoopCamera, first: Node, relative: RelativePose, then: Node, drift: float) -> bool:
+    with loop_trial(camera, first.time_ns, then.time_ns):
+        return possible(first, then, relative.first_from_then, drift)
 
 
 def _relative_poses(
@@ -143,13 +172,14 @@ def _relative_poses(
     found = list[tuple[Node, RelativePose]]()
     for candidate in compared:
         shown = candidate.described if camera.baseline else surroundings(nodes, candidate)
-        relative = relative_pose(camera, shown, then.described, together=not camera.baseline)
+        with loop_trial(camera, candidate.time_ns, then.time_ns):
+            relative = relative_pose(camera, shown, then.described, together=not camera.baseline)
         if relative is not None:
             found.append((candidate, relative))
     return found
 
 
-def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float) -> Loops:
+def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float, asked: Asked) -> Loops:
     """Adds a node if the keyframe is far enough from the last one, with its loop candidates."""
     nodes = with_poses(loops.nodes, key.window, None if loops.known is None else loops.known.node.time_ns)
     known = None if loops.known is None else loops.known.within(nodes)
@@ -182,14 +212,17 @@ def _with_key(loops: Loops, camera: LoopCamera, key: KeyFrameSeen, drift: float)
         _segment(nodes, parent, key),
         step=between,
     )
-    waiting = candidates(nodes, node, drift)
+    report_not_compared(camera, loops.waiting, loops.nodes[-1].time_ns, loops.compared)
+    report_candidates(camera, nodes, node, drift)
+    wanted = asked.accepted_with(node.time_ns)
+    waiting = (*wanted, *(t for t in candidates(nodes, node, drift) if t not in wanted))
     nodes = (*nodes, node) if camera.baseline else with_depths(camera, (*nodes, node))
     nodes, closed = thinned(nodes, loops.closed)
     kept = {n.time_ns for n in nodes}
     late = {n.time_ns for n in nodes[-WITHIN:]}
     proposed = tuple(p for p in loops.proposed if p.then_ns in late and p.first_ns in kept)
     waiting = tuple(t for t in waiting if t in kept)
-    return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting, known=known)
+    return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting, known=known, compared=0)
 
 
 def _segment(nodes: tuple[Node, ...], parent: Node, key: KeyFrameSeen) -> int:

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern import trials
 from ispom.estimators.modern.keyframe_database import appearance_of
+from ispom.estimators.modern.trials import judged
 from ispom.estimators.modern.verification import Candidate, Verification, View
 from ispom.features.interfaces import Features, Matcher
 from ispom.geometry import Array, Pose, Similarity
@@ -124,6 +126,9 @@ def relative_pose(
     now = then.features(camera.fx)
     view = View(now, lambda index: then.x[index].astype(float), lambda points: camera.fx * camera.in_sight(points))
     found = verification.verify(candidate, view)
+    if trials.is_collecting():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            trials.report_positions(np.where(xyz[:, 2:] > 0, xyz[:, :2] / xyz[:, 2:], np.nan), then.x)
     if found is None:
         return None
     seen = found.pairs[:, 1]
@@ -143,14 +148,19 @@ def _measured(
             seen = np.column_stack([x, x[:, 0] - camera.baseline / own[:, 2]])
     fit = fit_pose(xyz, seen, guess, camera.sigma, INLIER * camera.sigma, camera.baseline)
     depth = first.depth
-    if fit is None or fit.inliers.sum() < FEWEST:
+    count = 0 if fit is None else int(fit.inliers.sum())
+    if not judged(count >= FEWEST, trials.POINTS, count, FEWEST) or fit is None:
         return None
-    if np.linalg.norm(fit.camera_from_world.inverse().translation) > FARTHEST * depth:
+    apart = float(np.linalg.norm(fit.camera_from_world.inverse().translation))
+    # An unknown depth limits nothing.
+    if not judged(not apart > FARTHEST * depth, trials.APART, apart / max(depth, 1e-9), FARTHEST):
         return None
     scale, of_scale = 1.0, 0.0
     if not camera.baseline:
-        measured = ratio_of_scales(own[fit.inliers, 2] / fit.camera_from_world.apply(xyz[fit.inliers])[:, 2])
-        if measured is None:
+        ratios = own[fit.inliers, 2] / fit.camera_from_world.apply(xyz[fit.inliers])[:, 2]
+        measured = ratio_of_scales(ratios)
+        known = np.isfinite(ratios) & (ratios > 0)
+        if not judged(measured is not None, trials.SCALES, known.sum(), FEWEST_SCALES) or measured is None:
             return None
         scale, of_scale = measured
     # A left twist of then_from_first is a right twist of first_from_then, with opposite sign.
@@ -161,6 +171,7 @@ def _measured(
     covariance += np.diag(sure**2)
     covariance[6, 6] += of_scale**2
     first_from_then = Similarity(1 / scale, fit.camera_from_world.inverse())
+    trials.report_pose(first_from_then, covariance, depth)
     return RelativePose(first_from_then, covariance, int(fit.inliers.sum()))
 
 

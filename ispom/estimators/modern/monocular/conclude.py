@@ -238,7 +238,7 @@ def close_loops(
             not outcome.restarted and (before.start is None or before.start.joined)
         )
         key = _seen_keyframe(setup, after, after.map, outcome, image.grey, joined)
-    loops, decisions = seen_again(before.loops, camera, key, len(after.settled))
+    loops, decisions = seen_again(before.loops, camera, key, len(after.settled), setup.asked)
     joins = step.joins if loops.joins is None else loops.joins
     step = replace(step, decisions=(*step.decisions, *decisions), joins=joins)
     if loops.closed:

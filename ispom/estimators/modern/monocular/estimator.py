@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.errors import required
 from ispom.estimator import TRANSFER, VIDEO, Method, require_frame
+from ispom.estimators.modern.loops.asked import Asked
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.conclude import (
     as_step,
@@ -94,6 +95,11 @@ class ModernMonocularConfig:
     """Relocalise a lost camera among all keyframes by descriptors; if off, only near the last pose: plain odometry."""
     loops: bool = False
     """Close loops: recognise places after a long path, and correct all poses; if off: plain odometry."""
+    refuse_loops: str = ""
+    """Refuse these loops, and joins of segments, to see what would come of it: EARLIER-LATER, times of keyframes in
+    nanoseconds, as `ispom loops` prints them; several with commas."""
+    accept_loops: str = ""
+    """Accept these, whatever other rules say. Decisions then say that it was asked for."""
     follow: Follow = "static"
     """Which of two rigid motions to follow: that of the first map, mostly the static scene, or, in a new map, the one
     that covers more of the image."""
@@ -198,6 +204,7 @@ class ModernMonocular:
             relocalise=c.relocalise,
             follow=c.follow,
             front_end=front_end(c.features),
+            asked=Asked.of(c.refuse_loops, c.accept_loops),
         )
 
 

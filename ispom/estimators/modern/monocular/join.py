@@ -6,6 +6,7 @@ The estimator goes on in the world of its segment; only what it reports is moved
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.special import chdtri
 from ispom.errors import required
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.loops.checks import LOOP_ASKED
 from ispom.estimators.modern.loops.nodes import growth
 from ispom.estimators.modern.loops.output_correction import AT_ONCE, moved_step
 from ispom.estimators.modern.loops.relative_pose import (
@@ -39,6 +41,7 @@ from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, Outcome
 from ispom.estimators.modern.monocular.tracks import NewImage
 from ispom.estimators.modern.monocular.worlds import Recognised, Worlds
+from ispom.estimators.modern.trials import report_accepted, report_decision, report_pose, trial
 from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.localisation import fit_pose
 from ispom.solvers.pose_graph import FREEDOM, adjoint_sim3
@@ -105,6 +108,10 @@ def _look_back(
     points, found = recognised
     if found is None:
         return state, (points,)
+    if found.pair in setup.asked.refused:
+        refused = LOOP_ASKED.of(0, 1)
+        _report((found,), (refused,), joined=False)
+        return state, (points, refused)
     worlds = state.worlds
     worlds = replace(worlds, recognised=(*worlds.recognised, found)[-KEPT:])
     same = [one for one in worlds.recognised if one.earlier == found.earlier and agree(one, found)]
@@ -112,9 +119,24 @@ def _look_back(
     known = checks.JOIN_SCALE.of(100 * best.scale_sigma, 100 * MAX_SCALE_GROWTH)
     views = checks.JOIN_VIEWS.of(len(same), VIEWS)
     views = replace(views, passed=views.passed and known.passed)
-    if views.passed:
+    decisions = (known, views)
+    if found.pair in setup.asked.accepted:
+        same, best, decisions = [found], found, (known, views, LOOP_ASKED.of(1, 1))
+    joins = decisions[-1].passed
+    _report(same if joins else (found,), decisions, joins)
+    if joins:
         worlds = worlds.joined_by(best, len(state.settled))
-    return replace(state, worlds=worlds), (points, known, views)
+    return replace(state, worlds=worlds), (points, *decisions)
+
+
+def _report(keyframes: Iterable[Recognised], decisions: tuple[Decision, ...], joined: bool) -> None:
+    """Reports what was decided about keyframes that show an earlier segment, to whoever collects trials."""
+    for each in keyframes:
+        with trial("join", "video", *each.pair):
+            for decision in decisions:
+                report_decision(decision)
+            if joined:
+                report_accepted()
 
 
 def _recognise(
@@ -130,7 +152,7 @@ def _recognise(
     if not earlier.keyframes:
         return replace(state, database=database), None
     features = required(key.features, "the keyframe is not described")
-    earlier, match = match_keyframes(setup, earlier, lens, image, features, None, 0)
+    earlier, match = match_keyframes(setup, earlier, lens, image, features, None, 0, "join")
     for described in earlier.keyframes:
         database = database.with_features(described)
     if match is None:
@@ -139,6 +161,15 @@ def _recognise(
     database, own = triangulate_with_neighbours(setup, database, lens, key, match.index)
     found = measure(setup, lens, match, key, own, uncertainty)
     points = checks.JOIN_POINTS.of(int(np.isfinite(own[:, 0]).sum()), FEWEST_SCALES, passed=found is not None)
+    with trial("join", "video", match.views[-1][0].time_ns, key.time_ns):
+        report_decision(points)
+        if found is not None:
+            earlier_camera = match.views[-1][0].camera_from_world
+            report_pose(
+                Similarity(1.0, earlier_camera) @ found.earlier_from_camera,
+                found.covariance,
+                found.earlier_from_camera.scale * found.depth,
+            )
     return replace(state, database=database), (points, found)
 
 
@@ -180,6 +211,7 @@ def measure(
         uncertainty.pose,
         uncertainty.scale_sigma,
         depth,
+        (earlier.time_ns, key.time_ns),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import required
+from ispom.estimators.modern import trials
 from ispom.estimators.modern.keyframe_database import Keyframe, KeyframeDatabase
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.align import align_patches
@@ -15,9 +16,10 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import NewImage, nearest_speeds
 from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.modern.trials import TrialKind, judged, trial
 from ispom.estimators.modern.verification import Candidate, Verification, View, on_epipolar_lines
 from ispom.features.interfaces import Features, Matcher
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array, Pose, Similarity
 from ispom.numerics.robust import Noise
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.rotation import rotate
@@ -67,6 +69,7 @@ def match_keyframes(
     features: Features,
     last: Keyframe | None,
     turn: int,
+    kind: TrialKind = "relocalisation",
 ) -> tuple[KeyframeDatabase, KeyframeMatch | None]:
     """Matches the new image with the `last` localised one, if given, and with some keyframes, others at each `turn`.
 
@@ -84,7 +87,8 @@ def match_keyframes(
         chosen = [k.described(descriptor) for k in chosen]
         for each in chosen:
             database = database.with_features(each)
-        match = _match_keyframe(setup, lens, chosen, image, features)
+        with trial(kind, "video", keyframe.time_ns, image.time_ns):
+            match = _match_keyframe(setup, lens, chosen, image, features)
         if match is not None and (best is None or len(match.uv) > len(best.uv)):
             best = match
             if len(best.uv) >= ENOUGH_INLIERS:
@@ -111,6 +115,8 @@ def _match_keyframe(
     verification = Verification(matcher, INLIER * sigma, (around_px,), MIN_INLIERS, MIN_INLIERS)
     view = View(features, lambda index: lens.normalise(features.uv[index]), lens.in_image)
     verified = verification.verify(Candidate(keyframe_features, xyz_of, keyframe.camera_from_world), view)
+    if trials.is_collecting():
+        trials.report_positions(lens.normalise(keyframe_features.uv), lens.normalise(features.uv))
     if verified is None:
         return None
     xyz, index, pose = verified.xyz, verified.pairs[:, 1], verified.camera_from_world
@@ -120,8 +126,10 @@ def _match_keyframe(
     views = [(k.camera_from_world, np.isfinite(at[:, 0])) for k, at in zip(keyframes, observed, strict=True)]
     views = [*views[:-1], (pose, np.ones(len(xyz), bool))]
     confirmed = depth_confirmed(xyz, keyframe.camera_from_world, views, INLIER * sigma)
-    if confirmed.sum() < MIN_INLIERS:
+    if not judged(confirmed.sum() >= MIN_INLIERS, trials.DEPTHS, confirmed.sum(), MIN_INLIERS):
         return None
+    near = keyframe.camera_from_world.apply(xyz)[:, 2]
+    trials.report_pose(Similarity(1.0, keyframe.camera_from_world @ pose.inverse()), None, float(np.median(near)))
     if 2 * confirmed.sum() < len(confirmed):
         # Uncertain depths took over the map where they were the majority; a minority cannot.
         xyz, uv, index, observed = xyz[confirmed], uv[confirmed], index[confirmed], [at[confirmed] for at in observed]

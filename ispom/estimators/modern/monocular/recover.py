@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import required
+from ispom.estimators.modern import trials
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular import checks
@@ -46,6 +47,7 @@ from ispom.estimators.modern.monocular.tracks import (
 from ispom.estimators.modern.monocular.window import (
     prior_of_keyframes,
 )
+from ispom.estimators.modern.trials import judged, trial
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.features.images import has_contrast
 from ispom.geometry import Array, Pose
@@ -77,6 +79,8 @@ class Relocalisation:
     localisation: Localisation
     segment: int
     """The segment of the matched keyframe."""
+    keyframe_ns: int
+    """Time of the matched keyframe."""
 
 
 def relocalise(
@@ -92,6 +96,8 @@ def relocalise(
         relocalisation.localisation.count <= localisation.count
         or is_contradicted(tracks, localisation, relocalisation.localisation)
     ):
+        with trial("relocalisation", "video", relocalisation.keyframe_ns, image.time_ns):
+            judged(False, trials.BETTER, relocalisation.localisation.count, localisation.count)
         relocalisation = None
     described = 0 if relocalisation is None else len(relocalisation.state.live.ids) - len(state.live.ids)
     return state, relocalisation, checks.DESCRIBED_POINTS.of(described, MIN_INLIERS)
@@ -163,11 +169,13 @@ def _relocalise(
     )
     matched, local_map = with_matched_features_of(setup, state, local_map, match)
     localisation = localise_by_tracks(TracksInMap(setup, matched.live, local_map), tracked, pose)
-    if localisation.count < MIN_DESCRIBED:
-        return state, None
-    localisation = replace(localisation, compared=np.concatenate([compared, np.zeros(count, bool)]))
     keyframe, _ = match.views[-1]
-    return state, Relocalisation(matched, local_map, localisation, keyframe.segment)
+    with trial("relocalisation", "video", keyframe.time_ns, image.time_ns):
+        if not judged(localisation.count >= MIN_DESCRIBED, trials.LOCALISED, localisation.count, MIN_DESCRIBED):
+            return state, None
+        trials.report_accepted()
+    localisation = replace(localisation, compared=np.concatenate([compared, np.zeros(count, bool)]))
+    return state, Relocalisation(matched, local_map, localisation, keyframe.segment, keyframe.time_ns)
 
 
 def with_matched_features_of(

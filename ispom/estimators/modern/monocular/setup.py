@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from ispom.estimators.modern.loops.asked import Asked
 from ispom.estimators.modern.second_motion import Follow
 from ispom.features.interfaces import FrontEnd
 from ispom.geometry import Array
@@ -44,6 +45,8 @@ class Setup:
     relocalise: bool
     follow: Follow
     front_end: FrontEnd
+    asked: Asked = Asked()
+    """Loops and joins that the settings decide."""
 
     @cached_property
     def noise(self) -> Noise:

@@ -41,6 +41,8 @@ class Recognised:
     """Standard deviation of ln scale in its own world."""
     depth: float
     """Median depth of the common points, in the segment's own unit."""
+    pair: tuple[int, int] = (0, 0)
+    """Times of the earlier keyframe that it matched, and of the keyframe itself [ns]."""
 
     @property
     def scale_sigma(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, Method, require_frame
+from ispom.estimators.modern.loops.asked import Asked
 from ispom.estimators.modern.second_motion import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.height import height_prior
@@ -53,6 +54,11 @@ class ModernStereoConfig:
     """Relocalise a lost camera at earlier keyframes by descriptors. Off: search only near the last pose."""
     loops: bool = False
     """Close loops: recognise earlier keyframes, and distribute the drift over all poses. Off: plain odometry."""
+    refuse_loops: str = ""
+    """Refuse these loops, to see what would come of it: EARLIER-LATER, times of keyframes in nanoseconds, as
+    `ispom loops` prints them; several with commas."""
+    accept_loops: str = ""
+    """Accept these, whatever other rules say. Decisions then say that it was asked for."""
     follow: Follow = "static"
     """Which of two rigid motions to follow: the static scene (observed longer, and larger), or what fills more of the
     image."""
@@ -250,6 +256,7 @@ class ModernStereo:
             relocalise=c.relocalise,
             follow=c.follow,
             front_end=pair_front_end(c.features),
+            asked=Asked.of(c.refuse_loops, c.accept_loops),
             make_families=(partial(height_prior, sigma_m=c.height_sigma_m),) if c.height_sigma_m else (),
         )
 

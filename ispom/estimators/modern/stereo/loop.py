@@ -36,7 +36,7 @@ def with_loops(
     state, loops = outcome.state, earlier.loops
     settled = state.settled.part(len(earlier.settled), len(state.settled))
     key = _keyframe_seen(setup, outcome, images) if outcome.keyframe else None
-    seen, decisions = seen_again(loops.loops, loop_camera(setup), key, len(state.poses))
+    seen, decisions = seen_again(loops.loops, loop_camera(setup), key, len(state.poses), setup.asked)
     loops = replace(loops.with_settled(settled), loops=seen)
     step = replace(step, decisions=(*step.decisions, *decisions), joins=seen.joins)
     if seen.closed:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.loops.asked import Asked
 from ispom.estimators.modern.second_motion import Follow
 from ispom.features.front_ends import KLT, front_end
 from ispom.features.images import as_bright, factor_of, halved
@@ -63,6 +64,8 @@ class Setup:
     make_families: tuple[Callable[[Setup, Any], PoseFamily], ...] = ()
     """Each makes a further residual family of the window, from the keyframes of a state.StereoMap."""
     front_end: FrontEnd = PAIR_KLT
+    asked: Asked = Asked()
+    """Loops that the settings decide."""
 
     @cached_property
     def left_from_rig(self) -> Pose:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import required
+from ispom.estimators.modern import trials
 from ispom.estimators.modern.keyframe_database import FEATURES, Keyframe, KeyframeDatabase
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.localise import localise, match_right
@@ -26,12 +27,13 @@ from ispom.estimators.modern.stereo.track import (
     realigned,
     warps_from,
 )
+from ispom.estimators.modern.trials import judged, trial
 from ispom.estimators.modern.verification import Candidate, Verification, View
 from ispom.features.images import has_contrast
 from ispom.features.interfaces import Features
 from ispom.features.patches import align
 from ispom.features.row_search import PointSearch
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array, Pose, Similarity
 from ispom.solvers.localisation import resect, resect_optimised
 from ispom.types import Decision, TrackStatus
 
@@ -74,8 +76,11 @@ def relocalise(
     if found is not None:
         joined = _joined(setup, state, found)
         relocalised = _localised_by(setup, joined, found, images)
-        if relocalised.inliers >= max(UNPREDICTED_INLIERS * setup.min_inliers, tracked.inliers + 1):
-            state, tracked = joined, relocalised
+        enough = max(UNPREDICTED_INLIERS * setup.min_inliers, tracked.inliers + 1)
+        with trial("relocalisation", "left", found.keyframe.time_ns, images.time_ns):
+            if judged(relocalised.inliers >= enough, trials.LOCALISED, relocalised.inliers, enough):
+                trials.report_accepted()
+                state, tracked = joined, relocalised
     return state, tracked, checks.DESCRIBED_POINTS.of(tracked.inliers, setup.min_inliers)
 
 
@@ -121,7 +126,8 @@ def _recognised(
         described = keyframe.described(setup.front_end.descriptor)
         if described is not keyframe:
             state = replace(state, database=state.database.with_features(described))
-        found = _compared(setup, state, described, images, now)
+        with trial("relocalisation", "left", keyframe.time_ns, images.time_ns):
+            found = _compared(setup, state, described, images, now)
         if found is not None and (best is None or len(found.points) > len(best.points)):
             best = found
             if len(best.points) >= CLEAR_MATCH * setup.min_inliers:
@@ -142,8 +148,11 @@ def _compared(
     verification = Verification(setup.front_end.matcher, 2 * setup.limit, radii_px, MIN_VERIFIED, MIN_VERIFIED, solvers)
     view = View(now, lambda index: left.normalise(now.uv[index].astype(float)), left.in_image)
     found = verification.verify(Candidate(described, lambda index: xyz[index]), view)
+    if trials.is_collecting():
+        trials.report_positions(left.normalise(described.uv.astype(float)), left.normalise(now.uv.astype(float)))
     if found is None:
         return None
+    trials.report_pose(Similarity(1.0, found.camera_from_world.inverse()), None, float(np.median(found.xyz[:, 2])))
     (i, j), pose = found.pairs.T, found.camera_from_world
     points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i], points.slants[i])
     recognised = _Recognised(keyframe, points, found.xyz, now.uv[j], pose)
