@@ -21,8 +21,8 @@ scale: whether the scale within a segment of monocular changes by no more than t
 soak: whether time and memory per frame grow in a long run over small made images.
 audit: what `ispom evaluate` says of mistakes that are planted in right pairs of trajectories: other programs' that are
     in --data, and simulated ones. --only chooses.
-sensors: what the doctor says of a wrong clock, mount, unit or bias that is planted in the sensors of simulations, and of
-    KITTI 00 and EuRoC if they are in --data. --only chooses.
+sensors: what the doctor says of a wrong clock, mount, unit or bias that is planted in the sensors of simulations, and
+    of KITTI 00 and EuRoC if they are in --data. --only chooses.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
