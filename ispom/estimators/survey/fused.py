@@ -34,7 +34,7 @@ from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, alignment, fix_checks, started
-from ispom.estimators.survey.fused_values import Prior, revised_nodes
+from ispom.estimators.survey.fused_values import Prior, imu_of, revised_nodes
 from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
 from ispom.sensors import SENSOR_KINDS
@@ -265,6 +265,7 @@ class Fused:
             revised=revised,
             scale=None if self._metric else float(np.exp(last.log_scale)),
             scale_sigma=uncertainty.by_letter["s"],
+            calibration=imu_of(last, uncertainty.covariance, uncertainty.unknowns),
             decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
 

@@ -31,7 +31,7 @@ from ispom.estimators.survey.fused_checks import LOCATED, START_SIGMA, STARTED, 
 from ispom.estimators.survey.fused_nodes import FusedState
 from ispom.estimators.survey.fused_start import Start, fix_checks, resting, started
 from ispom.estimators.survey.fused_tight_graph import STILL_M_S, TightGraph
-from ispom.estimators.survey.fused_values import revised_nodes
+from ispom.estimators.survey.fused_values import imu_of, revised_nodes
 from ispom.estimators.survey.fused_window import TILTED
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
@@ -230,6 +230,7 @@ class Tight(Fused):
             covariance,
             key_frame=True,
             revised=revised,
+            calibration=imu_of(last, covariance, uncertainty.unknowns),
             decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
 
