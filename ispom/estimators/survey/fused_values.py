@@ -42,8 +42,8 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def imu_of(node: Node, covariance: Array, unknowns: Mapping[str, Array]) -> Corrections:
-    """Returns biases and gravity in the rig at a node, of the covariance (6, 6) of its pose and those of its unknowns by
-    their letters; nothing without an IMU."""
+    """Returns biases and gravity in the rig at a node, of the covariance (6, 6) of its pose and those of its unknowns
+    by their letters; nothing without an IMU."""
     if "b" not in unknowns:
         return Corrections()
     down = node.local_from_rig.rotation.T @ DOWN
