@@ -2,6 +2,7 @@
 
 from ispom.cameras import Camera
 from ispom.types.corrections import (
+    ClockOffset,
     Corrections,
     Gravity,
     ImageNoise,
@@ -54,6 +55,7 @@ __all__ = [
     "Camera",
     "CameraSensor",
     "Check",
+    "ClockOffset",
     "Corrections",
     "Decision",
     "DecisionKind",

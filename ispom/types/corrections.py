@@ -118,6 +118,15 @@ class ImuBias(_Correction):
     """(6, 6); None where it is unknown."""
 
 
+@dataclass(frozen=True)
+class ClockOffset:
+    """Of a sensor, against the images."""
+
+    late_s: float
+    """How much later its time stamps are [s]."""
+    sigma_s: float
+
+
 @dataclass(frozen=True, eq=False)
 class Gravity:
     """The direction of gravity in the rig, as an IMU shows it."""
@@ -148,6 +157,7 @@ class Corrections:
     mount: MountCorrection | None = None
     imu: ImuBias | None = None
     gravity: Gravity | None = None
+    imu_clock: ClockOffset | None = None
     noise: ImageNoise | None = None
     pair_motion: Array | None = None
     """(6,) velocity during the delay of the right shutter: left twist of left_from_world, rho [m/s] and phi [rad/s]."""

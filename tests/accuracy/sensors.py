@@ -33,7 +33,7 @@ from ispom.types import Sequence
 
 from .audit import estimated
 
-SEEDS, PLANTED_SEEDS = 5, 2
+SEEDS, PLANTED_SEEDS = 5, 1
 """Of each simulation, and of those in which something is planted."""
 IMAGES_HZ = 10.0
 SIMULATED = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from ispom.geometry import Array, Pose, skew
 from ispom.sensors.fusion import Node
-from ispom.types import Corrections, Gravity, ImuBias
+from ispom.types import ClockOffset, Corrections, Gravity, ImuBias
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +41,12 @@ DOWN = np.array([0.0, 0.0, -1.0])
 """In the local frame."""
 
 
-def imu_of(node: Node, covariance: Array, unknowns: Mapping[str, Array]) -> Corrections:
+def imu_of(node: Node, covariance: Array, unknowns: Mapping[str, Array], clock: ClockOffset | None) -> Corrections:
     """Returns biases and gravity in the rig at a node, of the covariance (6, 6) of its pose and those of its unknowns
-    by their letters; nothing without an IMU."""
+    by their letters, besides the clock; nothing without an IMU."""
     if "b" not in unknowns:
         return Corrections()
     down = node.local_from_rig.rotation.T @ DOWN
     along = skew(down)
     gravity = Gravity(down, along @ covariance[3:, 3:] @ along.T)
-    return Corrections(imu=ImuBias.of(node.bias, unknowns["b"]), gravity=gravity)
+    return Corrections(imu=ImuBias.of(node.bias, unknowns["b"]), gravity=gravity, imu_clock=clock)

@@ -170,6 +170,13 @@ def test_bias_and_gravity_are_stated_with_their_standard_deviations(noise: float
     assert abs(found.gravity.covariance @ found.gravity.direction).max() < 1e-9
 
 
+def test_the_clock_of_the_imu_is_stated_with_its_standard_deviation() -> None:
+    config = FusedStereoConfig(scheme="6", start_m=3.0, node_s=0.1)
+    run = Run(config, {"imu": SimulatedImu(noise=0.0, late_ms=50.0)})
+    found = run.steps[-1].calibration.imu_clock
+    assert found is not None and found.late_s == pytest.approx(0.05, abs=2e-3) and 0 < found.sigma_s < 0.02
+
+
 def test_without_an_imu_neither_bias_nor_gravity_is_stated() -> None:
     steps = Run(FusedStereoConfig(scheme="8", start_m=3.0), chosen("8")).steps
     assert all(step.calibration.imu is None and step.calibration.gravity is None for step in steps)
