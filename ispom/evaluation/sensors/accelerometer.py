@@ -143,6 +143,7 @@ def accelerometer_fit(seen: Speeds, metric: bool, mount: tuple[Array, Array], hi
     losses = _losses(signs, seen)
     sign_known, reverse = abs(losses[0] - losses[1]) > AS_GOOD, losses[0] - losses[1] > AS_GOOD
     chosen = signs[int(reverse)]
+    widest = widest.copy()
     widest[:3], widest[6] = FREE_BIAS, KNOWN_UNIT
     free = _best(_signed(seen, -1.0 if reverse else 1.0), metric, mount, hidden, widest)
     losses = _losses([chosen, free], seen)
