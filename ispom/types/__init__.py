@@ -1,7 +1,16 @@
 """The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
 
 from ispom.cameras import Camera
-from ispom.types.corrections import Corrections, ImageNoise, LensCorrection, MountCorrection, PairCorrection
+from ispom.types.corrections import (
+    ClockOffset,
+    Corrections,
+    Gravity,
+    ImageNoise,
+    ImuBias,
+    LensCorrection,
+    MountCorrection,
+    PairCorrection,
+)
 from ispom.types.measurements import (
     FRAME_KINDS,
     Frame,
@@ -46,6 +55,7 @@ __all__ = [
     "Camera",
     "CameraSensor",
     "Check",
+    "ClockOffset",
     "Corrections",
     "Decision",
     "DecisionKind",
@@ -54,11 +64,13 @@ __all__ = [
     "FrameName",
     "GnssAntenna",
     "GnssFix",
+    "Gravity",
     "Guess",
     "Image",
     "ImageLines",
     "ImageNoise",
     "Imu",
+    "ImuBias",
     "ImuSamples",
     "Kind",
     "Landmarks",

@@ -102,6 +102,41 @@ class MountCorrection(_Correction):
     """(7, 7); None where it is unknown, 0 for a fixed parameter."""
 
 
+@dataclass(frozen=True, eq=False)
+class ImuBias(_Correction):
+    """What an IMU measures too much, along its own axes."""
+
+    force_x_m_s2: float = 0.0
+    force_y_m_s2: float = 0.0
+    force_z_m_s2: float = 0.0
+    """Bias of the accelerometer."""
+    rate_x_rad_s: float = 0.0
+    rate_y_rad_s: float = 0.0
+    rate_z_rad_s: float = 0.0
+    """Bias of the gyroscope."""
+    covariance: Array | None = None
+    """(6, 6); None where it is unknown."""
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Of a sensor, against the images."""
+
+    late_s: float
+    """How much later its time stamps are [s]."""
+    sigma_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """The direction of gravity in the rig, as an IMU shows it."""
+
+    direction: Array
+    """(3,) of length 1, down, along the axes of the rig."""
+    covariance: Array
+    """(3, 3) [rad^2], without any along the direction itself."""
+
+
 @dataclass(frozen=True)
 class ImageNoise:
     """Noise of a track's coordinates on the plane z = 1 (standard deviations)."""
@@ -120,6 +155,9 @@ class Corrections:
     """Correction of the video camera."""
     pair: PairCorrection | None = None
     mount: MountCorrection | None = None
+    imu: ImuBias | None = None
+    gravity: Gravity | None = None
+    imu_clock: ClockOffset | None = None
     noise: ImageNoise | None = None
     pair_motion: Array | None = None
     """(6,) velocity during the delay of the right shutter: left twist of left_from_world, rho [m/s] and phi [rad/s]."""

@@ -22,6 +22,8 @@ soak: whether time and memory per frame grow in a long run over small made image
 audit: what `ispom evaluate` says of mistakes that are planted in right pairs of trajectories: other programs' that are
     in --data, and simulated ones. --only chooses.
 budget: whether `ispom budget` gives planted causes their true shares of the error, in twenty simulations.
+sensors: what the doctor says of a wrong clock, mount, unit or bias that is planted in the sensors of simulations, and
+    of KITTI 00 and EuRoC if they are in --data. --only chooses.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
@@ -52,6 +54,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
     parser.add_argument("--table", type=Path, help="write the table of audit or budget to this page of the docs")
+    parser.add_argument(
+        "--table", type=Path, help="write the table of audit or sensors to this page of the documentation"
+    )
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:

@@ -25,6 +25,7 @@ from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .honest_scale import print_scales
 from .loops import loops_found, print_loops
+from .sensors import print_sensors, scenes_in, sensors_found, write_sensors
 from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
 from .uncertainty import FILE as UNCERTAINTY
@@ -56,6 +57,7 @@ class Options:
     """Where figures are written to."""
     table: Path | None = None
     """The page of the documentation whose table audit or budget writes."""
+    """The page of the documentation whose table audit or sensors writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -232,6 +234,16 @@ def budget(console: Console, options: Options) -> list[dict[str, Any]]:
         print_budgets(console, budgets_found(measured))
         if options.table is not None:
             write_budgets(options.table, budgets_found(measured))
+def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Mistakes planted in sensors."""
+    measured, scenes = list[dict[str, Any]](), scenes_in(options.data)
+    for name in [name for name in scenes if not options.only or name in options.only]:
+        task = {"recording": name, "data": str(options.data.absolute())}
+        measured += rows_of(console, f"mistakes planted in the sensors of {name}", "sensors", task) or []
+    if measured:
+        print_sensors(console, sensors_found(measured))
+        if options.table is not None:
+            write_sensors(options.table, sensors_found(measured))
     return measured
 
 
@@ -279,6 +291,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "soak": soak,
         "audit": audit,
         "budget": budget,
+        "sensors": sensors,
         "blocks": blocks,
     }
 )

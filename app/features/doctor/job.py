@@ -18,6 +18,7 @@ from ispom.types import Sequence
 from ...engine.run_events.stretch import Stretch
 from .origin import Origin
 from .rerun import rerun, set_back
+from .sensors import sensor_scene
 
 SETTINGS = 0.6
 """Share of the time after which no setting is set back to its default any more."""
@@ -79,6 +80,8 @@ def examine(
 
     settings = None if origin is None else set_back(origin, stretch, next_frame, so_far)
     seen = examination(sequence, stretch.first, stretch.last, read)
+    if origin is not None:
+        seen = replace(seen, sensors=sensor_scene(origin, sequence, stretch))
     found = diagnose(seen, SUSPECTS, next_suspect)
     if stretch.quiet and origin is not None:
         found = without_harmless(found)

@@ -27,8 +27,8 @@ def doctor(
         "Whether it is also rerun: settings that differ from their defaults first, other ones last, one at a time.",
     ] = True,
 ) -> dict[str, Any]:
-    """Says which cause explains a bad stretch of the run, by its settings, images, times and tracks. Ground truth is
-    used only to judge a setting that is set back to its default.
+    """Says which cause explains a bad stretch of the run, by its settings, images, times, tracks and other sensors.
+    Ground truth is used only to judge a setting that is set back to its default.
     `answer` is a sentence, `causes` are keys of what was found, the strongest first, and `ranked` has for each suspect
     the evidence, its strength (from 1 on it is found), frames to look at, and what to do. `set_back` and `reruns` have
     for each setting that was tried the frames located, the checks that failed, and the error where it is known. It

@@ -23,18 +23,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.estimator import VIDEO, Method, require_frame
 from ispom.estimators.survey.fused_checks import LOCATED, MAX_FIT, MIN_GAIN, START_SIGMA, STARTED, checks_of
+from ispom.estimators.survey.fused_clock import clock_due, imu_clock
 from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
 from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, alignment, fix_checks, started
-from ispom.estimators.survey.fused_values import Prior, revised_nodes
+from ispom.estimators.survey.fused_values import Prior, imu_of, revised_nodes
 from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
 from ispom.sensors import SENSOR_KINDS
@@ -245,6 +247,7 @@ class Fused:
         nodes, prior, settled = state.nodes, state.prior, state.settled
         assert prior is not None
         last = nodes[-1]
+        state = self._with_clock(state)
         uncertainty = self._graph.uncertainty(nodes, prior)
         revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
         while len(nodes) > self._config.window:
@@ -265,8 +268,16 @@ class Fused:
             revised=revised,
             scale=None if self._metric else float(np.exp(last.log_scale)),
             scale_sigma=uncertainty.by_letter["s"],
+            calibration=imu_of(last, uncertainty.covariance, uncertainty.unknowns, state.clock),
             decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
+
+    def _with_clock(self, state: Any) -> Any:
+        """Returns the state with another estimate of the IMU's clock, where it is time for one."""
+        if "imu" not in self._sensors or not clock_due(state.nodes[-1]):
+            return state
+        found = imu_clock((*state.settled, *state.nodes), self._camera_from_rig, self._graph.rig_from_body)
+        return replace(state, clock=found or state.clock)
 
     def _sensor_decisions(self, misfits: Mapping[str, float], gains: Mapping[str, float]) -> list[Decision]:
         """Returns whether each sensor agrees with the others, and what it contributes."""

@@ -14,7 +14,7 @@ from ispom.persistent_list import PersistentList
 from ispom.sensors.fusion import MotionNoise, Node, NodeContext, motion_in_rig
 from ispom.sensors.imu import inertial_of, predicted
 from ispom.sensors.kind import SensorKind
-from ispom.types import Kind, Measurement, Rig, Status, Step
+from ispom.types import ClockOffset, Kind, Measurement, Rig, Status, Step
 
 SETTLED_S = 1.0
 """Time from which on the growth of the images' uncertainty counts: that of the first pose is zero by definition."""
@@ -53,6 +53,8 @@ class FusedState:
     """Time from which on the images state how certain their poses are, in their present world."""
     noise: MotionNoise | None = None
     """Of the motions of the images; None as long as they state none."""
+    clock: ClockOffset | None = None
+    """Of the IMU, as last estimated."""
 
 
 class Collector:

@@ -31,7 +31,7 @@ from ispom.estimators.survey.fused_checks import LOCATED, START_SIGMA, STARTED, 
 from ispom.estimators.survey.fused_nodes import FusedState
 from ispom.estimators.survey.fused_start import Start, fix_checks, resting, started
 from ispom.estimators.survey.fused_tight_graph import STILL_M_S, TightGraph
-from ispom.estimators.survey.fused_values import revised_nodes
+from ispom.estimators.survey.fused_values import imu_of, revised_nodes
 from ispom.estimators.survey.fused_window import TILTED
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
@@ -212,6 +212,7 @@ class Tight(Fused):
         """Returns the Step of the last node, and the window without the nodes that are too many."""
         nodes = (*state.nodes[:-1], self._scaled(state.nodes))
         last, prior, settled = nodes[-1], state.prior, state.settled
+        state = self._with_clock(state)
         uncertainty = self._tight.uncertainty(nodes, prior, state.lens)
         revised = Trajectory.of([(n.time_ns, WORLD_FROM_LOCAL @ n.local_from_rig) for n in nodes[:-1]])
         while len(nodes) > self._config.window:
@@ -230,6 +231,7 @@ class Tight(Fused):
             covariance,
             key_frame=True,
             revised=revised,
+            calibration=imu_of(last, covariance, uncertainty.unknowns, state.clock),
             decisions=(*decisions, *self._sensor_decisions(misfits, uncertainty.gains)),
         )
 

@@ -44,6 +44,8 @@ class Uncertainty:
     """Standard deviation (root mean square) of each of its unknowns."""
     gains: Mapping[str, float]
     """By sensor, the factor by which the position would be less certain without it."""
+    unknowns: Mapping[str, Array]
+    """Covariance of each of its unknowns, by letter; that of the pose as gtsam has it."""
 
 
 class WindowGraph:
@@ -201,11 +203,13 @@ class WindowGraph:
             gains[sensor] = float(np.sqrt(np.trace(other[place, place])) / own)
         along = self.rig_from_body.adjoint
         pose = along @ covariance[np.ix_(ORDER, ORDER)] @ along.T
-        variances, sigmas = np.diag(covariance), dict[str, float]()
+        variances, sigmas, unknowns = np.diag(covariance), dict[str, float](), dict[str, Array]()
         for each in self.variables:
             begin = int(self.starts[each.letter])
-            sigmas[each.letter] = float(np.sqrt(variances[begin : begin + each.size].mean()))
-        return Uncertainty(0.5 * (pose + pose.T), sigmas, gains)
+            part = slice(begin, begin + each.size)
+            sigmas[each.letter] = float(np.sqrt(variances[part].mean()))
+            unknowns[each.letter] = covariance[part, part]
+        return Uncertainty(0.5 * (pose + pose.T), sigmas, gains, unknowns)
 
     def _last(self, information: Array) -> Array:
         """Returns the covariance (D, D) of the last node: those before it are eliminated one by one, and change only

@@ -37,7 +37,8 @@ def diagnose(
     one_thread()
     ranked, silent, left = [], [], []
     for suspect in suspects:
-        if left or not advance(suspect.name):
+        known = suspect.how == "sensors" and seen.has_judged  # all of these at once
+        if not known and (left or not advance(suspect.name)):
             left.append(suspect.key)
             continue
         finding = suspect.examine(seen)
@@ -77,7 +78,8 @@ def _in_order(ranked: Iterable[Ranked]) -> list[Ranked]:
     calibration with which tracks fit that did not before: the images cannot be the trouble. Then what images and times
     show, and what moves, before what a calibration explains in part: that is tested fairly only on good images of a
     rigid scene. Where there is nothing of these but a motion that may be too fast, a calibration with which the tracks
-    fit better beyond doubt comes before it.
+    fit better beyond doubt comes before it. What is wrong with another sensor was measured by itself: it comes before
+    what images show where a method of the run uses that sensor, else last.
     """
     given = list(ranked)
     good = not any(each.finding.found and each.suspect.how in SEEN and each.suspect.key not in MAY for each in given)
@@ -85,6 +87,8 @@ def _in_order(ranked: Iterable[Ranked]) -> list[Ranked]:
     def place(each: Ranked) -> tuple[bool, float, float]:
         finding, values = each.finding, each.finding.values
         order = {"setting": 0.0, "images": 3.0, "times": 3.0, "tracks": 4.0}.get(each.suspect.how, 5.0)
+        if each.suspect.how == "sensors":
+            order = 2.5 if values.get("used") else 6.0
         if values.get("after_px", LOSS_PX) < LOSS_PX:
             order = 1.0 if values["gain"] > MOST else 2.0 if good and values.get("z", 0.0) > CERTAIN else order
         return not finding.found, order if finding.found else 0.0, -finding.strength

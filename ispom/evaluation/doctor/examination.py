@@ -9,6 +9,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from ispom.evaluation.sensors.judged import SensorsJudged, judged
+from ispom.evaluation.sensors.scene import SensorScene
 from ispom.types import Frame, Image, Sequence
 
 from .adjustment import Promise
@@ -26,6 +28,19 @@ LONGEST_SIDE_PX = 700
 @dataclass(frozen=True, eq=False)
 class Examination(Stretch):
     """A stretch with its tracks, its scene, and what freed numbers of the calibration explain."""
+
+    sensors: SensorScene | None = None
+    """What other sensors measured around the stretch, and the path of the images there; None where this is unknown."""
+
+    @cached_property
+    def judged(self) -> SensorsJudged:
+        """What is claimed of these sensors; nothing where there are none."""
+        return SensorsJudged() if self.sensors is None else judged(self.sensors)
+
+    @property
+    def has_judged(self) -> bool:
+        """Whether that is computed already."""
+        return "judged" in self.__dict__
 
     @cached_property
     def tracked(self) -> Tracked:

@@ -8,10 +8,10 @@ from typing import Literal
 
 from .examination import Examination
 
-How = Literal["setting", "images", "times", "tracks", "counterfactual", "rerun"]
+How = Literal["setting", "images", "times", "tracks", "sensors", "counterfactual", "rerun"]
 """Where the evidence is from. `counterfactual`: a changed calibration or clock, and what held-out tracks say of it;
-`rerun`: the run's own method, forked before the stretch, with another setting; `setting`: the same, with a setting that
-differs from its default set back to it."""
+`sensors`: other sensors, against the path of the images; `rerun`: the run's own method, forked before the stretch, with
+another setting; `setting`: the same, with a setting that differs from its default set back to it."""
 
 DIGITS = 5
 """Significant digits of figures."""

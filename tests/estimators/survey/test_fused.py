@@ -25,7 +25,7 @@ from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, skew
 from ispom.sensors.fusion import Link, MotionNoise, Node
 from ispom.sensors.gnss import SimulatedGnss
-from ispom.sensors.imu import SimulatedImu
+from ispom.sensors.imu import SimulatedImu, true_imu
 from ispom.sensors.laser import SimulatedLaser, deskewed
 from ispom.sensors.simulated import Scenery
 from ispom.sensors.wheel import SimulatedWheel, wheel_link
@@ -37,6 +37,7 @@ from ispom.testing.values import digest
 from ispom.types import (
     Camera,
     Frame,
+    ImuSamples,
     Landmarks,
     Measurement,
     Rig,
@@ -148,6 +149,37 @@ def test_a_pair_needs_no_start() -> None:
     run = Run(FusedStereoConfig(scheme="8", node_s=0.4, window=6), chosen("8"), turn=2e-4, place=2e-3)
     assert run.steps[0].status is Status.TRACKING and run.error_m < 0.05
     assert run.steps[0].scale is None and run.values("wheel_gain")[-1].value > 1
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_bias_and_gravity_are_stated_with_their_standard_deviations(noise: float) -> None:
+    unit = SimulatedImu(noise=noise, gyroscope_bias_deg_s=0.5, accelerometer_bias_m_s2=0.0)
+    run = Run(FusedStereoConfig(scheme="6", start_m=3.0), {"imu": unit}, turn=1e-4 * noise, place=1e-3 * noise)
+    samples = [m for m in run.measurements if isinstance(m, ImuSamples)]
+    times_ns = np.concatenate([m.times_ns for m in samples])
+    around = motion_of("drive", 0).pose_at
+    rates, _ = true_imu(around, times_ns, unit.sensor().rig_from_sensor)
+    bias = (np.concatenate([m.angular_velocity_rad_s for m in samples]) - rates).mean(axis=0)
+    found = [step for step in run.steps if step.key_frame][-1].calibration
+    assert found.imu is not None and found.imu.covariance is not None and found.gravity is not None
+    off = found.imu.values[3:] - bias
+    assert np.degrees(np.linalg.norm(off)) < 0.05
+    assert (abs(off) < 4 * np.sqrt(np.diag(found.imu.covariance)[3:]) + 1e-5).all()
+    tilt = np.arccos(np.clip(found.gravity.direction @ [0.0, 1.0, 0.0], -1, 1))  # the drive is level
+    assert tilt < 4 * np.sqrt(np.trace(found.gravity.covariance)) + 1e-4
+    assert abs(found.gravity.covariance @ found.gravity.direction).max() < 1e-9
+
+
+def test_the_clock_of_the_imu_is_stated_with_its_standard_deviation() -> None:
+    config = FusedStereoConfig(scheme="6", start_m=3.0, node_s=0.1)
+    run = Run(config, {"imu": SimulatedImu(noise=0.0, late_ms=50.0)})
+    found = run.steps[-1].calibration.imu_clock
+    assert found is not None and found.late_s == pytest.approx(0.05, abs=2e-3) and 0 < found.sigma_s < 0.02
+
+
+def test_without_an_imu_neither_bias_nor_gravity_is_stated() -> None:
+    steps = Run(FusedStereoConfig(scheme="8", start_m=3.0), chosen("8")).steps
+    assert all(step.calibration.imu is None and step.calibration.gravity is None for step in steps)
 
 
 def test_a_pair_has_poses_before_its_fixes_are_far_enough_apart() -> None:

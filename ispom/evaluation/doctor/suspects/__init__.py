@@ -5,8 +5,9 @@ from __future__ import annotations
 from ..finding import Suspect
 from .calibration import CALIBRATION
 from .images import IMAGES
+from .sensors import SENSORS
 from .times import TIMES
 from .tracks import TRACKS
 
-SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *TRACKS, *CALIBRATION)
+SUSPECTS: tuple[Suspect, ...] = (*TIMES, *IMAGES, *TRACKS, *SENSORS, *CALIBRATION)
 """In the order in which they are examined: the quick ones first."""
