@@ -59,7 +59,7 @@ def gathered(
 
 def refitted(evidence: Evidence, given: Trajectory) -> Evidence:
     """Returns the evidence with the pairs fitted again, near poses that are known to be better than those before."""
-    pairs = (pair_evidence((p.first, p.second), p.x1, p.x2, relative(given, p), p.pixel) for p in evidence.pairs)
+    pairs = (pair_evidence((p.first, p.second), p.views, relative(given, p)) for p in evidence.pairs)
     return Evidence(tuple(p for p in pairs if p is not None), evidence.triples)
 
 
@@ -85,10 +85,7 @@ def _pair_from(chunk: Chunk, f: int, given: Trajectory, covered: NDArray[np.bool
         i, j = chunk.first + f, chunk.first + f + span
         if f + span >= chunk.x.shape[1] or not (covered[i] and covered[j]):
             break
-        both = np.isfinite(chunk.x[:, f, 0]) & np.isfinite(chunk.x[:, f + span, 0])
-        second_from_first = given.pose(j).inverse() @ given.pose(i)
-        x1, x2 = chunk.x[both, f], chunk.x[both, f + span]
-        pair = pair_evidence((i, j), x1, x2, second_from_first, chunk.pixel)
+        pair = pair_evidence((i, j), chunk.views(f, f + span), given.pose(j).inverse() @ given.pose(i))
         best = pair or best
         if best is not None and best.parallax_px >= ENOUGH_PX:
             break
