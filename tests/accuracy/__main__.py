@@ -21,6 +21,8 @@ scale: whether the scale within a segment of monocular changes by no more than t
 soak: whether time and memory per frame grow in a long run over small made images.
 audit: what `ispom evaluate` says of mistakes that are planted in right pairs of trajectories: other programs' that are
     in --data, and simulated ones. --only chooses.
+judge: from which size on `ispom judge` finds mistakes that are planted in the true poses of recordings in --data and of
+    simulations. --only chooses.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
@@ -50,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
-    parser.add_argument("--table", type=Path, help="write the table of audit to this page of the documentation")
+    parser.add_argument("--table", type=Path, help="write the table of audit or judge to this page of docs")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:

@@ -23,6 +23,7 @@ from .figures import FILE, Figures, methods_for, opened, print_figures, read_fig
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .honest_scale import print_scales
+from .judge import judge_found, print_judge, recordings_in, write_judge
 from .loops import loops_found, print_loops
 from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
@@ -54,7 +55,7 @@ class Options:
     file: Path = FILE
     """Where figures are written to."""
     table: Path | None = None
-    """The page of the documentation whose table audit writes."""
+    """The page of the documentation whose table audit or judge writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -222,6 +223,20 @@ def audit(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def judge(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Mistakes planted in the true poses of recordings."""
+    measured = list[dict[str, Any]]()
+    for name, source in recordings_in(options.data.absolute()).items():
+        if not options.only or name in options.only:
+            task = {"name": name, "source": source}
+            measured += rows_of(console, f"mistakes planted in the truth of {name}", "judge", task) or []
+    if measured:
+        print_judge(console, judge_found(measured))
+        if options.table is not None:
+            write_judge(options.table, judge_found(measured))
+    return measured
+
+
 def blocks(console: Console, options: Options) -> list[dict[str, Any]]:
     """Times of the building blocks, and the unit in which machines compare."""
     with child.progress("building blocks"):
@@ -265,6 +280,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "scale": scale,
         "soak": soak,
         "audit": audit,
+        "judge": judge,
         "blocks": blocks,
     }
 )

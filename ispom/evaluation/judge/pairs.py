@@ -56,6 +56,11 @@ class TwoViews:
         return np.linalg.norm(rotate(self.turn, self.x1) - self.x2, axis=1)
 
     @cached_property
+    def parallax_px(self) -> float:
+        """The median of these; NaN without tracks."""
+        return float(np.median(self.away)) / self.pixel if len(self.x1) else np.nan
+
+    @cached_property
     def found(self) -> Pose | None:
         """The relative pose second_from_first of most tracks; None where there is none."""
         found = relative_pose(self.x1, self.x2, self.pixel)
@@ -110,7 +115,7 @@ def pair_evidence(ends: tuple[int, int], views: TwoViews, given: Pose) -> PairEv
     if len(x1) < LEAST:
         return None
     turn, away = views.turn, views.away
-    parallax_px = float(np.median(away)) / pixel
+    parallax_px = views.parallax_px
     motion_px = float(np.median(np.linalg.norm(x1 - x2, axis=1))) / pixel
     pose = _best(views, given)
     near = linearised(pose, x1, x2)
