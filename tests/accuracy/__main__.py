@@ -24,6 +24,8 @@ audit: what `ispom evaluate` says of mistakes that are planted in right pairs of
 budget: whether `ispom budget` gives planted causes their true shares of the error, in twenty simulations.
 sensors: what the doctor says of a wrong clock, mount, unit or bias that is planted in the sensors of simulations, and
     of KITTI 00 and EuRoC if they are in --data. --only chooses.
+judge: from which size on `ispom judge` finds mistakes that are planted in the true poses of recordings in --data and of
+    simulations. --only chooses.
 blocks: times of the building blocks: the adjustment of a window, rendering, logging, opening; and of the unit U, a
     fixed tracking task that makes times of machines comparable. (Of methods: ispom experiment speed.)
 """
@@ -57,6 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--table", type=Path, help="write the table of audit or sensors to this page of the documentation"
     )
+    parser.add_argument("--table", type=Path, help="write the table of audit or judge to this page of docs")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:

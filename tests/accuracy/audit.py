@@ -27,6 +27,8 @@ from ispom.io.poses.recognised import read_trajectory
 from ispom.simulation.motions import motion_of
 from ispom.types import Trajectory
 
+from .page import write_between
+
 REAL: Mapping[str, tuple[str, str, Alignment]] = {
     "KITTI 00, ORB-SLAM2": ("KITTI_00_gt.txt", "KITTI_00_ORB.txt", "se3"),
     "KITTI 00, S-PTAM": ("KITTI_00_gt.txt", "KITTI_00_SPTAM.txt", "se3"),
@@ -236,16 +238,9 @@ def print_audit(console: Console, found: list[Found]) -> None:
             console.print(f"! {f.pair}: {f.plant or 'right pair'}: {f.first or 'nothing found'}{words}")
 
 
-BEGIN, END = "<!-- python -m tests.accuracy audit: begin -->", "<!-- python -m tests.accuracy audit: end -->"
-
-
 def write_audits(page: Path, found: list[Found]) -> None:
-    """Replaces what stands between the marks of a page of the documentation."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, mark, after = rest.partition(END)
-    if not mark:
-        raise ValueError(f"{page} has no lines '{BEGIN}' and '{END}'")
-    page.write_text(f"{before}{BEGIN}\n\n{markdown(found)}\n\n{END}{after}", encoding="utf-8")
+    """Replaces the table of a page of the documentation."""
+    write_between(page, "audit", markdown(found))
 
 
 def markdown(found: list[Found]) -> str:

@@ -24,6 +24,7 @@ from .figures import FILE, Figures, methods_for, opened, print_figures, read_fig
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .honest_scale import print_scales
+from .judge import judge_found, print_judge, recordings_in, write_judge
 from .loops import loops_found, print_loops
 from .sensors import print_sensors, scenes_in, sensors_found, write_sensors
 from .soak import print_soak, scenarios
@@ -58,6 +59,7 @@ class Options:
     table: Path | None = None
     """The page of the documentation whose table audit or budget writes."""
     """The page of the documentation whose table audit or sensors writes."""
+    """The page of the documentation whose table audit or judge writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -244,6 +246,17 @@ def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
         print_sensors(console, sensors_found(measured))
         if options.table is not None:
             write_sensors(options.table, sensors_found(measured))
+def judge(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Mistakes planted in the true poses of recordings."""
+    measured = list[dict[str, Any]]()
+    for name, source in recordings_in(options.data.absolute()).items():
+        if not options.only or name in options.only:
+            task = {"name": name, "source": source}
+            measured += rows_of(console, f"mistakes planted in the truth of {name}", "judge", task) or []
+    if measured:
+        print_judge(console, judge_found(measured))
+        if options.table is not None:
+            write_judge(options.table, judge_found(measured))
     return measured
 
 
@@ -292,6 +305,7 @@ STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = Mapp
         "audit": audit,
         "budget": budget,
         "sensors": sensors,
+        "judge": judge,
         "blocks": blocks,
     }
 )

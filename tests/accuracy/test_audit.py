@@ -10,7 +10,8 @@ import pytest
 from ispom.evaluation.audit.correction import Correction
 from tests.accuracy import studies
 from tests.accuracy.__main__ import main
-from tests.accuracy.audit import BEGIN, END, REAL, SIMULATED, Found, pair_of, pairs_in, plants
+from tests.accuracy.audit import REAL, SIMULATED, Found, pair_of, pairs_in, plants
+from tests.accuracy.page import marks
 
 FOUND = [
     Found("sim:a", "", "right pair", "", True),
@@ -40,7 +41,8 @@ def test_the_table_counts_by_kind(
 ) -> None:
     monkeypatch.setattr(studies, "found", lambda module, task: [asdict(f) for f in FOUND])
     page = tmp_path / "page.md"
-    page.write_text(f"# Title\n\n{BEGIN}\nold\n{END}\n\nend\n")
+    begin, end = marks("audit")
+    page.write_text(f"# Title\n\n{begin}\nold\n{end}\n\nend\n")
     assert main(["audit", "--data", str(tmp_path), "--only", SIMULATED[0], "--table", str(page)]) == 0
     assert "named first: 1 of 2" in " ".join(capsys.readouterr().out.split())
     text = page.read_text()

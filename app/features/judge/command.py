@@ -8,10 +8,10 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 from ispom.evaluation.judge.evidence import gathered
 from ispom.evaluation.judge.judgement import judge as judged
-from ispom.evaluation.judge.poses import Change, changed, covered, distinct
+from ispom.evaluation.judge.poses import UNCHANGED, Change, changed, covered, distinct
 from ispom.evaluation.judge.tracks import main_camera, main_frames
 from ispom.io.kitti import read_times
 from ispom.io.poses.dialect import ROW_NS, TrajectoryFile
@@ -25,6 +25,7 @@ from ...engine.signals import terminable
 from ..evaluation.evaluated import frame_of
 from ..headless.console import progress
 from .options import Judge
+from .page import opening, worst_frame, write_page
 from .text import Judged, lines, plain
 
 EXIT_CODES = {"agrees": 0, "contradicted": 1, "cannot tell": 3}
@@ -53,10 +54,16 @@ def judge(options: Judge) -> int:
 
         evidence = gathered(sequence, places, changed(poses, times_ns, frame), has_pose, read)
     found = Judged(judged(evidence, poses, times_ns, has_pose, frame), times_ns, str(file.path), sequence.name)
+    place = int(places[worst_frame(found.of)])
+    command = opening(options, main_camera(sequence) if frame is UNCHANGED else "rig", place)
     if options.out is not None:
         claim_folder(options.out, "judge")
         write_whole(options.out / "judge.json", json.dumps(plain(found), indent=2, allow_nan=False) + "\n")
     text = json.dumps(plain(found), indent=2, allow_nan=False) if options.json else "\n".join(lines(found))
+    if options.page is not None:
+        write_page(options.page, found, command)
+    if found.of.verdict == "contradicted" and not options.json:
+        text += f"\nSee it: {printable(command)}"
     sys.stdout.write(f"{text}\n")
     return EXIT_CODES[found.of.verdict]
 
@@ -93,6 +100,6 @@ def camera_in(options: Judge, file: TrajectoryFile, sequence: Sequence) -> Chang
     """Returns how the main camera stands in the frame of the poses."""
     of_rig = frame_of(file) in ("body", "rig") if options.frame == "auto" else options.frame == "rig"
     if not of_rig:
-        return Change()
+        return UNCHANGED
     rig_from_camera = sequence.rig.rig_from(main_camera(sequence))
     return Change(mount=rig_from_camera.rotation, lever=rig_from_camera.translation)

@@ -14,8 +14,8 @@ from ...engine.options import SourceOptions
 @dataclass(frozen=True, kw_only=True)
 class Judge(SourceOptions):
     """Judges poses of any program by the images of their recording, without ground truth: clock, axes, mount, lever
-    arm, jumps, steps of the scale, and rest. The exit code is 0 where the images agree, 1 where they contradict the
-    poses, 2 for a mistake in what you gave, and 3 where they cannot tell."""
+    arm, drift, smoothing, jumps, steps of the scale, and rest. The exit code is 0 where the images agree, 1 where they
+    contradict the poses, 2 for a mistake in what you gave, and 3 where they cannot tell."""
 
     poses: tyro.conf.Positional[Path]
     """File of poses of any known program, as for `ispom evaluate`. It may cover a part of the recording."""
@@ -30,3 +30,5 @@ class Judge(SourceOptions):
     """Print the judgement as JSON."""
     out: Path | None = None
     """Folder for judge.json."""
+    page: Path | None = None
+    """HTML file with a plot of the misfit over time. It needs no network."""

@@ -13,6 +13,7 @@ from ispom.errors import printable
 from ispom.evaluation.judge.hypotheses import Tested
 from ispom.evaluation.judge.judgement import Judgement
 from ispom.evaluation.judge.local import Denied
+from ispom.evaluation.judge.shake import Smoothing
 
 NAMES = {
     "clock": "clock offset",
@@ -20,7 +21,10 @@ NAMES = {
     "lever": "distance of the camera from the origin of that frame",
     "axes": "exchanged axes",
     "inverse": "camera_from_world instead of world_from_camera",
+    "turning": "drift of the turn",
+    "growing": "drift of the scale",
 }
+UNITS = {"clock": "s", "mount": "rad", "lever": "unit of the poses", "turning": "rad/s", "growing": "1/s"}
 HEAD = "stretch [s]      pairs  epipolar [px] (best)  turn [deg] (sigma)  direction [deg] (sigma)  scale (sigma)"
 
 
@@ -42,8 +46,8 @@ class Judged:
 def lines(found: Judged) -> list[str]:
     """Returns the verdict, the findings, and a row for each stretch."""
     text = [verdict(found)]
-    text += [f"  {_tested(each)}" for each in found.of.tested if each.accepted]
-    text += [f"  {_denied(found, each)}" for each in found.of.denied]
+    text += [f"  {each}" for each in of_all_poses(found)]
+    text += [f"  {denied_text(found, each)}" for each in found.of.denied]
     hidden = [NAMES[each.kind] for each in found.of.tested if not each.detectable]
     if hidden:
         text.append(f"  The motion does not show: {'; '.join(hidden)}.")
@@ -60,6 +64,12 @@ def lines(found: Judged) -> list[str]:
     return text
 
 
+def of_all_poses(found: Judged) -> list[str]:
+    """Returns what is wrong with all poses, a line each."""
+    smoothed = [_smoothing(found.of.smoothing)] if _is_smoothed(found.of) else []
+    return [*(_tested(each) for each in found.of.tested if each.accepted), *smoothed]
+
+
 def verdict(found: Judged) -> str:
     """Returns the verdict in one line."""
     judgement, count = found.of, len(found.times_ns)
@@ -70,6 +80,7 @@ def verdict(found: Judged) -> str:
     if judgement.verdict == "cannot tell":
         return f"cannot tell: the images show too little of the motion to judge {poses} ({seen})"
     accepted = [NAMES[each.kind] for each in judgement.tested if each.accepted]
+    accepted += ["smoothing"] if _is_smoothed(judgement) else []
     times = len(judgement.denied)
     places = f"{times} {'place' if times == 1 else 'places'} in time"
     what = ", ".join(accepted + ([places] if times else []))
@@ -89,10 +100,28 @@ def _size(each: Tested) -> str:
         return f" of {each.size:.3g} (sigma {each.sigma:.2g}) in the unit of the poses"
     if each.kind == "axes":
         return f", which turn the camera by {degrees(each.size):.0f} deg"
+    if each.kind == "turning":
+        return f" of {degrees(each.size):.2f} deg/s (sigma {degrees(each.sigma):.2f})"
+    if each.kind == "growing":  # what is found is the correction
+        return f" by {-100 * each.size:+.1f} % in a second (sigma {100 * each.sigma:.1f})"
     return ""
 
 
-def _denied(found: Judged, each: Denied) -> str:
+def _is_smoothed(judgement: Judgement) -> bool:
+    return judgement.smoothing is not None and judgement.smoothing.found
+
+
+def _smoothing(found: Smoothing | None) -> str:
+    if found is None:
+        return ""
+    return (
+        f"All poses: smoothing. They lack {100 * found.missing:.0f} % (sigma {100 * found.sigma:.0f}) of the shake's "
+        f"energy within {2 * found.step} frames: {found.missing_px:.1f} px in the images."
+    )
+
+
+def denied_text(found: Judged, each: Denied) -> str:
+    """Returns what is wrong at some time, in one line."""
     span = f"{found.second(each.first):.2f} to {found.second(each.last):.2f} s (frames {each.first} to {each.last})"
     if each.kind == "motion":
         turn, direction = degrees(each.turn_rad), degrees(each.direction_rad)
@@ -127,6 +156,9 @@ def plain(found: Judged) -> dict[str, Any]:
         "frames_with_pose": judgement.frames,
         "pairs": judgement.pairs,
         "all_poses": [_plain_tested(each) for each in judgement.tested],
+        "smoothing": None
+        if judgement.smoothing is None
+        else {**asdict(judgement.smoothing), "found": judgement.smoothing.found},
         "places": [
             {
                 "kind": each.kind,
@@ -156,7 +188,7 @@ def _plain_tested(each: Tested) -> dict[str, Any]:
         "detectable": bool(each.detectable),
         "size": None if exact else each.size,
         "sigma": None if exact else each.sigma,
-        "unit": {"clock": "s", "mount": "rad", "lever": "unit of the poses"}.get(each.kind),
+        "unit": UNITS.get(each.kind),
         "gains": list(each.gains),
     }
 

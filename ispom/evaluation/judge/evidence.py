@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from ispom.numerics.robust import normalised_mad
 from ispom.solvers.multiview.triangulation import triangulate
 from ispom.types import Sequence, Trajectory
 
-from .pairs import BIAS_PX, LEAST, PairEvidence, pair_evidence
+from .pairs import BIAS_PX, LEAST, PairEvidence, TwoViews, pair_evidence
+from .shake import Shakes, shakes_of
 from .tracks import LONGEST_SPAN, Chunk, chunks
 
 SPANS = (2, 4, 8, LONGEST_SPAN)
@@ -40,6 +41,7 @@ class Evidence:
 
     pairs: tuple[PairEvidence, ...]
     triples: tuple[TripleEvidence, ...]
+    shakes: tuple[Shakes, ...] = ()
 
 
 def gathered(
@@ -48,19 +50,26 @@ def gathered(
 ) -> Evidence:  # fmt: skip
     """Tracks the recording. `given` has the poses world_from_camera of the F frames at these places, of which those
     that are `covered` (F,) can be judged."""
+    return of_chunks(chunks(sequence, places, advance), given, covered)
+
+
+def of_chunks(tracked: Iterable[Chunk], given: Trajectory, covered: NDArray[np.bool_]) -> Evidence:
+    """Returns the evidence of the tracks of a recording, chunk by chunk."""
     pairs: list[PairEvidence] = []
     triples: list[TripleEvidence] = []
-    for chunk in chunks(sequence, places, advance):
+    shakes: list[Shakes] = []
+    for chunk in tracked:
         found = of_chunk(chunk, given, covered)
         pairs += [each for each in found.pairs if each.first < chunk.first + chunk.fresh]
         triples += [each for each in found.triples if each.frames[0] < chunk.first + chunk.fresh]
-    return Evidence(tuple(pairs), tuple(triples))
+        shakes += found.shakes
+    return Evidence(tuple(pairs), tuple(triples), tuple(shakes))
 
 
 def refitted(evidence: Evidence, given: Trajectory) -> Evidence:
     """Returns the evidence with the pairs fitted again, near poses that are known to be better than those before."""
-    pairs = (pair_evidence((p.first, p.second), p.x1, p.x2, relative(given, p), p.pixel) for p in evidence.pairs)
-    return Evidence(tuple(p for p in pairs if p is not None), evidence.triples)
+    pairs = (pair_evidence((p.first, p.second), p.views, relative(given, p)) for p in evidence.pairs)
+    return replace(evidence, pairs=tuple(p for p in pairs if p is not None))
 
 
 def relative(given: Trajectory, pair: PairEvidence) -> Pose:
@@ -76,23 +85,32 @@ def of_chunk(chunk: Chunk, given: Trajectory, covered: NDArray[np.bool_]) -> Evi
         if pair is not None:
             pairs[pair.first] = pair
     triples = (_triple(chunk, pair, pairs[pair.second]) for pair in pairs.values() if pair.second in pairs)
-    return Evidence(tuple(pairs.values()), tuple(t for t in triples if t is not None))
+    known = tuple(t for t in triples if t is not None)
+    return Evidence(tuple(pairs.values()), known, tuple(shakes_of(chunk, covered)))
 
 
 def _pair_from(chunk: Chunk, f: int, given: Trajectory, covered: NDArray[np.bool_]) -> PairEvidence | None:
-    best = None
+    """The pair of the shortest span with enough parallax that can be fitted; else of the longest one."""
+    short: list[int] = []
     for span in SPANS:
         i, j = chunk.first + f, chunk.first + f + span
         if f + span >= chunk.x.shape[1] or not (covered[i] and covered[j]):
             break
-        both = np.isfinite(chunk.x[:, f, 0]) & np.isfinite(chunk.x[:, f + span, 0])
-        second_from_first = given.pose(j).inverse() @ given.pose(i)
-        x1, x2 = chunk.x[both, f], chunk.x[both, f + span]
-        pair = pair_evidence((i, j), x1, x2, second_from_first, chunk.pixel)
-        best = pair or best
-        if best is not None and best.parallax_px >= ENOUGH_PX:
-            break
-    return best
+        if not _has_enough(chunk.views(f, f + span)):
+            short.append(span)
+        elif (pair := _fitted(chunk, f, f + span, given)) is not None:
+            return pair
+    pairs = (_fitted(chunk, f, f + span, given) for span in reversed(short))
+    return next((pair for pair in pairs if pair is not None), None)
+
+
+def _has_enough(views: TwoViews) -> bool:
+    return len(views.x1) >= LEAST and views.parallax_px >= ENOUGH_PX
+
+
+def _fitted(chunk: Chunk, first: int, second: int, given: Trajectory) -> PairEvidence | None:
+    ends = chunk.first + first, chunk.first + second
+    return pair_evidence(ends, chunk.views(first, second), given.pose(ends[1]).inverse() @ given.pose(ends[0]))
 
 
 def _triple(chunk: Chunk, a: PairEvidence, b: PairEvidence) -> TripleEvidence | None:

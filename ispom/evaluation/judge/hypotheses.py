@@ -1,5 +1,5 @@
-"""What may be wrong with all poses at once: clock, axes, mount, lever arm, or the inverse poses. Each is fitted to one
-half of the pairs and tested on the other."""
+"""What may be wrong with all poses at once: clock, axes, mount, lever arm, the inverse poses, or a drift. Each is
+fitted to one half of the pairs and tested on the other."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.stats import norm
 
 from ispom.geometry import Array
 from ispom.types import Trajectory
 
+from .evidence import TripleEvidence
+from .local import QUIET, scale_changes
 from .misfit import Pairs, misfit
-from .pairs import UNKNOWN
+from .pairs import BIAS_PX, UNKNOWN
 from .poses import UNCHANGED, Change, changed, turned
 
-Kind = Literal["clock", "mount", "lever", "axes", "inverse"]
+Kind = Literal["clock", "mount", "lever", "axes", "inverse", "turning", "growing"]
 CAP = 15.0
 """Squared misfit of a pair at which the robust loss begins to level off: 1 % of right pairs have more."""
 GAIN = 10.0
@@ -37,8 +40,14 @@ CENTRE_PX = 1.0
 CLOCK_TELLS_S, MOUNT_TELLS, LEVER_TELLS = 0.01, np.radians(1.0), 0.5
 """The smallest offsets that matter: half a frame at 50 Hz, a degree [rad], and half of the distance between the frames
 of a pair. The images tell whether there is one if it would be significant."""
+TURNING_TELLS, GROWING_TELLS = np.radians(1.0), 0.1
+"""The same of drifts: 1 degree [rad] in a second, and a tenth of the scale in a second."""
 LEAST_EXCHANGE = np.radians(45.0)
 """Exchanged axes turn by at least 90 degrees: a smaller turn is a mount."""
+LEAST_TRIPLES = 20
+"""Triples from which a change of the scale in time is fitted: as many as pairs that a verdict needs."""
+MEDIAN_COSTS = 1.2533
+"""Standard deviation of a median over that of a mean, of a normal distribution: the square root of pi / 2."""
 BLOCK = 16
 """Frames of a block: the halves are the even and the odd blocks, so that pairs of both are hardly the same motion."""
 
@@ -51,7 +60,7 @@ class Tested:
     change: Change
     """The change that the whole recording chooses, on top of those that were accepted before."""
     size: float
-    """Offset [s], angle of the mount [rad], or lever arm [the poses' unit]; 0 for an inverse."""
+    """Offset [s], angle of the mount [rad], lever arm [the poses' unit], or drift [rad/s, 1/s]; 0 for an inverse."""
     sigma: float
     """Of the size, in its worst direction; 0 for `axes` and `inverse`."""
     telling: float
@@ -85,6 +94,8 @@ class Setting:
     """(F,) of the frames."""
     change: Change = UNCHANGED
     """What is known to be wrong."""
+    triples: tuple[TripleEvidence, ...] = ()
+    """Those that show how the scale changes."""
 
     def residuals(self, change: Change, chosen: NDArray[np.bool_]) -> Array:
         """Returns the robust residuals (5 N,) of some of the pairs: their sum of squares is the cost."""
@@ -159,6 +170,55 @@ def _lever(setting: Setting) -> Tested:
     tested, p, covariance = _fitted(setting, "lever", of, [np.zeros(3)])
     size, sigma = unit * float(np.linalg.norm(p)), unit * _sigma(p, covariance)
     return replace(tested, size=size, sigma=sigma, telling=LEVER_TELLS * unit)
+
+
+def _turning(setting: Setting) -> Tested:
+    def of(change: Change, p: Array) -> Change:
+        return replace(change, turning=p + (0.0 if change.turning is None else change.turning))
+
+    tested, p, covariance = _fitted(setting, "turning", of, [np.zeros(3)])
+    floor = _bias_per_second(setting)
+    size = float(np.linalg.norm(p))
+    return replace(tested, size=size, sigma=float(np.hypot(_sigma(p, covariance), floor)), telling=TURNING_TELLS)
+
+
+def _bias_per_second(setting: Setting) -> float:
+    """What a lens model may turn the camera by in the same way between the frames of every pair [rad/s]."""
+    pairs = setting.pairs
+    seconds = (setting.times_ns[pairs.second] - setting.times_ns[pairs.first]) * 1e-9
+    return float(np.median(BIAS_PX * pairs.listed[0].pixel / np.maximum(seconds, 1e-9)))
+
+
+def _growing(setting: Setting) -> Tested:
+    """By the triples alone: relative poses of pairs do not show a scale."""
+    nothing = Tested("growing", setting.change, 0.0, np.inf, GROWING_TELLS, (0.0, 0.0))
+    changes, sigmas = scale_changes(setting.triples, setting.given)
+    known = np.isfinite(changes)
+    if known.sum() < LEAST_TRIPLES:
+        return nothing
+    frames = np.array([each.frames for each in setting.triples], np.int64)[known]
+    seconds = (setting.times_ns[frames[:, 2]] - setting.times_ns[frames[:, 0]]) * 1e-9 / 2
+    changes, sigmas, share = changes[known], sigmas[known], 1 / (frames[:, 2] - frames[:, 0])
+    even = (frames[:, 0] // BLOCK) % 2 == 0
+
+    def fitted(half: NDArray[np.bool_]) -> float:
+        ratio, weight = -changes[half] / seconds[half], (share * (seconds / sigmas) ** 2)[half]
+        order = np.argsort(ratio)
+        middle = np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)
+        return float(ratio[order][min(int(middle), len(order) - 1)]) if len(order) else 0.0
+
+    rate = fitted(np.ones(len(changes), bool))
+    left = np.abs(changes + rate * seconds) / sigmas
+    sigmas = sigmas * max(1.0, float(np.quantile(left, QUIET) / norm.isf((1 - QUIET) / 2)))
+
+    def cost(rate: float, half: NDArray[np.bool_]) -> float:
+        squares = ((changes + rate * seconds) / sigmas)[half] ** 2
+        return float((CAP * np.log1p(squares / CAP) * share[half]).sum())
+
+    gains = [cost(0.0, ~half) - cost(fitted(half), ~half) for half in (even, ~even)]
+    sigma = float(MEDIAN_COSTS / np.sqrt((share * (seconds / sigmas) ** 2).sum()))
+    change = replace(setting.change, growing=setting.change.growing + rate)
+    return Tested("growing", change, rate, sigma, GROWING_TELLS, (gains[0], gains[1]))
 
 
 def _axes(setting: Setting) -> Tested:
@@ -243,6 +303,7 @@ def _sigma(p: Array, covariance: Array) -> float:
 
 TESTS: dict[Kind, Callable[[Setting], Tested]] = {
     "clock": _clock, "mount": _mount, "lever": _lever, "axes": _axes, "inverse": _inverse,
+    "turning": _turning, "growing": _growing,
 }  # fmt: skip
 SETTLES: dict[Kind, tuple[Kind, ...]] = {
     "clock": ("clock",),
@@ -250,5 +311,7 @@ SETTLES: dict[Kind, tuple[Kind, ...]] = {
     "lever": ("lever",),
     "axes": ("axes", "mount", "inverse"),
     "inverse": ("axes", "mount", "inverse"),
+    "turning": ("turning",),
+    "growing": ("growing",),
 }
 """What is not tested again once one is accepted: all but the clock and the lever arm turn the mount as well."""

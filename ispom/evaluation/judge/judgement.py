@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from ispom.types import Trajectory
 
-from .evidence import Evidence, refitted
+from .evidence import Evidence, TripleEvidence, refitted
 from .hypotheses import Setting, Tested, tested_all
 from .local import Denied, ambiguous, denied_motion, denied_rest, denied_scale, scale_changes
 from .misfit import Pairs, misfit
-from .poses import UNCHANGED, Change, changed
+from .poses import UNCHANGED, Change, changed, own
+from .shake import Smoothing, smoothing
 
 Verdict = Literal["agrees", "contradicted", "cannot tell"]
 LEAST_PAIRS = 20
@@ -49,6 +50,17 @@ class StretchMisfit:
     scale_sigma: float
 
 
+@dataclass(frozen=True)
+class PairMisfit:
+    """How far the poses of two frames are from what their images say."""
+
+    first: int
+    second: int
+    """Numbers among the frames of the main camera."""
+    sigmas: float
+    """Standard deviations: the root of the squared misfit over its number of freedom, about 1 of right poses."""
+
+
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """Of a trajectory."""
@@ -65,6 +77,11 @@ class Judgement:
     pairs: int
     frames: int
     """That have a pose."""
+    smoothing: Smoothing | None = None
+    """What the poses lack of the images' shake; None where the images show none."""
+    misfits: tuple[PairMisfit, ...] = ()
+    """Of the poses as they were given, by first frame. Pairs whose images have two explanations, of which the poses are
+    one, are left out."""
 
 
 def judge(
@@ -77,22 +94,41 @@ def judge(
     count = int(has_pose.sum())
     if pairs.moves.sum() < LEAST_PAIRS:
         return Judgement("cannot tell", (), frame, (), (), len(pairs), count)
-    setting = Setting(pairs, poses, times_ns, frame)
+    as_given = changed(poses, times_ns, frame)
+    other = ambiguous(pairs, as_given)
+    setting = Setting(pairs, poses, times_ns, frame, _clear(evidence, other))
     tested, change = tested_all(setting)
     right = changed(poses, times_ns, change)
     if change is not frame:
         pairs = Pairs(refitted(evidence, right).pairs)
     other = ambiguous(pairs, right)
-    triples = [t for t in evidence.triples if not {t.frames[:2], t.frames[1:]} & other]
-    denied = [*denied_motion(pairs, right), *denied_scale(triples, right), *denied_rest(pairs, right)]
-    stretches = _stretches(evidence, setting.given)
-    if denied or any(each.accepted for each in tested):
+    denied = [
+        *denied_motion(pairs, right),
+        *denied_scale(_clear(evidence, other), right),
+        *denied_rest(pairs, right),
+    ]
+    stretches = _stretches(evidence, as_given)
+    at_own_time = own(poses, times_ns + round(change.clock_s * 1e9))
+    smoothed = smoothing(evidence.shakes, right, at_own_time, pairs.listed[0].pixel)
+    if denied or any(each.accepted for each in tested) or (smoothed is not None and smoothed.found):
         verdict: Verdict = "contradicted"
     else:
         verdict = "agrees" if _sure(pairs) else "cannot tell"
-    return Judgement(
-        verdict, tested, change, tuple(sorted(denied, key=lambda each: each.first)), stretches, len(pairs), count
-    )
+    in_time = tuple(sorted(denied, key=lambda each: each.first))
+    misfits = _misfits(Pairs(evidence.pairs), as_given)
+    return Judgement(verdict, tested, change, in_time, stretches, len(pairs), count, smoothed, misfits)
+
+
+def _misfits(pairs: Pairs, given: Trajectory) -> tuple[PairMisfit, ...]:
+    found, other = misfit(pairs, given), ambiguous(pairs, given)
+    sigmas = np.sqrt(found.squares / found.freedom)
+    made = (PairMisfit(int(a), int(b), float(s)) for a, b, s in zip(pairs.first, pairs.second, sigmas, strict=True))
+    return tuple(sorted((m for m in made if (m.first, m.second) not in other), key=lambda m: m.first))
+
+
+def _clear(evidence: Evidence, other: set[tuple[int, int]]) -> tuple[TripleEvidence, ...]:
+    """The triples without those of ambiguous pairs."""
+    return tuple(t for t in evidence.triples if not {t.frames[:2], t.frames[1:]} & other)
 
 
 def _sure(pairs: Pairs) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,44 @@ UNKNOWN = np.pi
 
 
 @dataclass(frozen=True, eq=False)
+class TwoViews:
+    """Tracks of two frames, and what they say of the motion whatever poses are judged: it is computed once."""
+
+    x1: Array
+    """(N, 2) tracks in the first frame, in normalised coordinates."""
+    x2: Array
+    """(N, 2) in the second one."""
+    pixel: float
+    """Size of a pixel in normalised coordinates."""
+
+    @cached_property
+    def turn(self) -> Array:
+        """(3, 3) second_from_first of the rotation alone that explains most tracks."""
+        return dominant_rotation(self.x1, self.x2, WIDTH * self.pixel)
+
+    @cached_property
+    def away(self) -> Array:
+        """(N,) distances of the tracks from where that rotation moves them."""
+        return np.linalg.norm(rotate(self.turn, self.x1) - self.x2, axis=1)
+
+    @cached_property
+    def parallax_px(self) -> float:
+        """The median of these; NaN without tracks."""
+        return float(np.median(self.away)) / self.pixel if len(self.x1) else np.nan
+
+    @cached_property
+    def found(self) -> Pose | None:
+        """The relative pose second_from_first of most tracks; None where there is none."""
+        found = relative_pose(self.x1, self.x2, self.pixel)
+        return None if found is None else found.second_from_first
+
+    @cached_property
+    def refined(self) -> Pose | None:
+        """The same, fitted to all tracks."""
+        return None if self.found is None else refine_sampson(self.found, self.x1, self.x2, self.pixel)
+
+
+@dataclass(frozen=True, eq=False)
 class PairEvidence:
     """The relative pose of frames `first` and `second` by their tracks."""
 
@@ -59,26 +98,26 @@ class PairEvidence:
     """Whether the displacement is more than noise and bias explain."""
     normal: Array
     """(5, 5) mean of the squared derivatives: the mean square of the distances that a misfit adds, in `pixel`^2."""
-    pixel: float
-    """Size of a pixel in normalised coordinates."""
-    x1: Array
-    """(N, 2) tracks in the first frame."""
-    x2: Array
-    """(N, 2) in the second one."""
+    views: TwoViews
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel in normalised coordinates."""
+        return self.views.pixel
 
 
-def pair_evidence(ends: tuple[int, int], x1: Array, x2: Array, given: Pose, pixel: float) -> PairEvidence | None:
-    """Fits a relative pose to tracks (N, 2) in two frames; None where they do not fix one.
+def pair_evidence(ends: tuple[int, int], views: TwoViews, given: Pose) -> PairEvidence | None:
+    """Fits a relative pose to the tracks of two frames; None where they do not fix one.
 
     `given` is second_from_first of the poses that are judged: only of two equally good fits is the nearer one taken.
     """
+    x1, x2, pixel = views.x1, views.x2, views.pixel
     if len(x1) < LEAST:
         return None
-    turn = dominant_rotation(x1, x2, WIDTH * pixel)
-    away = np.linalg.norm(rotate(turn, x1) - x2, axis=1)
-    parallax_px = float(np.median(away)) / pixel
+    turn, away = views.turn, views.away
+    parallax_px = views.parallax_px
     motion_px = float(np.median(np.linalg.norm(x1 - x2, axis=1))) / pixel
-    pose = _best(x1, x2, given, pixel)
+    pose = _best(views, given)
     near = linearised(pose, x1, x2)
     noise = max(normalised_mad(near.residuals), LEAST_NOISE_PX * pixel)
     weight = robust_weights(near.residuals**2, WIDTH * noise)
@@ -100,7 +139,7 @@ def pair_evidence(ends: tuple[int, int], x1: Array, x2: Array, given: Pose, pixe
     tangent = np.linalg.svd(pose.translation[None])[2][1:]
     return PairEvidence(
         *ends, pose.rotation, pose.translation, tangent, covariance, count, noise / pixel, motion_px, parallax_px,
-        parallax, normal, pixel, x1, x2,
+        parallax, normal, views,
     )  # fmt: skip
 
 
@@ -110,23 +149,22 @@ def denies(pair: PairEvidence, given: Pose) -> bool:
     length = float(np.linalg.norm(given.translation))
     if length == 0:
         return True
-    residuals = linearised(Pose(given.rotation, given.translation / length), pair.x1, pair.x2).residuals
+    residuals = linearised(Pose(given.rotation, given.translation / length), pair.views.x1, pair.views.x2).residuals
     return MAD * float(np.median(np.abs(residuals))) / pair.pixel > np.hypot(pair.noise_px, CLEARLY * BIAS_PX)
 
 
-def _best(x1: Array, x2: Array, given: Pose, pixel: float) -> Pose:
+def _best(views: TwoViews, given: Pose) -> Pose:
     """The relative pose that fits the tracks best; the one near the given pose where it is as good."""
-    found = relative_pose(x1, x2, pixel)
+    x1, x2, pixel = views.x1, views.x2, views.pixel
     length = float(np.linalg.norm(given.translation))
     direction = given.translation / length if length > 0 else np.array([0.0, 0.0, 1.0])
     near = refine_sampson(Pose(given.rotation, direction), x1, x2, pixel, iterations=12)
-    if found is None:
+    if views.found is None or views.refined is None:
         return near
     if _in_front(near, x1, x2) < FRONT:
-        return found.second_from_first
-    best = refine_sampson(found.second_from_first, x1, x2, pixel)
-    costs = [robust_cost(linearised(each, x1, x2).residuals ** 2, pixel) for each in (near, best)]
-    return near if costs[0] < costs[1] + AMBIGUOUS + 0.5 * len(x1) * BIAS_PX**2 else best
+        return views.found
+    costs = [robust_cost(linearised(each, x1, x2).residuals ** 2, pixel) for each in (near, views.refined)]
+    return near if costs[0] < costs[1] + AMBIGUOUS + 0.5 * len(x1) * BIAS_PX**2 else views.refined
 
 
 def _facing(pose: Pose, x1: Array, x2: Array) -> Pose:

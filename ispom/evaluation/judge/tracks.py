@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from ispom.evaluation.doctor.examination import grey, halvings
 from ispom.evaluation.doctor.tracking import evened, followed
 from ispom.geometry import Array
 from ispom.types import Frame, FrameName, Image, Sequence
+
+from .pairs import TwoViews
 
 LONGEST_SPAN = 16
 """Frames between the two of a pair, at most: tracks become few, and the answer no longer local."""
@@ -31,6 +33,15 @@ class Chunk:
     """(P, F, 2) in normalised coordinates; NaN where a corner is not seen."""
     pixel: float
     """Size of a pixel of the tracked images in normalised coordinates."""
+    _views: dict[tuple[int, int], TwoViews] = field(default_factory=dict[tuple[int, int], TwoViews], repr=False)
+
+    def views(self, first: int, second: int) -> TwoViews:
+        """Returns the tracks that two of the F frames share; the same object for the same frames."""
+        known = self._views.get((first, second))
+        if known is None:
+            both = np.isfinite(self.x[:, first, 0]) & np.isfinite(self.x[:, second, 0])
+            known = self._views[first, second] = TwoViews(self.x[both, first], self.x[both, second], self.pixel)
+        return known
 
 
 def main_camera(sequence: Sequence) -> FrameName:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
+from markupsafe import escape
 
 from ispom.geometry import Pose
 from ispom.io.trajectories import tum_text
@@ -92,3 +94,26 @@ def test_mistakes_are_one_sentence(truth: Trajectory, tmp_path: Path, capsys: py
         assert main(["judge", str(tmp_path / name), *RECORDING]) == 2
         error = capsys.readouterr().err
         assert error.startswith("ispom: ") and error.count("\n") == 1
+
+
+def test_the_page_shows_what_is_denied_and_opens_at_the_worst_frame(
+    truth: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    position = truth.translations.copy()
+    position[len(truth) // 4 :] += 2.0
+    (tmp_path / "poses <1>.txt").write_text(tum_text(replace(truth, translations=position)))
+    page = tmp_path / "judge.html"
+    poses = str(tmp_path / "poses <1>.txt")
+    assert main(["judge", poses, *RECORDING, "--frame", "rig", "--page", str(page)]) == 1
+    command = capsys.readouterr().out.splitlines()[-1].partition("See it: ")[2]
+    words = shlex.split(command)
+    assert words[:5] == ["ispom", "app", "sim:tiny", "--max-exposures", "60"]
+    assert words[-2:] == ["--beside", f"poses:rig={poses}"]
+    sequence = open_sequence("sim:tiny")
+    at = int(words[words.index("--at") + 1])
+    jump_ns = int(truth.times_ns[len(truth) // 4])
+    assert abs(int(sequence.times_ns[at]) - jump_ns) < 0.5e9
+    text = page.read_text()
+    assert 'class="denied"' in text and 'class="misfit"' in text
+    assert str(escape(command)) in text and "<1>" not in text
+    assert "<script" not in text and "http" not in text.replace("http-equiv", "")
