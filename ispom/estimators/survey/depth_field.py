@@ -16,7 +16,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.survey.photometric import LEAST_SCALE, cell_side, correlations, rays_of, sample, square_patch
+from ispom.estimators.survey.photometric import (
+    LEAST_SCALE,
+    cell_side,
+    correlations,
+    pyramid,
+    rays_of,
+    sample,
+    square_patch,
+)
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Image
 
@@ -24,9 +32,11 @@ PATCH = square_patch(5)
 """What is compared, around the pixel."""
 WIDTH = 2.0
 """Standard deviations to both sides of the mean that are searched (Engel 2013)."""
-STEPS = 8, 64
-"""Places on a line that are compared, at most a pixel apart: on short lines, and on long ones. A pixel with a longer
-line waits for an image from nearer."""
+STEPS = 8, 32
+"""Places on a line that are compared, at most a pixel apart: on short lines, and on long ones."""
+LEVELS = 4
+"""Of the pyramids on which lines are searched: a longer line begins on a smaller image, and goes on around what was
+found there. A pixel whose line is too long on the smallest one waits for an image from nearer."""
 ITERATIONS = 4
 """Of Gauss-Newton along the line."""
 STEP_PX = 1.0
@@ -137,19 +147,23 @@ def measured(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Returns the inverse depths (N,) as an image shows them, and their standard deviations, inf where it does not; and
     which pixels (N,) it does not show though their lines are in it."""
-    line = Lines.of(field, camera, image, image_from_key)
-    speed = line.speed(field.inverse)
-    length = 2 * WIDTH * field.sigma * speed
-    tried = np.flatnonzero((field.sigma * speed > LEAST_PX) & (length <= STEPS[-1]))
-    found, sigma = field.inverse.copy(), np.full(len(field.ids), np.inf)
-    for least, most in pairwise((1.0, *STEPS)):
-        long = tried[(length[tried] > least) & (length[tried] <= most)]
-        best, clear = line[long].searched(field.inverse[long], field.sigma[long], field.typical, int(most))
-        found[long] = np.where(clear, best, np.nan)
-    some = tried[np.isfinite(found[tried])]
-    found[some], sigma[some] = line[some].refined(found[some])
+    keyframe, other = pyramid(field.grey)[:LEVELS], pyramid(image)[:LEVELS]
+    lines = [Lines.of(field, n, keyframe[n], camera, other[n], image_from_key) for n in range(len(keyframe))]
+    uncertain = field.sigma * lines[0].speed(field.inverse)
+    tried = np.flatnonzero((uncertain > LEAST_PX) & (2 * WIDTH * uncertain <= STEPS[-1] * 2.0 ** (len(lines) - 1)))
+    found, width, left = field.inverse.copy(), field.sigma.copy(), tried
+    for line in reversed(lines):
+        length = 2 * WIDTH * width[left] * line[left].speed(found[left])
+        for least, most in pairwise((1.0, *STEPS)):
+            some = left[(length > least) & (length <= most)]
+            best, clear = line[some].searched(found[some], width[some], field.typical, int(most))
+            found[some] = np.where(clear, best, np.nan)
+            width[some] = 1 / np.maximum(line[some].speed(best), 1e-9)
+        left = left[np.isfinite(found[left])]
+    sigma = np.full(len(field.ids), np.inf)
+    found[left], sigma[left] = lines[0][left].refined(found[left])
     missed = np.zeros(len(field.ids), bool)
-    missed[tried] = ~np.isfinite(sigma[tried]) & np.isfinite(sample(image, line[tried].at(field.inverse[tried])))
+    missed[tried] = ~np.isfinite(sigma[tried]) & np.isfinite(sample(image, lines[0][tried].at(field.inverse[tried])))
     return found, sigma, missed
 
 
@@ -157,6 +171,8 @@ def measured(
 class Lines:
     """Where N pixels may lie in an image, each with a patch of P pixels."""
 
+    level: int
+    """Of the pyramids; all places are pixels of it."""
     camera: Camera
     image: Image
     intensity: Array
@@ -167,29 +183,31 @@ class Lines:
     """(3,) the place of a pixel is that of ray + inverse depth * step."""
 
     @staticmethod
-    def of(field: DepthField, camera: Camera, image: Image, image_from_key: Pose) -> Lines:
-        pixels = field.uv[:, None] + np.vstack([np.zeros((1, 2)), PATCH])
-        rays = rays_of(camera, pixels.reshape(-1, 2)) @ image_from_key.rotation.T
-        intensity = without_mean(sample(field.grey, pixels[:, 1:].reshape(-1, 2)).reshape(-1, len(PATCH)))
-        return Lines(camera, image, intensity, rays.reshape(*pixels.shape[:2], 3), image_from_key.translation)
+    def of(field: DepthField, level: int, keyframe: Image, camera: Camera, image: Image, image_from_key: Pose) -> Lines:
+        """`keyframe` and `image` are those of the level."""
+        pixels = field.uv[:, None] / 2**level + np.vstack([np.zeros((1, 2)), PATCH])
+        rays = rays_of(camera, 2**level * pixels.reshape(-1, 2)) @ image_from_key.rotation.T
+        intensity = without_mean(sample(keyframe, pixels[:, 1:].reshape(-1, 2)).reshape(-1, len(PATCH)))
+        rays = rays.reshape(*pixels.shape[:2], 3)
+        return Lines(level, camera, image, intensity, rays, image_from_key.translation)
 
     def __getitem__(self, some: NDArray[np.int64]) -> Lines:
         return replace(self, intensity=self.intensity[some], rays=self.rays[some])
 
     def at(self, inverse: Array) -> Array:
         """Returns the places (N, 2) [px] of the pixels with inverse depths (N,)."""
-        return self.camera.project(self.rays[:, 0] + inverse[:, None] * self.step)
+        return self.camera.project(self.rays[:, 0] + inverse[:, None] * self.step) / 2**self.level
 
     def patches(self, inverse: Array) -> Array:
         """Returns the pixels (N, P, 2) of the patches, as planes across the keyframe's axis, from their places [px]."""
         xyz = self.rays + inverse[:, None, None] * self.step
-        uv = self.camera.project(xyz.reshape(-1, 3)).reshape(*xyz.shape[:2], 2)
+        uv = self.camera.project(xyz.reshape(-1, 3)).reshape(*xyz.shape[:2], 2) / 2**self.level
         return uv[:, 1:] - uv[:, :1]
 
     def velocity(self, inverse: Array) -> Array:
         """Returns by how much the places (N, 2) move with the inverse depth [px by its unit]; 0 without a place."""
         jacobian = self.camera.project_jacobian(self.rays[:, 0] + inverse[:, None] * self.step)
-        return np.nan_to_num(jacobian @ self.step)
+        return np.nan_to_num(jacobian @ self.step) / 2**self.level
 
     def speed(self, inverse: Array) -> Array:
         """Returns the size (N,) of that."""
@@ -205,7 +223,7 @@ class Lines:
         low = np.maximum(inverse - WIDTH * sigma, FAR * typical)
         trials = low[:, None] + (inverse + WIDTH * sigma - low)[:, None] * np.linspace(0, 1, steps + 1)
         xyz = self.rays[:, :1] + trials[..., None] * self.step
-        places = self.camera.project(xyz.reshape(-1, 3)).reshape(*trials.shape, 2)
+        places = self.camera.project(xyz.reshape(-1, 3)).reshape(*trials.shape, 2) / 2**self.level
         uv = (places[:, :, None] + self.patches(inverse)[:, None]).reshape(-1, len(PATCH), 2)
         apart = self.values(uv).reshape(*trials.shape, len(PATCH)) - self.intensity[:, None]
         cost = (apart**2).sum(axis=2)

@@ -104,7 +104,8 @@ class DirectMonocular(OneKind[Memory]):
         field = memory.field.improved(self.camera, grey, found.pose)
         new, points = None, None
         if any(trigger.passed for trigger in triggers):
-            new, next_id = self._carried(field, grey, found.pose, last.next_id)
+            gone = np.isin(field.ids, last.keyframe.ids[~found.similar])
+            new, next_id = self._carried(field[~gone], grey, found.pose, last.next_id)
             points = POINTS.of(new.sure.sum(), config.min_points)
             decisions = (*decisions, points)
         if new is None or points is None or not points.passed:
