@@ -59,8 +59,8 @@ CONSISTENT = 3.0
 OWN = np.sqrt(0.5)
 """Part of the standard deviation of a measurement that no number of them makes less: half of the variance is that of
 the keyframe's own patch."""
-FORGOTTEN = 1.1
-"""By which a standard deviation grows where the pixel was not found on its line."""
+CONFIRMED = 2
+"""Images that must agree before an inverse depth takes part: a single match may be one of a repeated pattern."""
 FAR = 1e-3
 """Least inverse depth, as a share of the typical one: what is farther is at infinity."""
 SURE = 0.2
@@ -69,6 +69,9 @@ typical one: a motion by as much as a tenth of the depth then puts the pixel off
 CARRIED = 0.01
 """Standard deviation that an inverse depth gets in addition when it is carried to another keyframe, as a share of it:
 the pixel of the next keyframe is not exactly the same point."""
+
+
+NAMES = "ids", "uv", "inverse", "sigma", "agreed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +86,17 @@ class DepthField:
     """(N,) means of the inverse depths, positive."""
     sigma: Array
     """(N,) standard deviations of them."""
+    agreed: NDArray[np.int64]
+    """(N,) number of images that agreed, less that of those that did not."""
 
     @staticmethod
     def unknown(grey: Image, ids: NDArray[np.int64], uv: Array, typical: float) -> DepthField:
         """Returns pixels that may be anywhere from a third of the typical depth to infinity."""
         blank = np.full(len(ids), typical)
-        return DepthField(grey, ids, uv.astype(float), blank, blank)
+        return DepthField(grey, ids, uv.astype(float), blank, blank, np.zeros(len(ids), np.int64))
 
     def __getitem__(self, some: NDArray[np.bool_]) -> DepthField:
-        return DepthField(self.grey, self.ids[some], self.uv[some], self.inverse[some], self.sigma[some])
+        return DepthField(self.grey, *(getattr(self, name)[some] for name in NAMES))
 
     @property
     def typical(self) -> float:
@@ -101,8 +106,8 @@ class DepthField:
 
     @property
     def sure(self) -> NDArray[np.bool_]:
-        """(N,) whether the inverse depth is known well enough for the alignment."""
-        return self.sigma <= SURE * np.maximum(self.inverse, self.typical)
+        """(N,) whether the inverse depth is known well enough for the alignment, and confirmed."""
+        return (self.sigma <= SURE * np.maximum(self.inverse, self.typical)) & (self.agreed >= CONFIRMED)
 
     def improved(self, camera: Camera, image: Image, image_from_key: Pose) -> DepthField:
         """Returns the field with what another image of it says."""
@@ -112,8 +117,13 @@ class DepthField:
         share = np.where(agrees, (self.sigma / np.where(agrees, both, 1.0)) ** 2, 0.0)
         mean = self.inverse + share * np.where(agrees, found - self.inverse, 0.0)
         deviation = np.maximum(self.sigma * np.sqrt(1 - share), np.where(agrees, OWN * sigma, 0.0))
-        deviation = np.where(missed | (np.isfinite(sigma) & ~agrees), FORGOTTEN * deviation, deviation)
-        return replace(self, inverse=np.maximum(mean, FAR * self.typical), sigma=deviation)
+        wrong = missed | (np.isfinite(sigma) & ~agrees)
+        agreed = np.minimum(self.agreed + agrees - wrong, CONFIRMED + 1)
+        anew = agreed < 0
+        return replace(
+            self, inverse=np.where(anew, self.typical, np.maximum(mean, FAR * self.typical)),
+            sigma=np.where(anew, self.typical, deviation), agreed=np.maximum(agreed, 0),
+        )  # fmt: skip
 
     def carried(self, camera: Camera, grey: Image, image_from_key: Pose, count: int) -> DepthField:
         """Returns the pixels that lie in another image as a field of that: of each of about `count` cells the surest
@@ -122,7 +132,7 @@ class DepthField:
         y = rays + self.inverse[:, None] * image_from_key.translation
         uv, scale = camera.project(y), 1 / np.maximum(y[:, 2], 1e-9)
         inverse, sigma = self.inverse * scale, self.sigma * np.abs(rays[:, 2]) * scale**2
-        moved = DepthField(grey, self.ids, uv, inverse, np.hypot(sigma, CARRIED * inverse))
+        moved = DepthField(grey, self.ids, uv, inverse, np.hypot(sigma, CARRIED * inverse), self.agreed)
         inside = np.isfinite(sample(grey, uv)) & (y[:, 2] > 1e-9)
         order = np.flatnonzero(inside)[np.argsort(sigma[inside], kind="stable")]
         _, first = np.unique(cells(uv[order], grey, count), return_index=True)
@@ -132,8 +142,7 @@ class DepthField:
 
     def joined(self, more: DepthField) -> DepthField:
         """Returns both together: `more` is of the same image."""
-        names = ("ids", "uv", "inverse", "sigma")
-        return DepthField(self.grey, *(np.concatenate([getattr(a, n) for a in (self, more)]) for n in names))
+        return DepthField(self.grey, *(np.concatenate([getattr(a, n) for a in (self, more)]) for n in NAMES))
 
 
 def cells(uv: Array, grey: Image, count: int) -> NDArray[np.int64]:

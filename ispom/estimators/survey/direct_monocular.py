@@ -148,7 +148,9 @@ class DirectMonocular(OneKind[Memory]):
         uv = self._pixels(start.grey)
         ids = start.next_id + np.arange(len(uv))
         field = DepthField.unknown(start.grey, ids, uv, 1 / float(np.median(depth)))
-        return field.improved(self.camera, start.first, first_from_second), first_from_second
+        field = field.improved(self.camera, start.first, first_from_second)
+        # There is no other image yet that could confirm them.
+        return replace(field, agreed=2 * field.agreed), first_from_second
 
     # Step 4
 
