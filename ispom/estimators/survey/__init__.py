@@ -7,6 +7,7 @@ from __future__ import annotations
 
 _NAMES = (
     "direct",
+    "direct.monocular",
     "flow",
     "fused",
     "fused.stereo",

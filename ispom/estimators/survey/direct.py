@@ -32,13 +32,20 @@ from numpy.typing import NDArray
 
 from ispom.estimator import STEREO, Method
 from ispom.estimators.survey.common import OneKind, Result, tracks_between
-from ispom.estimators.survey.photometric import Alignment, align, guesses_around, pyramid, square_patch, textured
+from ispom.estimators.survey.photometric import (
+    Alignment,
+    align,
+    guesses_around,
+    pyramid,
+    rays_of,
+    square_patch,
+    textured,
+)
 from ispom.features.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.settings import Range, WorthTrying, checked
-from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.stopwatch import Stopwatch
-from ispom.types import Check, Decision, Frame, Image, Landmarks, Rig, as_grey, by_key, colours_at
+from ispom.types import Camera, Check, Decision, Frame, Image, Landmarks, Rig, Tracks, as_grey, by_key, colours_at
 
 PATCH = square_patch(4)
 BORDER_PX = 8
@@ -75,21 +82,27 @@ STAGES = {
 
 
 @dataclass(frozen=True)
-class DirectConfig:
-    """Settings of the direct method."""
+class FieldSettings:
+    """Settings of the direct methods."""
 
     max_points: Annotated[int, Range(100, 10000), WorthTrying((2,))] = 2000
     """Pixels of a keyframe: cells of the grid, each of which gives the one with the steepest gradient."""
     min_gradient: Annotated[float, Range(0.5, 50), WorthTrying((0.5,))] = 4.0
     """Least gradient of a pixel [grey levels per px]; noise of a camera is below 2."""
     min_points: Annotated[int, Range(20, 2000)] = 60
-    """A pair with fewer pixels that have a depth is no keyframe."""
+    """An image with fewer pixels that have a depth is no keyframe."""
     min_similar: Annotated[float, Range(0.05, 0.9)] = 0.25
     """Least share of patches that look the same for a frame to be located."""
     keyframe_similar: Annotated[float, Range(0.1, 1), WorthTrying((0.5,))] = 0.8
     """With a smaller share the frame becomes a keyframe."""
     keyframe_moved: Annotated[float, Range(0.1, 50), WorthTrying((0.5,))] = 3.0
     """With a larger median displacement of the pixels the frame becomes a keyframe [% of the image's width]."""
+
+
+@dataclass(frozen=True)
+class DirectConfig(FieldSettings):
+    """Settings of the direct method."""
+
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the keyframe before a new segment starts from the last pose."""
 
@@ -99,14 +112,14 @@ class DirectConfig:
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A pair with its depth field of N pixels."""
+    """An image with its depth field of N pixels."""
 
     grey: Image
-    """The left image."""
     ids: NDArray[np.int64]
     uv: NDArray[np.float32]
-    disparity_px: NDArray[np.float32]
-    world_from_left: Pose
+    depth: Array
+    """(N,)."""
+    world_from_camera: Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +129,22 @@ class Memory:
     keyframe: Keyframe
     next_id: int
     time_ns: int
-    """Of the last located pair."""
-    world_from_left: Pose
+    """Of the last located frame."""
+    world_from_camera: Pose
     velocity: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) twist per second on the right of the pose."""
     uv: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """(N, 2) the keyframe's pixels in the last pair [px]; NaN where they were not found."""
-    lost_pairs: int = 0
+    """(N, 2) the keyframe's pixels in the last frame [px]; NaN where they were not found."""
+    lost: int = 0
+    """Frames since the last located one."""
+
+    def located(self, found: Alignment, time_ns: int) -> Memory:
+        """Returns the memory after a frame that was aligned with the keyframe."""
+        pose = self.keyframe.world_from_camera @ found.pose.inverse()
+        # Predictions are made of poses and poses of predictions: rounding errors would grow without this.
+        pose = Pose.from_xyzw(pose.xyzw, pose.translation)
+        velocity = (self.world_from_camera.inverse() @ pose).log() / ((time_ns - self.time_ns) * 1e-9)
+        return replace(self, time_ns=time_ns, world_from_camera=pose, uv=found.uv, lost=0, velocity=velocity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,31 +163,18 @@ class Direct(OneKind["Memory | None"]):
         left = as_grey(frame.left)
         if memory is None:
             return self._begun(None, frame, left, watch, self.rig.rig_from_left, ())
-        found, similar = self._aligned(memory, left, frame.time_ns), np.zeros(len(memory.keyframe.ids), bool)
-        if found is not None:
-            similar = found.similar
-        located = SIMILAR.of(similar.mean(), self.config.min_similar)
+        found, located = aligned(memory, self.rig.camera("left"), left, frame.time_ns, self.config.min_similar)
         watch.lap("align")
         if found is None or not located.passed:
-            if memory.lost_pairs < self.config.max_lost_pairs:
-                return replace(memory, lost_pairs=memory.lost_pairs + 1), Result(decisions=(located,))
-            return self._begun(memory, frame, left, watch, memory.world_from_left, (located,))
+            if memory.lost < self.config.max_lost_pairs:
+                return replace(memory, lost=memory.lost + 1), Result(decisions=(located,))
+            return self._begun(memory, frame, left, watch, memory.world_from_camera, (located,))
 
-        keyframe = memory.keyframe
-        pose = keyframe.world_from_left @ found.pose.inverse()
-        # Predictions are made of poses and poses of predictions: rounding errors would grow without this.
-        pose = Pose.from_xyzw(pose.xyzw, pose.translation)
-        seconds = (frame.time_ns - memory.time_ns) * 1e-9
-        after = replace(
-            memory, time_ns=frame.time_ns, world_from_left=pose, uv=found.uv, lost_pairs=0,
-            velocity=(memory.world_from_left.inverse() @ pose).log() / seconds,
-        )  # fmt: skip
-        shift = np.linalg.norm(found.uv - keyframe.uv, axis=1)[similar]
-        triggers = (
-            OVERLAP.of(similar.mean(), self.config.keyframe_similar),
-            MOVED.of(100 * np.median(shift) / left.shape[1], self.config.keyframe_moved),
+        after = memory.located(found, frame.time_ns)
+        pose, triggers = after.world_from_camera, moved_on(memory.keyframe, found, self.config)
+        result = Result(
+            pose @ self.rig.rig_from_left.inverse(), (located, *triggers), {"left": carried_tracks(memory, found)}
         )
-        result = self._result(memory, frame, found, similar, pose, (located, *triggers))
         if any(trigger.passed for trigger in triggers):
             new, points = self._keyframe(frame, left, pose, memory.next_id)
             result = replace(result, decisions=(*result.decisions, points))
@@ -174,18 +183,6 @@ class Direct(OneKind["Memory | None"]):
                 result = replace(result, key_frame=True, landmarks=self._landmarks(new, frame))
         watch.lap("depth")
         return after, result
-
-    def _aligned(self, memory: Memory, left: Image, time_ns: int) -> Alignment | None:
-        """Step 2: returns the motion from the keyframe to this image."""
-        keyframe, camera = memory.keyframe, self.rig.camera("left")
-        seconds = (time_ns - memory.time_ns) * 1e-9
-        now_from_key = memory.world_from_left.inverse() @ keyframe.world_from_left
-        predicted = Pose.exp(seconds * memory.velocity).inverse() @ now_from_key
-        depth = camera.fx * self.rig.baseline_m / keyframe.disparity_px.astype(float)
-        guesses = guesses_around(predicted, now_from_key, depth)
-        return align(
-            camera, pyramid(keyframe.grey), keyframe.uv.astype(float), depth, pyramid(left), guesses, PATCH
-        )  # fmt: skip
 
     def _begun(
         self, memory: Memory | None, frame: Frame, left: Image, watch: Stopwatch, pose: Pose,
@@ -210,22 +207,47 @@ class Direct(OneKind["Memory | None"]):
         matches = PointSearch().search(left, as_grey(frame.right), uv)
         good = (matches.disparity_px >= MIN_DISPARITY_PX) & (matches.deviations_px <= MAX_DEVIATION_PX)
         count = int(good.sum())
-        keyframe = Keyframe(left, first_id + np.arange(count), uv[good], matches.disparity_px[good], pose)
+        depth = self.rig.camera("left").fx * self.rig.baseline_m / matches.disparity_px[good].astype(float)
+        keyframe = Keyframe(left, first_id + np.arange(count), uv[good], depth, pose)
         return keyframe, POINTS.of(count, self.config.min_points)
 
     def _landmarks(self, keyframe: Keyframe, frame: Frame) -> Landmarks:
-        camera, baseline = self.rig.camera("left"), self.rig.baseline_m
-        xyz = points_from_disparity(camera, baseline, keyframe.uv, keyframe.disparity_px)
-        return Landmarks(keyframe.ids, keyframe.world_from_left.apply(xyz), colours_at(frame.left, keyframe.uv))
+        return landmarks_of(keyframe, self.rig.camera("left"), frame.left)
 
-    def _result(
-        self, memory: Memory, frame: Frame, found: Alignment, similar: NDArray[np.bool_], pose: Pose,
-        decisions: tuple[Decision, ...],
-    ) -> Result:  # fmt: skip
-        """Tracks are for display: where the motion carries the pixels of the keyframe."""
-        keyframe = memory.keyframe
-        tracks = tracks_between(keyframe.ids[similar], found.uv[similar], memory.uv[similar])
-        return Result(pose @ self.rig.rig_from_left.inverse(), decisions, {"left": tracks})
+
+def aligned(
+    memory: Memory, camera: Camera, grey: Image, time_ns: int, least_similar: float
+) -> tuple[Alignment | None, Decision]:
+    """Step 2: returns the motion from the keyframe to an image, and whether enough patches then look the same."""
+    keyframe, seconds = memory.keyframe, (time_ns - memory.time_ns) * 1e-9
+    now_from_key = memory.world_from_camera.inverse() @ keyframe.world_from_camera
+    predicted = Pose.exp(seconds * memory.velocity).inverse() @ now_from_key
+    guesses = guesses_around(predicted, now_from_key, keyframe.depth)
+    found = align(
+        camera, pyramid(keyframe.grey), keyframe.uv.astype(float), keyframe.depth, pyramid(grey), guesses, PATCH
+    )  # fmt: skip
+    return found, SIMILAR.of(0.0 if found is None else found.similar.mean(), least_similar)
+
+
+def moved_on(keyframe: Keyframe, found: Alignment, settings: FieldSettings) -> tuple[Decision, ...]:
+    """Step 3: returns what makes an aligned frame a keyframe, where one of them passes."""
+    shift = np.linalg.norm(found.uv - keyframe.uv, axis=1)[found.similar]
+    return (
+        OVERLAP.of(found.similar.mean(), settings.keyframe_similar),
+        MOVED.of(100 * np.median(shift) / keyframe.grey.shape[1], settings.keyframe_moved),
+    )
+
+
+def carried_tracks(memory: Memory, found: Alignment) -> Tracks:
+    """Returns tracks for display: where the motion carries the pixels of the keyframe."""
+    similar = found.similar
+    return tracks_between(memory.keyframe.ids[similar], found.uv[similar], memory.uv[similar])
+
+
+def landmarks_of(keyframe: Keyframe, camera: Camera, image: Image) -> Landmarks:
+    """Returns the pixels of a keyframe in the world, with the colours of its image."""
+    xyz = keyframe.depth[:, None] * rays_of(camera, keyframe.uv)
+    return Landmarks(keyframe.ids, keyframe.world_from_camera.apply(xyz), colours_at(image, keyframe.uv))
 
 
 METHOD = Method(

@@ -3,9 +3,7 @@
 Alignment of sparse patches, of features and of the pose are those of `hybrid.py`. What a pair gives there, the depth of
 new corners, comes from motion here. The steps, in the order of this file:
 
-1. The first map: corners are followed by Lucas-Kanade until they moved enough. Each relative pose that two images allow
-   (essential matrix, and the decompositions of a homography, for a plane) is adjusted together with images between
-   them; the one with the lowest cost counts, if its points are enough.
+1. The first map: corners are followed until two images and those between them give one (`first_map.py`).
 2. Seeds: new corners of a keyframe are followed, and become points of the map once their rays from the keyframe and
    from the present image meet at a sufficient angle. SVO filters depths of such seeds; the angle is a simple stand-in.
 3. Keyframes are adjusted together with their points (the last few; the two oldest stay as they are).
@@ -29,54 +27,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimator import VIDEO, Method
-from ispom.estimators.survey import hybrid
-from ispom.estimators.survey.common import OneKind, Result, tracks_between
+from ispom.estimators.survey import first_map, hybrid
+from ispom.estimators.survey.common import OneKind, Result
+from ispom.estimators.survey.first_map import (
+    FOLLOW,
+    LOSS_PX,
+    MIN_DISTANCE_PX,
+    NEW_POINT_PX,
+    FirstMap,
+    FirstMaps,
+    Start,
+)
 from ispom.estimators.survey.hybrid import ALIGNED, INLIERS, MOVED, REMAINING, Keyframe, Points
-from ispom.features.klt import Klt
 from ispom.features.shi_tomasi import detect_spread
 from ispom.geometry import Array, Pose
 from ispom.settings import Range, WorthTrying, checked
 from ispom.solvers.bundle import adjust
-from ispom.solvers.localisation import fit_pose
-from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.solvers.multiview.triangulation import parallax_rad, triangulate
-from ispom.solvers.multiview.two_view import hypotheses
 from ispom.stopwatch import Stopwatch
-from ispom.types import Camera, Check, Decision, Frame, Image, Landmarks, Rig, TrackStatus, as_grey, by_key, colours_at
+from ispom.types import Camera, Check, Frame, Image, Landmarks, Rig, TrackStatus, as_grey, by_key, colours_at
 
-FOLLOW = Klt(levels=4)
-"""Of corners without a depth."""
-MIN_DISTANCE_PX = 10.0
-"""Between corners."""
 MAX_KEYFRAMES = 8
 """Keyframes that are adjusted, and whose patches are kept."""
-BETWEEN = 4
-"""Images between the two of the first map that help to choose its relative pose."""
-LEAST_SHARE = 0.6
-"""Share of the corners that the first map must explain."""
-LOSS_PX = 0.5
-"""Width of the robust loss in adjustments: the deviation of an aligned corner is about half of it."""
-NEW_POINT_PX = 1.0
-"""Largest reprojection error of a new point in both of its images."""
 
-STARTED = Check(
-    "start_parallax", "displacement of the corners that no rotation explains", "requirement", "First map?",
-    unit="% of the width",
-    passes="First map is tried: the corners moved by {value:.1f} % of the width ({threshold} % needed).",
-    fails="Waiting for a first map: the corners moved by {value:.1f} % of the width ({threshold} % needed).",
-)  # fmt: skip
-EXPLAINED = Check(
-    "start_explained", "share of the corners that the first map explains", "requirement", "First map?", topic="map",
-    passes="First map: it explains {value:.0%} of the corners ({threshold:.0%} needed).",
-    fails="No first map: it would explain {value:.0%} of the corners ({threshold:.0%} needed).",
-)  # fmt: skip
 NEW_POINTS = Check(
     "seeds_converged", "seeds that became points of the map", "finding",
     passes="{value} corners became points of the map.", fails="No corner became a point of the map.",
 )  # fmt: skip
-CHECKS = by_key(STARTED, EXPLAINED, INLIERS, ALIGNED, REMAINING, MOVED, NEW_POINTS)
+CHECKS = by_key(*first_map.CHECKS.values(), INLIERS, ALIGNED, REMAINING, MOVED, NEW_POINTS)
 STAGES = {
-    "first map": "Follows corners until two images and those between them give a map.",
+    "first map": first_map.STAGE,
     **{name: text for name, text in hybrid.STAGES.items() if name != "map"},
     "seeds": "Follows corners without a depth; those with enough parallax become points of the map.",
     "map": "Makes a keyframe, and adjusts the last keyframes together with their points.",
@@ -106,27 +86,6 @@ class HybridMonocularConfig:
 
     def build(self, rig: Rig) -> HybridMonocular:
         return HybridMonocular(rig, checked(self))
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """N corners that are followed until there is a map."""
-
-    first: Image
-    grey: Image
-    """The last image."""
-    ids: NDArray[np.int64]
-    first_uv: NDArray[np.float32]
-    uv: NDArray[np.float32]
-    next_id: int
-    base: Pose = field(default_factory=Pose)
-    """world_from_camera of the first image."""
-    restarted: bool = False
-    between: tuple[NDArray[np.float32], ...] = ()
-    """(N, 2) each, in images between, oldest first."""
-    skipped: int = 0
-    """Images since the newest of them, of every `stride` of which one is kept."""
-    stride: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +121,7 @@ class HybridMonocular(OneKind[Memory]):
 
     def __init__(self, rig: Rig, config: HybridMonocularConfig) -> None:
         self.rig, self.config, self.camera = rig, config, rig.camera("video")
+        self.first_maps = FirstMaps(self.camera, config.max_points, config.min_inliers, config.start_moved)
 
     def begin(self) -> Memory:
         """See OneKind."""
@@ -186,7 +146,7 @@ class HybridMonocular(OneKind[Memory]):
         if fit is None or not located.passed:
             if old.lost < config.max_lost_frames:
                 return replace(memory, map=replace(old, lost=old.lost + 1)), Result(decisions=(aligned, located))
-            start = self._new_start(grey, old.next_id, old.world_from_camera, restarted=True)
+            start = self.first_maps.begun(grey, old.next_id, old.world_from_camera, restarted=True)
             return Memory(start), Result(decisions=(aligned, located))
 
         pose = fit.camera_from_world.inverse()
@@ -220,65 +180,23 @@ class HybridMonocular(OneKind[Memory]):
 
     # Step 1: the first map
 
-    def _new_start(self, grey: Image, next_id: int, base: Pose, restarted: bool) -> Start:
-        uv = detect_spread(grey, self.config.max_points, np.zeros((0, 2), np.float32), MIN_DISTANCE_PX)
-        return Start(grey, grey, next_id + np.arange(len(uv)), uv, uv, next_id + len(uv), base, restarted)
-
     def _started(self, start: Start | None, frame: Frame, grey: Image, watch: Stopwatch) -> tuple[Memory, Result]:
-        """Follows the corners of the start, and tries to make a map."""
-        if start is None or len(start.ids) < 2 * self.config.min_inliers:
-            base, restarted = (Pose(), False) if start is None else (start.base, start.restarted)
-            start = self._new_start(grey, 0 if start is None else start.next_id, base, restarted)
-            watch.lap("first map")
-            tracks = tracks_between(start.ids, start.uv)
-            return Memory(start), Result(decisions=(STARTED.of(0, self.config.start_moved),), tracks={"video": tracks})
-        uv, status = FOLLOW.track(start.grey, grey, start.uv)
-        alive = status == TrackStatus.ALIVE
-        before, between = start.uv[alive], [b[alive] for b in start.between]
-        start = replace(start, grey=grey, ids=start.ids[alive], first_uv=start.first_uv[alive], uv=uv[alive])
-        x1, x2 = (self.camera.normalise(p.astype(float)) for p in (start.first_uv, start.uv))
-        moved = 0.0
-        if len(x1) >= self.config.min_inliers:
-            rotation = dominant_rotation(x1, x2, 3 * LOSS_PX / self.camera.fx)
-            moved = 100 * median_displacement(rotation, x1, x2) * self.camera.fx / grey.shape[1]
-        enough = STARTED.of(moved, self.config.start_moved)
-        decisions: tuple[Decision, ...] = (enough,)
-        tracks = {"video": tracks_between(start.ids, start.uv, before)}
-        if enough.passed:
-            made, explained = self._first_map(start, between, x1, x2, frame.time_ns)
-            decisions = (enough, explained)
-            if made is not None and made.map is not None:
-                watch.lap("first map")
-                return made, Result(
-                    made.map.world_from_camera, decisions, tracks, _landmarks(made.map.points, frame),
-                    key_frame=True, restarted=start.restarted,
-                )  # fmt: skip
-        if start.skipped + 1 >= start.stride:
-            between, start = [*between, start.uv], replace(start, skipped=0)
-        else:
-            start = replace(start, skipped=start.skipped + 1)
-        if len(between) > 2 * BETWEEN:
-            between, start = between[1::2], replace(start, stride=2 * start.stride)
+        """Follows the corners of the start, and makes a map where they show one."""
+        start, decisions, tracks, made = self.first_maps.followed(start, grey)
         watch.lap("first map")
-        return Memory(replace(start, between=tuple(between))), Result(decisions=decisions, tracks=tracks)
+        if made is None:
+            return Memory(start), Result(decisions=decisions, tracks={"video": tracks})
+        memory = self._first_map(made, frame.time_ns)
+        assert memory.map is not None
+        return memory, Result(
+            memory.map.world_from_camera, decisions, {"video": tracks}, _landmarks(memory.map.points, frame),
+            key_frame=True, restarted=start.restarted,
+        )  # fmt: skip
 
-    def _first_map(
-        self, start: Start, between: list[NDArray[np.float32]], x1: Array, x2: Array, time_ns: int
-    ) -> tuple[Memory | None, Decision]:
-        """Returns the map of the best relative pose of two images, adjusted together with some between them."""
-        some = between[:: max(1, -(-len(between) // BETWEEN))]
-        x = [x1, x2, *(self.camera.normalise(uv.astype(float)) for uv in some)]
-        limit = NEW_POINT_PX / self.camera.fx
-        trials = [self._trial(x, pose, limit) for pose in hypotheses(x1, x2, limit).second_from_first]
-        good = [trial for trial in trials if trial is not None]
-        if not good:
-            return None, EXPLAINED.of(0.0, LEAST_SHARE)
-        poses, xyz, keep = max(good, key=lambda trial: int(trial[2].sum()))
-        explained = EXPLAINED.of(keep.mean(), LEAST_SHARE)
-        if not explained.passed or keep.sum() < self.config.min_inliers:
-            return None, replace(explained, passed=False)
+    def _first_map(self, made: FirstMap, time_ns: int) -> Memory:
+        start, second_from_first, xyz, keep = made
         unit = 1 / float(np.median(xyz[keep, 2]))
-        now = start.base @ poses[1].scaled(unit).inverse()
+        now = start.base @ second_from_first.scaled(unit).inverse()
         keyframes = Keyframe(0, start.first, start.base), Keyframe(1, start.grey, now)
         count = int(keep.sum())
         points = Points(
@@ -286,36 +204,9 @@ class HybridMonocular(OneKind[Memory]):
             start.first_uv[keep], start.uv[keep], start.uv[keep],
         )  # fmt: skip
         seen = np.stack([start.first_uv[keep], start.uv[keep]], axis=1)
-        made = hybrid.Memory(keyframes, points, start.grey, time_ns, now, start.next_id, full=count)
+        first = hybrid.Memory(keyframes, points, start.grey, time_ns, now, start.next_id, full=count)
         empty = Seeds(points.ids[:0], points.key[:0], points.key_uv[:0], points.uv[:0])
-        return self._with_new_seeds(Memory(None, made, seen, empty)), explained
-
-    def _trial(self, x: list[Array], second_from_first: Pose, limit: float) -> tuple | None:
-        """Returns poses camera_from_first, points (N, 3), and which (N,) all images explain; None without a map."""
-        xyz = triangulate(second_from_first, x[0], x[1])
-        ahead = (xyz[:, 2] > 0) & (second_from_first.apply(xyz)[:, 2] > 0) & np.isfinite(xyz).all(axis=1)
-        if ahead.sum() < self.config.min_inliers:
-            return None
-        poses = [Pose(), second_from_first]
-        for i, seen in enumerate(x[2:]):
-            share = (i + 1) / (len(x) - 1)
-            guess = Pose.exp(share * second_from_first.log())
-            fit = fit_pose(xyz[ahead], seen[ahead], guess, limit / 2, 4 * limit)
-            if fit is None:
-                return None
-            poses.append(fit.camera_from_world)
-        index, cameras = np.flatnonzero(ahead), np.arange(len(x))
-        bundle = adjust(
-            tuple(poses), xyz[ahead], np.tile(cameras, len(index)), np.repeat(np.arange(len(index)), len(x)),
-            np.stack([seen[ahead] for seen in x], axis=1).reshape(-1, 2), 1, limit / 2, 20,
-        )  # fmt: skip
-        fits = (bundle.residuals.reshape(-1, len(x)) <= 2 * limit).all(axis=1)
-        keep = np.zeros(len(xyz), bool)
-        keep[index[fits]] = True
-        xyz = np.where(keep[:, None], 0.0, xyz)
-        xyz[index] = bundle.xyz_in_world
-        first = bundle.cameras_from_world[0]
-        return [p @ first.inverse() for p in bundle.cameras_from_world], first.apply(xyz), keep
+        return self._with_new_seeds(Memory(None, first, seen, empty))
 
     # Step 2: seeds
 

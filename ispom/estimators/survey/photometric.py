@@ -160,7 +160,7 @@ def _through(
     seen = np.isfinite(residuals)
     if seen.mean() < LEAST_SEEN:
         return None
-    places = camera.project(pose.apply(depth[:, None] * _rays(camera, uv)))
+    places = camera.project(pose.apply(depth[:, None] * rays_of(camera, uv)))
     inside = np.isfinite(sample(image[0], places))
     correlation = correlations(levels[0].intensity.reshape(len(uv), -1), values.reshape(len(uv), -1))
     scale = max(LEAST_SCALE, MAD * median(residuals[seen]))
@@ -175,14 +175,14 @@ def correlations(a: Array, b: Array) -> Array:
     return np.where(power > 1e-6, product / np.sqrt(np.maximum(power, 1e-6)), -1.0)
 
 
-def _rays(camera: Camera, uv: Array) -> Array:
+def rays_of(camera: Camera, uv: Array) -> Array:
     """Returns rays (N, 3) of length 1 along the optical axis."""
     return np.column_stack([camera.normalise(uv), np.ones(len(uv))])
 
 
 def _level(camera: Camera, reference: tuple[Image, ...], uv: Array, depth: Array, patch: Array, number: int) -> Level:
     pixels = (uv[:, None] / 2**number + patch).reshape(-1, 2)
-    xyz = np.repeat(depth, len(patch))[:, None] * _rays(camera, 2**number * pixels)
+    xyz = np.repeat(depth, len(patch))[:, None] * rays_of(camera, 2**number * pixels)
     image = reference[number]
     step = np.array([[1.0, 0.0], [0.0, 1.0]])
     gradient = [0.5 * (sample(image, pixels + s) - sample(image, pixels - s)) for s in step]
@@ -300,6 +300,11 @@ def _accumulate(intensity, jacobian, residuals, gain, width, h, g):
                 h[i, j] += weighted * row[j]
 
 
+def cell_side(grey: Image, count: int) -> int:
+    """Returns the side [px] of the square cells of which the image has about `count`."""
+    return max(2, round(np.sqrt(grey.size / max(count, 1))))
+
+
 def textured(grey: Image, count: int, least_gradient: float, border_px: int) -> NDArray[np.float32]:
     """Returns about `count` pixels (N, 2), one in each cell of a grid: that with the steepest gradient.
 
@@ -311,7 +316,7 @@ def textured(grey: Image, count: int, least_gradient: float, border_px: int) -> 
     steepness = dx * dx + dy * dy
     steepness[:border_px], steepness[height - border_px :] = 0, 0
     steepness[:, :border_px], steepness[:, width - border_px :] = 0, 0
-    side = max(2, round(np.sqrt(height * width / max(count, 1))))
+    side = cell_side(grey, count)
     rows, columns = height // side, width // side
     cells = steepness[: rows * side, : columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
     cells = cells.reshape(rows, columns, side * side)

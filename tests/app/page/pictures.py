@@ -63,6 +63,7 @@ METHODS = {
     "lines": method("lines", "sim:indoor", 144),
     "lines_monocular": method("lines.monocular", "sim:indoor", 144),
     "direct": method("direct"),
+    "direct_monocular": method("direct.monocular"),
     "flow": method("flow"),
     "hybrid": method("hybrid"),
     "hybrid_monocular": method("hybrid.monocular"),

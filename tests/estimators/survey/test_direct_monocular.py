@@ -1,0 +1,81 @@
+"""The direct method with one camera: a plane under known poses, with noise, pure rotation, rest, and a loss."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.estimators.survey.direct_monocular import DirectMonocularConfig
+from ispom.evaluation.trajectory_error import trajectory_error
+from ispom.geometry import Pose
+from ispom.types import Frame, Rig, Status, Step, Trajectory
+from tests.estimators.survey.scenes import CAMERA, seen
+
+COUNT = 14
+
+
+def pose(k: int) -> Pose:
+    """Returns world_from_camera of frame k: along an arc, with rotations."""
+    turn = np.array([0.03 * np.sin(0.3 * k), -0.006 * k, 0.004 * k])
+    return Pose.from_rotvec(turn, np.array([0.07 * k, 0.15 * np.sin(0.25 * k), 0.03 * k]))
+
+
+def run(frames: list[Frame], keyframe_moved: float = 8.0) -> tuple[list[Step], Trajectory]:
+    estimator = DirectMonocularConfig(max_points=800, keyframe_moved=keyframe_moved).build(Rig.single(CAMERA))
+    state, steps = estimator.start(), list[Step]()
+    for frame in frames:
+        state, step = estimator.step(state, frame)
+        steps.append(step)
+    return steps, estimator.finish(state)
+
+
+def video(k: int, world_from_camera: Pose, noise: float = 0.0) -> Frame:
+    image = seen(world_from_camera)[0] + np.random.default_rng(k).normal(0, noise, (240, 320))
+    return Frame.video(k * 100_000_000, np.clip(np.rint(image), 0, 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize(("noise", "share"), [(0.0, 0.01), (1.0, 0.03)])
+def test_the_path_before_a_plane_is_right_up_to_scale(noise: float, share: float) -> None:
+    steps, found = run([video(k, pose(k), noise) for k in range(COUNT)])
+    assert steps[0].status is Status.INITIALISING
+    first = next(i for i, step in enumerate(steps) if step.status is Status.TRACKING)
+    assert first < 10 and all(step.status is Status.TRACKING for step in steps[first:])
+    truth = Trajectory.of([(k * 100_000_000, pose(k)) for k in range(COUNT)], "video")
+    error = trajectory_error(found, truth, "sim3")
+    assert error is not None and len(error.estimate) == COUNT - first
+    assert error.ate_m < share * truth.length
+
+
+def test_the_unit_is_the_distance_of_the_images_of_the_start() -> None:
+    steps, _ = run([video(k, pose(k)) for k in range(10)])
+    first = next(step for step in steps if step.status is Status.TRACKING)
+    assert first.world_from_frame is not None and first.key_frame
+    assert np.linalg.norm(first.world_from_frame.translation) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.0], ids=["rotation", "rest"])
+def test_without_a_displacement_there_is_no_start(rate: float) -> None:
+    turning = [Pose.from_rotvec(np.array([0.0, rate * k, 0.2 * rate * k]), np.zeros(3)) for k in range(10)]
+    steps, found = run([video(k, p, 1.0) for k, p in enumerate(turning)])
+    assert all(step.status is Status.INITIALISING for step in steps) and not len(found)
+    assert all(not step.decisions[-1].passed for step in steps)
+
+
+def test_after_dark_frames_a_new_segment_begins() -> None:
+    dark = np.full((240, 320), 5, np.uint8)
+    frames = [video(k, pose(k)) for k in range(10)]
+    frames += [Frame.video(k * 100_000_000, dark) for k in range(10, 17)]
+    frames += [video(k, pose(k - 17)) for k in range(17, 28)]
+    steps, _ = run(frames)
+    assert steps[9].status is Status.TRACKING
+    assert all(step.status is Status.LOST and step.world_from_frame is None for step in steps[10:17])
+    again = next(step for step in steps[17:] if step.status is Status.TRACKING)
+    assert again.restarted
+
+
+def test_ids_of_pixels_are_unique() -> None:
+    steps, _ = run([video(k, pose(k)) for k in range(12)], 1.0)
+    keys = [step for step in steps if step.key_frame]
+    assert len(keys) > 1
+    for step in keys:
+        assert len(set(step.landmarks.ids.tolist())) == len(step.landmarks.ids) > 0
