@@ -15,7 +15,7 @@ from ispom.testing.flight import flight_rig
 from ispom.types import Camera, Frame, Measurement, Rig, Sequence, Trajectory
 from tests.alone import ALL, METHODS, OF_CAMERAS, OWN_SEQUENCES, PAPER
 
-LONG = {"lines.monocular", "multicamera", "flow", "trifocal"}
+LONG = {"direct.monocular", "lines.monocular", "multicamera", "flow", "trifocal"}
 """Methods whose contract takes more than 20 s."""
 
 

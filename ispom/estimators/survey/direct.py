@@ -17,6 +17,7 @@ Limits. The intensities must stay: a light that moves, or shadows, look like a m
 guesses, within some pixels of the smallest image. A large object that moves with most patches is taken for the scene.
 Pixels that are neither textured along the row nor near the cameras have no depth, and take no part. No pose is revised
 later, and no covariance is given: neighbouring pixels share their errors, which no simple formula covers.
+`direct.monocular` has the same with one camera, whose depths come from motion.
 
 Measured (`ispom run SOURCE --methods direct`): KITTI 06, the first 51 pairs of 59.9 m: t_err 1.3 %, rotation within
 0.02 degrees from pair to pair (median). sim:city, 60 pairs of 33 m: 0.01 %. EuRoC V1_01 at rest, 20 pairs: 0.6 mm.
@@ -56,8 +57,8 @@ MAX_DEVIATION_PX = 0.5
 
 POINTS = Check(
     "depth_points", "pixels with a gradient and a depth", "requirement", "Keyframe possible?",
-    passes="{value} pixels of the pair have a gradient and a depth ({threshold} needed).",
-    fails="No depth field: {value} pixels of the pair have a gradient and a depth ({threshold} needed).",
+    passes="{value} pixels have a gradient and a depth ({threshold} needed).",
+    fails="No depth field: {value} pixels have a gradient and a depth ({threshold} needed).",
 )  # fmt: skip
 SIMILAR = Check(
     "similar_patches", "share of patches that look the same", "requirement", "Located?", topic="pose",

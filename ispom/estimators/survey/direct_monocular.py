@@ -14,7 +14,15 @@ The steps, in the order of this file:
 Limits. Those of `direct`; and an image whose pose is wrong makes depths wrong. The unit is the distance of the two
 images of the start. It drifts, as each keyframe has it from the last one. Where the camera only rotates there is no
 start, and after a start new pixels get no depth: the method is lost once the known ones are out of sight. After a loss
-a new segment begins, with a unit of its own.
+a new segment begins, with a unit of its own. Poses and depths are never adjusted together: an error of a pose makes
+depths wrong, which make the next pose wrong. Where nearly every image becomes a keyframe, as in fast motion ahead at 10
+images a second, such an error grows from image to image, and no check of the method says so.
+
+Measured (`ispom run SOURCE --methods direct.monocular`), aligned with Sim(3). sim:tiny, seeds 0 to 4: ATE 6.1, 2.9,
+2.9, 1.6, 4.6 mm; sim:city (`--max-exposures 100`), seeds 0 to 4: 2.0, 0.9, 0.7, 0.8, 1.2 mm. In both no frame is lost,
+and the first 5 to 11 of 91 have no pose. Handheld camera over a checkerboard, 250 images of 1.1 m: 5.5 mm in 233 images
+(`hybrid.monocular`: 1.3 mm). KITTI 06, 51 images of the left camera: none is lost, but t_err is 22 %: rotations are
+within 0.15 degrees from image to image for 18 images, then their error grows to 2 degrees (`hybrid.monocular`: 1.1 %).
 """
 
 from __future__ import annotations
