@@ -236,6 +236,8 @@ def budget(console: Console, options: Options) -> list[dict[str, Any]]:
         print_budgets(console, budgets_found(measured))
         if options.table is not None:
             write_budgets(options.table, budgets_found(measured))
+
+
 def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
     """Mistakes planted in sensors."""
     measured, scenes = list[dict[str, Any]](), scenes_in(options.data)
@@ -246,6 +248,8 @@ def sensors(console: Console, options: Options) -> list[dict[str, Any]]:
         print_sensors(console, sensors_found(measured))
         if options.table is not None:
             write_sensors(options.table, sensors_found(measured))
+
+
 def judge(console: Console, options: Options) -> list[dict[str, Any]]:
     """Mistakes planted in the true poses of recordings."""
     measured = list[dict[str, Any]]()
