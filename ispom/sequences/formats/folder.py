@@ -73,7 +73,7 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock, images)
-    name = f"images {source.resolve().name}"
+    name = f"images {_called(source.resolve())}"
     truth, from_where, of_truth = truth_beside(places, stream.times_ns, images.names)
     notes = tuple(note for note in (*notes, *stream.notes, *from_where, position_note(paths[0])) if note)
     found = (*used(("lens", path), ("times", clock.times)), *found, *of_truth, *not_used(places))
@@ -81,6 +81,11 @@ def open_folder(source: Path, calibration: Path | None = None) -> Recording:
         name, camera, None, stream.times_ns, lambda _, i: stream.read(i), truth, notes,
         guess=guess, found=found, sensors=discovered_sensors(places),
     )  # fmt: skip
+
+
+def _called(folder: Path) -> str:
+    """Returns the name of a recording's folder: `images` and the like say nothing, and the folder around does."""
+    return folder.parent.name if folder.name in INNER and folder.parent.name else folder.name
 
 
 def images_in(source: Path) -> Path | None:

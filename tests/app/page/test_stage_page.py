@@ -153,8 +153,11 @@ def test_the_viewer_has_no_time_controls_of_its_own_and_a_limit_of_memory(page: 
 def test_a_viewer_that_died_says_so_and_can_be_started_again(browser, app: App):  # noqa: F811
     page = Staged(browser, app.url, viewer=FAKE)
     page.tab.locator("#cover").wait_for(state="hidden")
+    on_the_views = [page.tab.locator(each) for each in ("#eyes", "#at-image")]
+    assert all(each.is_visible() for each in on_the_views)
     page.tab.evaluate("window.fake.panicked = true")
     page.tab.get_by_text("The Rerun viewer stopped working. The run continues.").wait_for()
+    assert not any(each.is_visible() for each in on_the_views), "they would lie on what is said in place of the views"
     page.tab.get_by_role("button", name="Start the viewer again").click()
     page.tab.locator("#cover").wait_for(state="hidden")
     page.until("window.fake && !window.fake.panicked", "the page to be loaded again")

@@ -91,6 +91,8 @@ def test_images_next_to_a_video_are_the_recording(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     make_video(folder)
     assert open_sequence(str(folder)).name == "images shots"
+    inner = folder.rename(tmp_path / "images")
+    assert open_sequence(str(inner)).name == f"images {tmp_path.name}"
 
 
 def test_of_a_folder_with_colours_and_depths_the_colours_are_opened(tmp_path: Path) -> None:
