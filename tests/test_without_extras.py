@@ -56,7 +56,15 @@ NEEDS = {
     "bags": ("bags", ["sources", "{bag}"]),
 }
 """What cannot be had without an extra."""
-FAILED = {"doctor": (1,), "calibrate": (1,), "gate": (2, 3), "judge": (0, 1, 3), "map": (2,), "shrink": (2,), "triage": (1,)}
+FAILED = {
+    "doctor": (1,),
+    "calibrate": (1,),
+    "gate": (2, 3),
+    "judge": (0, 1, 3),
+    "map": (2,),
+    "shrink": (2,),
+    "triage": (1,),
+}
 """Exit codes that are no failure of the program: there is no cause, too few views or runs, or no system library."""
 PLAN = "title: Tiny\nsources: [sim:tiny]\nseeds: [0]\nmax_exposures: 30\nmethods: [stereo.paper]\n"
 
