@@ -224,6 +224,8 @@ def _summary(folder: Path, expected: Expected) -> Iterator[str]:
 def _readme(expected: Expected, command: str) -> str:
     event, part = expected.event, expected.part
     images = "tracked points, drawn in place of the images" if expected.private else "the pixels of the recording"
+    if part.halvings:
+        images += f", at 1/{2**part.halvings} of their width and height"
     cameras = " and ".join(part.cameras)
     whole = f" of {expected.recording}" if expected.recording else ""
     lines = [
