@@ -218,11 +218,12 @@ def _new(found: Judgement, own: Judgement) -> tuple[str, ...]:
 
 def _named(found: Judgement, own: Judgement, plant: Plant) -> bool:
     """Checks whether a finding is of the planted kind, and at its place, and not of the truth as well."""
-    if plant.frame is None:
+    frame = plant.frame
+    if frame is None:
         return bool(set(plant.names) & (_of_all_poses(found) - _of_all_poses(own)))
 
     def there(of: Judgement) -> set[str]:
-        return {each.kind for each in of.denied if each.first < plant.frame <= each.last} & set(plant.names)
+        return {each.kind for each in of.denied if each.first < frame <= each.last} & set(plant.names)
 
     return bool(there(found) - there(own))
 

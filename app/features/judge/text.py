@@ -187,7 +187,7 @@ def _plain_tested(each: Tested) -> dict[str, Any]:
         "found": bool(each.accepted),
         "detectable": bool(each.detectable),
         "size": None if exact else each.size,
-        "sigma": None if exact else each.sigma,
+        "sigma": each.sigma if not exact and isfinite(each.sigma) else None,
         "unit": UNITS.get(each.kind),
         "gains": list(each.gains),
     }

@@ -89,7 +89,7 @@ def smoothing(shakes: Iterable[Shakes], given: Trajectory, own: NDArray[np.bool_
     """
     found = []
     for step in STEPS:
-        of_step = [_where(each, own[each.frames].all(axis=1)) for each in shakes if each.step == step]
+        of_step = [_where(each, np.all(own[each.frames], axis=1)) for each in shakes if each.step == step]
         if sum(len(each.frames) for each in of_step):
             found.append(_of_step(step, of_step, given, pixel))
     found = [each for each in found if each is not None]

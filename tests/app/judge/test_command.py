@@ -117,3 +117,12 @@ def test_the_page_shows_what_is_denied_and_opens_at_the_worst_frame(
     assert 'class="denied"' in text and 'class="misfit"' in text
     assert str(escape(command)) in text and "<1>" not in text
     assert "<script" not in text and "http" not in text.replace("http-equiv", "")
+
+
+def test_too_few_triples_for_a_drift_of_the_scale_are_null_in_json(
+    truth: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """44 frames have pairs enough for a verdict, but hardly any two pairs that follow each other."""
+    _, found = judged(truth, tmp_path, capsys, ["sim:tiny", "--max-exposures", "44"])
+    growing = next(each for each in found["all_poses"] if each["kind"] == "growing")
+    assert growing["sigma"] is None and not growing["detectable"] and not growing["found"]

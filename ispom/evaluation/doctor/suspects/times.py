@@ -64,7 +64,8 @@ TIMES = (
         "dropped-frames",
         "frames are missing",
         "times",
-        "Record to a faster disk, at a lower resolution, or with fewer programs beside it, so that no frame is lost.",
+        "Give the film with all of its images: one that was thinned or cut lacks some. Where it was recorded so, "
+        "record at a lower resolution, or to a faster disk.",
         dropped,
     ),
     Suspect(
