@@ -160,7 +160,8 @@ def _outliers(bench: Bench, run: _Run, names: list[str]) -> dict[str, Cause]:
 
 
 def outlier_row(share: Share | None, able: bool) -> Cause:
-    """Returns the row of the outliers. Where not even the last digit changes, no track was left out: what the method itself rejected does not show."""
+    """Returns the row of the outliers. Where not even the last digit changes, no track was left out: what the method
+    itself rejected does not show."""
     label, removed = "outliers", "run again without the tracks that contradict the true poses"
     if not able:
         return Cause(label, removed, unknown="the method cannot leave out tracks")
