@@ -91,7 +91,7 @@ def budgets(bench: Bench, repeats: int, chosen: tuple[str, ...]) -> tuple[Budget
             unchanged[name].alignment,
             unchanged[name].ate_m,
             len(unchanged[name].estimate),
-            tuple(row[name] for row in rows),
+            tuple(row[name].told(unchanged[name].ate_m) for row in rows),
         )
         for name in names
     )
@@ -125,7 +125,7 @@ def _calibration(
 
 def _words(found: Calibrated, name: str) -> str:
     at = found.names.index(name)
-    return f"{name} {found.values[at]:+.3g} +- {found.covariance[at, at] ** 0.5:.2g}"
+    return f"{name} {found.values[at]:+.2g}"
 
 
 def _clock(bench: Bench, run: _Run, found: Calibrated | None, names: list[str]) -> dict[str, Cause]:
