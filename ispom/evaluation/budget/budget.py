@@ -20,7 +20,7 @@ LEVEL = 0.9
 LEAST_COMMON = 0.5
 """A rerun is compared where it has a pose at this share of the poses of the run, at least: of fewer, the error is that
 of another path."""
-VAGUE = "repetitions with other noise differ by more than the whole error"
+VAGUE = "repetitions differ by more than the whole error"
 """Why there is no share where there was one."""
 
 
