@@ -44,23 +44,24 @@ def frames_of(sequence: Sequence, repeats: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
+class Repeated:
     """A run, its repetitions with more noise, and the sequences of both."""
 
     sequences: tuple[Sequence, ...]
     errors: tuple[Errors, ...]
     first_pose: int
+    """Frame at which all methods have one."""
 
     def again(self, rerun: Callable[[int, Sequence], Errors]) -> tuple[Errors, ...]:
         """Returns the errors of a rerun of each repetition, of which the number is given, too."""
         return tuple(rerun(k, sequence) for k, sequence in enumerate(self.sequences))
 
-    def share(self, method: str, removed: Iterable[Errors]) -> Share | None:
-        """Returns the share of what was removed; None where a rerun says too little."""
+    def share(self, method: str, removed: tuple[Errors, ...]) -> Share | None:
+        """Returns the share of what was removed, where each repetition was run again, or none was; None where that says
+        too little."""
         falls = [
-            fall_m2(before[method], after[method])
-            for before, after in zip(self.errors, removed, strict=True)
-            if method in before and method in after
+            fall_m2(before[method], after[method]) if method in before and method in after else None
+            for before, after in zip(self.errors, removed, strict=False)
         ]
         known = [fall for fall in falls[1:] if fall is not None]
         return None if not falls or falls[0] is None else share_of(falls[0], known)
@@ -74,7 +75,7 @@ def budgets(bench: Bench, repeats: int, chosen: tuple[str, ...]) -> tuple[Budget
         raise InputError("no method has enough poses at times of the ground truth: there is no error to split")
     sigmas = noise_of(bench.sequence)
     sequences = (bench.sequence, *(noisier(bench.sequence, sigmas, k) for k in range(1, repeats + 1)))
-    run = _Run(sequences, (unchanged, *map(bench.errors, sequences[1:])), first_pose)
+    run = Repeated(sequences, (unchanged, *map(bench.errors, sequences[1:])), first_pose)
     found = _calibrated(bench.sequence)
     calibration, right = _calibration(bench, run, found, names)
     rows = [
@@ -91,7 +92,7 @@ def budgets(bench: Bench, repeats: int, chosen: tuple[str, ...]) -> tuple[Budget
             unchanged[name].alignment,
             unchanged[name].ate_m,
             len(unchanged[name].estimate),
-            tuple(row[name] for row in rows),
+            tuple(row[name].told(unchanged[name].ate_m) for row in rows),
         )
         for name in names
     )
@@ -109,7 +110,7 @@ def _calibrated(sequence: Sequence) -> Calibrated | None:
 
 
 def _calibration(
-    bench: Bench, run: _Run, found: Calibrated | None, names: list[str]
+    bench: Bench, run: Repeated, found: Calibrated | None, names: list[str]
 ) -> tuple[dict[str, Cause], tuple[Errors, ...]]:
     """Also returns the errors with the calibration."""
     label, removed = "calibration", "run again with the calibration set right"
@@ -125,10 +126,10 @@ def _calibration(
 
 def _words(found: Calibrated, name: str) -> str:
     at = found.names.index(name)
-    return f"{name} {found.values[at]:+.3g} +- {found.covariance[at, at] ** 0.5:.2g}"
+    return f"{name} {found.values[at]:+.2g}"
 
 
-def _clock(bench: Bench, run: _Run, found: Calibrated | None, names: list[str]) -> dict[str, Cause]:
+def _clock(bench: Bench, run: Repeated, found: Calibrated | None, names: list[str]) -> dict[str, Cause]:
     label, removed = "clock", "run again with corrected stamps of the video"
     rig = bench.sequence.rig
     if rig.video is None or not rig.has_stereo:
@@ -146,21 +147,22 @@ def _drawn(found: Calibrated, names: tuple[str, ...], repetition: int) -> Change
     return found.drawn(names, repetition) if repetition else found.change(names)
 
 
-def _noise(run: _Run, method: str, sigmas: dict[str, float]) -> Cause:
+def _noise(run: Repeated, method: str, sigmas: dict[str, float]) -> Cause:
     levels = ", ".join(f"{name} {sigma:.1f}" for name, sigma in sorted(sigmas.items()))
     noisy = [errors[method] for errors in run.errors[1:] if method in errors]
     removed = f"runs with as much noise again on the images ({levels} grey levels)"
     return _row("noise", removed, noise_share(run.errors[0][method], noisy))
 
 
-def _outliers(bench: Bench, run: _Run, names: list[str]) -> dict[str, Cause]:
+def _outliers(bench: Bench, run: Repeated, names: list[str]) -> dict[str, Cause]:
     able = bench.leave_out()
     right = run.again(lambda k, sequence: bench.without_contradicted(sequence)) if able & set(names) else ()
     return {name: outlier_row(run.share(name, right), name in able) for name in names}
 
 
 def outlier_row(share: Share | None, able: bool) -> Cause:
-    """Returns the row of the outliers. Where not even the last digit changes, no track was left out: what the method itself rejected does not show."""
+    """Returns the row of the outliers. Where not even the last digit changes, no track was left out: what the method
+    itself rejected does not show."""
     label, removed = "outliers", "run again without the tracks that contradict the true poses"
     if not able:
         return Cause(label, removed, unknown="the method cannot leave out tracks")
@@ -179,7 +181,7 @@ def _scale(method: str, errors: Iterable[Errors], calibrated: bool) -> Cause:
     return _row("scale", removed, share, "the path is too short")
 
 
-def _initial(bench: Bench, run: _Run, names: list[str]) -> dict[str, Cause]:
+def _initial(bench: Bench, run: Repeated, names: list[str]) -> dict[str, Cause]:
     sequence = bench.sequence
     starts = later_starts(sequence, run.first_pose)
     label, removed = "initial map", f"run again from the frames {', '.join(map(str, starts)) or '-'}"

@@ -20,6 +20,8 @@ LEVEL = 0.9
 LEAST_COMMON = 0.5
 """A rerun is compared where it has a pose at this share of the poses of the run, at least: of fewer, the error is that
 of another path."""
+VAGUE = "repetitions differ by more than the whole error"
+"""Why there is no share where there was one."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,13 @@ class Cause:
     """None where it could not be tested."""
     unknown: str = ""
     """Why it could not be tested; empty where it was."""
+
+    def told(self, ate_m: float) -> Cause:
+        """Returns it without a share that is known no better than by the whole squared error: such an interval contains
+        whatever is true."""
+        if self.share is None or self.share.half_m2 <= ate_m**2:
+            return self
+        return Cause(self.name, self.removed, unknown=VAGUE)
 
 
 @dataclass(frozen=True)

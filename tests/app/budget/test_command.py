@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.budget.bench import Bench, changed
-from ispom_app.features.budget.split import APART, STARTS, later_starts, outlier_row
+from ispom_app.features.budget.split import APART, STARTS, Repeated, later_starts, outlier_row
 from ispom_app.features.budget.text import BudgetFile, json_of, plain, rows, schema
 
 from ispom.ensemble import build
 from ispom.evaluation.budget.budget import Budget, Cause, Share
 from ispom.evaluation.doctor.hypothesis import Change
 from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from tests import doubles
@@ -29,6 +30,9 @@ FOUND = Budget(
         Cause("outliers", "run again", unknown="the method cannot leave out tracks"),
     ),
 )  # fmt: skip
+_TRUE = doubles.sequence(30).truth
+assert _TRUE is not None
+ERROR = TrajectoryError(_TRUE, _TRUE, "se3")
 
 
 def test_the_file_follows_its_schema_and_adds_up() -> None:
@@ -57,6 +61,13 @@ def test_later_starts_are_of_different_frames_of_each_method() -> None:
     assert len(starts) == STARTS and sorted(set(starts)) == starts and starts[0] > 3
     assert {sequence.kinds[start] for start in starts} == {"stereo"}
     assert later_starts(sequence, len(sequence)) == [] and APART > STARTS
+
+
+def test_reruns_that_were_not_made_or_have_no_path_say_nothing() -> None:
+    run = Repeated((), ({"stereo": ERROR}, {"stereo": ERROR}), 0)
+    same = ({"stereo": ERROR}, {"stereo": ERROR})
+    assert run.share("stereo", ()) is None and run.share("stereo", ({}, same[1])) is None
+    assert run.share("stereo", (same[0], {})) is None and run.share("stereo", same) == Share.around(0.0, 0.0)
 
 
 def test_a_run_without_truth_or_of_another_method_is_refused(

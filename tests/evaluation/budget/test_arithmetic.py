@@ -59,6 +59,12 @@ def test_the_fall_is_that_over_the_poses_that_both_have() -> None:
     assert fall_m2(before, few) is None
 
 
+def test_a_share_that_is_known_no_better_than_by_the_whole_error_is_none() -> None:
+    assert Cause("noise", "", Share.around(0.02, 0.0099)).told(0.1).share == Share.around(0.02, 0.0099)
+    vague = Cause("noise", "", Share.around(0.02, 0.0101)).told(0.1)
+    assert vague.share is None and vague.unknown and vague.name == "noise"
+
+
 def test_intervals_need_repetitions() -> None:
     assert (
         share_of(1.0, []) is None
