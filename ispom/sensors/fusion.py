@@ -87,7 +87,7 @@ class Points:
         return Points(self.ids[kept], self.xy[kept])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotionNoise:
     """How certain the motions are that the images give.
 
@@ -95,21 +95,30 @@ class MotionNoise:
     rotation is one about the middle of the scene, which the camera moves around.
     """
 
-    turn: float
-    """Standard deviation of a rotation, by the root of the time [rad/sqrt(s)]."""
+    turn: Array
+    """(3,) standard deviation of a rotation about each axis of the camera, by the root of the time [rad/sqrt(s)]."""
     share: float
     """Of a translation, by its length."""
     scale_walk: float
     """Of the log scale, by the root of the time [1/sqrt(s)]."""
     depth: float = 0.0
     """Of the middle of the scene in the camera, in the unit of the images."""
+    walk: float | None = None
+    """Of a translation in any direction, by the root of its length [sqrt(unit)]; None where the images do not state it:
+    then `share` counts in all directions, else along the motion only."""
 
     def covariance(self, moved: Pose, metres_per_unit: float, seconds: float) -> Array:
         """Returns (6, 6) of the twist (rho [m], phi) of a motion of the camera, in the unit of the images."""
         about = np.vstack([skew(np.array([0.0, 0.0, metres_per_unit * self.depth])), np.eye(3)])
-        turn = self.turn**2 * seconds + LEAST_RAD**2
-        place = self.share * metres_per_unit * float(np.linalg.norm(moved.translation)) + LEAST_M
-        return turn * about @ about.T + np.diag([place**2] * 3 + [0.0] * 3)
+        turn = np.diag(self.turn**2 * seconds + LEAST_RAD**2)
+        along, length = metres_per_unit * moved.translation, float(np.linalg.norm(moved.translation))
+        place = np.zeros((6, 6))
+        if self.walk is None:
+            place[:3, :3] = (self.share * metres_per_unit * length + LEAST_M) ** 2 * np.eye(3)
+        else:
+            place[:3, :3] = ((metres_per_unit * self.walk) ** 2 * length + LEAST_M**2) * np.eye(3)
+            place[:3, :3] += self.share**2 * np.outer(along, along)
+        return about @ turn @ about.T + place
 
 
 NO_POINTS = Points(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
