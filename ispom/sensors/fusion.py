@@ -87,7 +87,7 @@ class Points:
         return Points(self.ids[kept], self.xy[kept])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class MotionNoise:
     """How certain the motions are that the images give.
 
@@ -95,8 +95,8 @@ class MotionNoise:
     rotation is one about the middle of the scene, which the camera moves around.
     """
 
-    turn: Array
-    """(3,) standard deviation of a rotation about each axis of the camera, by the root of the time [rad/sqrt(s)]."""
+    turn: float
+    """Standard deviation of a rotation, by the root of the time [rad/sqrt(s)]."""
     share: float
     """Of a translation, by its length."""
     scale_walk: float
@@ -110,7 +110,7 @@ class MotionNoise:
     def covariance(self, moved: Pose, metres_per_unit: float, seconds: float) -> Array:
         """Returns (6, 6) of the twist (rho [m], phi) of a motion of the camera, in the unit of the images."""
         about = np.vstack([skew(np.array([0.0, 0.0, metres_per_unit * self.depth])), np.eye(3)])
-        turn = np.diag(self.turn**2 * seconds + LEAST_RAD**2)
+        turn = self.turn**2 * seconds + LEAST_RAD**2
         along, length = metres_per_unit * moved.translation, float(np.linalg.norm(moved.translation))
         place = np.zeros((6, 6))
         if self.walk is None:
@@ -118,7 +118,7 @@ class MotionNoise:
         else:
             place[:3, :3] = ((metres_per_unit * self.walk) ** 2 * length + LEAST_M**2) * np.eye(3)
             place[:3, :3] += self.share**2 * np.outer(along, along)
-        return about @ turn @ about.T + place
+        return turn * about @ about.T + place
 
 
 NO_POINTS = Points(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))

@@ -44,10 +44,6 @@ RIGHT = (4.0, 9.0)
 """Mean NEES of a pose that is right: 6, as far as five seeds tell."""
 CAUSES: Mapping[tuple[str, str], str] = {
     ("monocular", "sim:tiny"): "these five seeds: the next fifteen have 5.4, all twenty 6.6",
-    (
-        "fused.tight",
-        "4",
-    ): "measured with a start that may be 8.6 degrees off level; with `tilt_deg` it is 7.8 over level starts",
 }
 """Why a row is outside, by method, and scheme or source."""
 

@@ -107,8 +107,7 @@ class Fused:
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
         self._unit_sigma = None if kind == "video" else CERTAIN_UNIT if rig.pair_sigma else UNCERTAIN_UNIT
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
-        turn = np.full(3, np.radians(config.turn_deg))
-        noise = MotionNoise(turn, 0.01 * config.translation_percent, 0.01 * config.scale_percent)
+        noise = MotionNoise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
         self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
         frames = self._camera_from_rig, self._graph.rig_from_body
         self._collector = Collector(rig, kinds, *frames, 0.01 * config.slip_percent, noise)

@@ -59,7 +59,7 @@ def stated_noise(growth: Growth | None, visual: Step, otherwise: MotionNoise) ->
     xyz = pose.inverse().apply(visual.landmarks.xyz_in_world)
     found = replace(
         otherwise,
-        turn=np.sqrt(np.diag(covariance)[3:] / growth.seconds),
+        turn=float(np.sqrt(np.trace(covariance[3:, 3:]) / (3 * growth.seconds))),
         depth=float(np.median(xyz[:, 2])) if len(xyz) else otherwise.depth,
     )
     if visual.scale_sigma is not None:
