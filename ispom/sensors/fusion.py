@@ -103,13 +103,22 @@ class MotionNoise:
     """Of the log scale, by the root of the time [1/sqrt(s)]."""
     depth: float = 0.0
     """Of the middle of the scene in the camera, in the unit of the images."""
+    walk: float | None = None
+    """Of a translation in any direction, by the root of its length [sqrt(unit)]; None where the images do not state it:
+    then `share` counts in all directions, else along the motion only."""
 
     def covariance(self, moved: Pose, metres_per_unit: float, seconds: float) -> Array:
         """Returns (6, 6) of the twist (rho [m], phi) of a motion of the camera, in the unit of the images."""
         about = np.vstack([skew(np.array([0.0, 0.0, metres_per_unit * self.depth])), np.eye(3)])
         turn = self.turn**2 * seconds + LEAST_RAD**2
-        place = self.share * metres_per_unit * float(np.linalg.norm(moved.translation)) + LEAST_M
-        return turn * about @ about.T + np.diag([place**2] * 3 + [0.0] * 3)
+        along, length = metres_per_unit * moved.translation, float(np.linalg.norm(moved.translation))
+        place = np.zeros((6, 6))
+        if self.walk is None:
+            place[:3, :3] = (self.share * metres_per_unit * length + LEAST_M) ** 2 * np.eye(3)
+        else:
+            place[:3, :3] = ((metres_per_unit * self.walk) ** 2 * length + LEAST_M**2) * np.eye(3)
+            place[:3, :3] += self.share**2 * np.outer(along, along)
+        return turn * about @ about.T + place
 
 
 NO_POINTS = Points(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))

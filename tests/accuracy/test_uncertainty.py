@@ -12,7 +12,7 @@ import pytest
 from ispom.geometry import Pose
 from ispom.methods import names
 from ispom.sensors.gnss import SimulatedGnss
-from ispom.types import Status, Step, Trajectory
+from ispom.types import Camera, Frame, Imu, Rig, Sequence, Status, Step, Trajectory
 from tests.accuracy import studies, uncertainty
 from tests.accuracy.__main__ import main
 from tests.accuracy.uncertainty import CAUSES, Mean, Stated, markdown, means, read_table
@@ -40,6 +40,24 @@ def test_schemes_of_fused_are_told_apart_by_their_gauge() -> None:
         np.testing.assert_allclose(
             uncertainty.errors_in_gauge(scheme, later, path, truth).twists, np.zeros((4, 6)), atol=1e-9
         )
+
+
+def test_a_tilted_rig_has_its_sensors_where_they_were() -> None:
+    camera, behind = Camera(64, 48, 50.0, 50.0, 31.5, 23.5), Pose(translation=np.array([0.0, 0.2, -0.5]))
+    rig = Rig.of(video=camera, imu=Imu(rig_from_sensor=behind))
+    truth = Trajectory.of([(i, Pose.from_rotvec(np.array([0, 0.1 * i, 0]), np.array([0, 0, i]))) for i in range(3)])
+    level = Sequence(
+        "drive", rig, truth.times_ns, ("video",) * 3, lambda i: Frame.video(i, np.zeros((48, 64), np.uint8))
+    )
+    level = replace(level, truth=truth)
+    found, other = (uncertainty.tilted(level, seed) for seed in (0, 1))
+    assert found.truth is not None and other.truth is not None
+    for name in rig.sensors:
+        for i in range(3):
+            there = found.truth.pose(i) @ found.rig.rig_from(name)
+            np.testing.assert_allclose(there.matrix, (truth.pose(i) @ rig.rig_from(name)).matrix, atol=1e-12)
+    up = [t.truth.pose(0).rotation[1, 1] for t in (level, found, other) if t.truth is not None]
+    assert up[0] == 1 and all(0.95 < each < 0.9999 for each in up[1:]) and up[1] != up[2]
 
 
 def test_the_mean_is_over_the_seeds_of_one_source() -> None:

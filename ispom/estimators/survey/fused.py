@@ -35,7 +35,14 @@ from ispom.estimators.survey.fused_graph import Graph
 from ispom.estimators.survey.fused_influence import GraphProblem
 from ispom.estimators.survey.fused_nodes import Collector, FusedState
 from ispom.estimators.survey.fused_settings import SCHEMES, FusedSettings
-from ispom.estimators.survey.fused_start import OPTICAL_FROM_LEVEL, alignment, fix_checks, started
+from ispom.estimators.survey.fused_start import (
+    CERTAIN_UNIT,
+    OPTICAL_FROM_LEVEL,
+    UNCERTAIN_UNIT,
+    alignment,
+    fix_checks,
+    started,
+)
 from ispom.estimators.survey.fused_values import Prior, imu_of, revised_nodes
 from ispom.estimators.survey.fused_window import GAUGE
 from ispom.geometry import Pose
@@ -100,6 +107,7 @@ class Fused:
                 f"alone are scheme 9, the method {'stereo' if kind == 'stereo' else 'monocular'}"
             )
         self._rig, self._config, self._kind, self._metric = rig, config, kind, kind != "video"
+        self._unit_sigma = None if kind == "video" else CERTAIN_UNIT if rig.pair_sigma else UNCERTAIN_UNIT
         self._camera_from_rig = rig.rig_from("rig" if self._metric else "video").inverse()
         noise = MotionNoise(np.radians(config.turn_deg), 0.01 * config.translation_percent, 0.01 * config.scale_percent)
         self._graph = Graph(rig, self._sensors, self._camera_from_rig, noise)
@@ -191,7 +199,7 @@ class Fused:
         watch.lap("measure")
         nodes = _with_noise(revised_nodes(state.nodes, dict(state.seen)), state.noise)
         frames = self._camera_from_rig, self._graph.rig_from_body
-        start = started(nodes, *frames, "gnss" in self._sensors, self._metric, self._config.start_m)
+        start = started(nodes, *frames, "gnss" in self._sensors, self._unit_sigma, self._config.start_m)
         decisions = (LOCATED.of(1, 1), STARTED.of(len(nodes), WAITING_NODES, passed=start is not None))
         if start is None and self._metric:
             decisions = (LOCATED.of(1, 1), alignment(nodes, self._config.start_m, aligned=False))
@@ -294,7 +302,7 @@ class Fused:
         if state.first is not None:
             older = [n for n in nodes if n.number < state.first.at[0].number]
             together = revised_nodes(tuple(n for n in nodes if n.number >= state.first.at[0].number), final)
-            nodes = [*older, *self._optimised(together, state.first)[0]]
+            nodes = [*older, *self._optimised(_with_noise(together, state.noise), state.first)[0]]
         by_number, found = {node.number: node for node in nodes}, list[tuple[int, Pose]]()
         for time_ns, number, relative in state.frames:
             if (node := by_number.get(number)) is not None:
@@ -317,8 +325,15 @@ class Fused:
 
 
 def _with_noise(nodes: tuple[Node, ...], noise: MotionNoise | None) -> tuple[Node, ...]:
-    """Returns the nodes; those from before the images stated how certain they are have the noise that is known now."""
-    return tuple(replace(node, noise=node.noise or noise) for node in nodes)
+    """Returns the nodes; those in the present world of the images have the noise that is known now.
+
+    It is the mean since that world began, and is known the better the longer that is. Nodes in an earlier world keep
+    theirs.
+    """
+    if noise is None:
+        return nodes
+    begin = max((i for i, node in enumerate(nodes) if node.fresh), default=0)
+    return (*nodes[:begin], *(replace(node, noise=noise) for node in nodes[begin:]))
 
 
 def method_of(name: str, images: frozenset[Kind], config: type, visual: str, survey: str) -> Method:

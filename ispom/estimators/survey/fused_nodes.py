@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
+from ispom.estimators.survey.fused_noise import Growth, grown, stated_noise
 from ispom.estimators.survey.fused_values import Prior
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
@@ -16,8 +15,6 @@ from ispom.sensors.imu import inertial_of, predicted
 from ispom.sensors.kind import SensorKind
 from ispom.types import ClockOffset, Kind, Measurement, Rig, Status, Step
 
-SETTLED_S = 1.0
-"""Time from which on the growth of the images' uncertainty counts: that of the first pose is zero by definition."""
 RECENT = 150
 """Poses of the images that are kept."""
 KEPT_NS = 500_000_000
@@ -49,8 +46,8 @@ class FusedState:
     """Of the next node."""
     fresh: bool = False
     """The world of the images is another one than at the last node."""
-    begun_ns: int | None = None
-    """Time from which on the images state how certain their poses are, in their present world."""
+    growth: Growth | None = None
+    """Of the images' own uncertainty, in their present world; None as long as they state none."""
     noise: MotionNoise | None = None
     """Of the motions of the images; None as long as they state none."""
     clock: ClockOffset | None = None
@@ -94,24 +91,11 @@ class Collector:
         if visual.world_from_frame is not None and visual.status is Status.TRACKING:
             seen[visual.time_ns] = visual.world_from_frame
         fresh = state.fresh or visual.restarted
-        state = self._with_noise(replace(state, begun_ns=None, noise=None) if visual.restarted else state, visual)
-        return replace(state, seen=tuple(sorted(seen.items()))[-RECENT:], fresh=fresh)
-
-    def _with_noise(self, state: FusedState, visual: Step) -> FusedState:
-        """Returns the state with the noise of the images' motions, by how their own uncertainty has grown since their
-        world began."""
-        pose, covariance = visual.world_from_frame, visual.covariance
-        if pose is None or covariance is None:
-            return state
-        begun_ns = visual.time_ns if state.begun_ns is None else state.begun_ns
-        state, seconds = replace(state, begun_ns=begun_ns), (visual.time_ns - begun_ns) * 1e-9
-        if seconds < SETTLED_S:
-            return state
-        noise, xyz = state.noise or self._noise, pose.inverse().apply(visual.landmarks.xyz_in_world)
-        turn = float(np.sqrt(np.trace(covariance[3:, 3:]) / (3 * seconds)))
-        depth = float(np.median(xyz[:, 2])) if len(xyz) else noise.depth
-        walk = noise.scale_walk if visual.scale_sigma is None else float(visual.scale_sigma / np.sqrt(seconds))
-        return replace(state, noise=MotionNoise(turn, noise.share, walk, depth))
+        growth = grown(None if visual.restarted else state.growth, visual)
+        before = None if visual.restarted else state.noise
+        noise = stated_noise(growth, visual, before or self._noise) or before
+        state = replace(state, growth=growth, noise=noise, fresh=fresh)
+        return replace(state, seen=tuple(sorted(seen.items()))[-RECENT:])
 
     def next_node(self, state: FusedState, time_ns: int) -> tuple[FusedState, Node]:
         """Returns what waits after a new node, and the node."""

@@ -41,7 +41,8 @@ class FusedSettings:
     """Error of a rotation by the images within a second (1 sigma), growing with the root of the time [deg], as long as
     they do not state it."""
     translation_percent: Annotated[float, Range(0.01, 50)] = 0.5
-    """Error of a translation by the images (1 sigma), in percent of its length."""
+    """Error of a translation by the images (1 sigma), in percent of its length, as long as they do not state it. Along
+    the motion, a single camera never does."""
     scale_percent: Annotated[float, Range(0.001, 20)] = 0.3
     """Change of the images' scale within a second (1 sigma), in percent, growing with the root of the time, as long
     as they do not state it."""

@@ -22,8 +22,12 @@ from ispom.types import Decision
 
 OPTICAL_FROM_LEVEL = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Right, down, ahead of right (east), ahead (north), up."""
-METRIC_SIGMA = 0.005
-"""Relative standard deviation of the unit of a calibrated pair."""
+UNCERTAIN_UNIT = 0.005
+"""Relative standard deviation of the unit of a pair whose calibration does not say how certain it is: of a baseline of
+0.2 m that is known to a millimetre."""
+CERTAIN_UNIT = 1e-4
+"""The same where the calibration says so (`pair_sigma`): what it leaves open is in the covariances of the images then,
+and this only keeps equations solvable."""
 FEWEST_FIXES = 4
 SPREAD = 10.0
 """The way of the fixes must be so many of their standard deviations."""
@@ -49,20 +53,26 @@ class Start:
 
 
 def started(
-    nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose, gnss: bool, metric: bool, start_m: float
+    nodes: tuple[Node, ...],
+    camera_from_rig: Pose,
+    rig_from_body: Pose,
+    gnss: bool,
+    unit_sigma: float | None,
+    start_m: float,
 ) -> Start | None:
     """Returns nodes with first estimates; None while too little was measured.
 
-    All of `nodes` have a pose of the images. `gnss`: fixes take part. `metric`: the unit of the images is the metre.
+    All of `nodes` have a pose of the images. `gnss`: fixes take part. `unit_sigma`: relative standard
+    deviation of the images' unit where that is the metre; None where it is any.
     """
-    frames = camera_from_rig, rig_from_body
+    frames, metric = (camera_from_rig, rig_from_body), unit_sigma is not None
     inertial = sum(inertial_of(n) is not None for n in nodes[1:]) >= max(1, 0.8 * (len(nodes) - 1))
     level_from_world = _level(nodes, camera_from_rig, rig_from_body, inertial)
     if gnss:
         found = _by_fixes(nodes, level_from_world, camera_from_rig, 1.0 if metric else None, start_m)
-        return found and _placed(nodes, found, frames, METRIC_SIGMA if metric else 0.1)
+        return found and _placed(nodes, found, frames, 0.1 if unit_sigma is None else unit_sigma)
     scale: float | None = 1.0 if metric else _by_links(nodes, camera_from_rig)
-    sigma = METRIC_SIGMA if metric else 0.3
+    sigma = 0.3 if unit_sigma is None else unit_sigma
     if scale is None and inertial and not any(n.link for n in nodes):
         by_imu = _by_imu(nodes, camera_from_rig, rig_from_body)
         if by_imu is not None:
@@ -93,7 +103,7 @@ def resting(nodes: tuple[Node, ...], camera_from_rig: Pose, rig_from_body: Pose,
     up = camera_from_rig.rotation @ rig_from_body.rotation @ force
     standing = tuple(replace(n, camera=Pose(), bias=bias) for n in nodes)
     rotation = _ahead_is_north(standing, _turn_to_up(up), camera_from_rig)
-    start = _placed(standing, (1.0, rotation, None), (camera_from_rig, rig_from_body), METRIC_SIGMA)
+    start = _placed(standing, (1.0, rotation, None), (camera_from_rig, rig_from_body), UNCERTAIN_UNIT)
     return replace(start, nodes=tuple(replace(n, camera=was.camera) for n, was in zip(start.nodes, nodes, strict=True)))
 
 

@@ -32,7 +32,6 @@ from ispom.estimators.survey.fused_nodes import FusedState
 from ispom.estimators.survey.fused_start import Start, fix_checks, resting, started
 from ispom.estimators.survey.fused_tight_graph import STILL_M_S, TightGraph
 from ispom.estimators.survey.fused_values import imu_of, revised_nodes
-from ispom.estimators.survey.fused_window import TILTED
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.sensors.fusion import FLOOR_M, FLOOR_RAD, NO_POINTS, Node, Points
@@ -163,7 +162,7 @@ class Tight(Fused):
             decisions += tuple(check for check in missing if not check.passed)
             return state, Step(time_ns, Status.INITIALISING, decisions=decisions)
         start, still = begin
-        covariance = self._tight.first_covariance(start.nodes[0].local_from_rig, TILTED)
+        covariance = self._tight.first_covariance(start.nodes[0].local_from_rig, np.radians(self._config.tilt_deg))
         prior = self._tight.first_prior(start.nodes[0], covariance, **({"v": STILL_M_S} if still else {}))
         nodes, misfits = self._tight.optimised(start.nodes, prior, state.lens)
         way = sum(
@@ -193,7 +192,7 @@ class Tight(Fused):
                     return still, True
         unseen = max((i for i, n in enumerate(nodes) if n.camera is None), default=-1)
         seen = nodes[unseen + 1 :]
-        start = started(seen, *frames, "gnss" in self._sensors, False, self._config.start_m) if len(seen) > 1 else None
+        start = started(seen, *frames, "gnss" in self._sensors, None, self._config.start_m) if len(seen) > 1 else None
         return None if start is None else (start, False)
 
     def _with_node(self, state: Any, time_ns: int, watch: Stopwatch) -> tuple[Any, Step]:

@@ -19,6 +19,7 @@ from ispom.errors import InputError
 from ispom.estimators.survey import fused
 from ispom.estimators.survey.fused import SCHEMES, FusedConfig
 from ispom.estimators.survey.fused_graph import Graph
+from ispom.estimators.survey.fused_noise import grown, stated_noise
 from ispom.estimators.survey.fused_stereo import FusedStereoConfig
 from ispom.estimators.survey.fused_tight import FusedTightConfig
 from ispom.evaluation.trajectory_error import error_against_truth
@@ -337,28 +338,35 @@ def test_what_leaves_the_window_stays_as_a_prior() -> None:
     assert_allclose(found[0][1], found[1][1], atol=1e-6)
 
 
-def test_the_noise_of_the_images_is_what_they_state() -> None:
-    """A rotation whose variance grows by so much a second, and points at a distance."""
+@pytest.mark.parametrize(("frame", "share"), [("video", 0.005), ("rig", 0.0)])
+def test_the_noise_of_the_images_is_what_they_state(frame: str, share: float) -> None:
+    """Rotations whose variances grow by so much a second, positions whose variances grow by so much a metre."""
     rig = Rig.of(video=Camera(64, 48, 50.0, 50.0, 31.5, 23.5)).changed(wheel=EXACT["wheel"].sensor())
     estimator: Any = config("8").build(rig)
-    state, rate, points = (
-        estimator.start(),
-        2e-4,
-        Landmarks(np.arange(3), np.array([[0, 0, 7.0]] * 3), np.zeros((3, 3))),
-    )
+    state, rates, walks = estimator.start(), 2e-4 * np.sqrt([0.5, 1.0, 1.5]), np.array([4e-3, 2e-3, 9e-3])
     for k in range(31):
-        time_ns, grey = k * 100_000_000, np.zeros((48, 64), np.uint8)
-        covariance = np.diag([1e-4] * 3 + [rate**2 * k * 0.1] * 3)
-        visual = Step(
-            time_ns, Status.TRACKING, "video", Pose(), covariance, landmarks=points, scale_sigma=1e-3 * np.sqrt(0.1 * k)
-        )
+        time_ns, grey, seconds, way = k * 100_000_000, np.zeros((48, 64), np.uint8), 0.1 * k, 0.3 * k
+        points = Landmarks(np.arange(3), np.array([[0, 0, 7.0 + way]] * 3), np.zeros((3, 3), np.uint8))
+        covariance = np.diag([*(walks**2 * way), *(rates**2 * seconds)])
+        pose, scale_sigma = Pose(translation=np.array([0.0, 0.0, way])), 1e-3 * np.sqrt(seconds)
+        visual = Step(time_ns, Status.TRACKING, frame, pose, covariance, landmarks=points, scale_sigma=scale_sigma)
         state, _ = estimator.step(state, Frame.video(time_ns, grey), {"visual": visual})
         assert (state.noise is None) == (k < 10), "a second passes first"
-    assert_allclose([state.noise.turn, state.noise.scale_walk, state.noise.depth], [rate, 1e-3, 7.0])
+    assert_allclose([state.noise.turn, state.noise.scale_walk, state.noise.depth], [2e-4, 1e-3, 7.0])
+    assert_allclose([state.noise.walk, state.noise.share], [2e-3, share])
     state, _ = estimator.step(
         state, Frame.video(10**10, grey), {"visual": replace(visual, time_ns=10**10, restarted=True)}
     )
     assert state.noise is None, "another world"
+
+
+def test_images_of_a_camera_that_stands_state_no_error_of_translations() -> None:
+    visual = Step(0, Status.TRACKING, "video", Pose(), np.diag([1e-4] * 3 + [4e-8] * 3))
+    growth, otherwise = grown(None, visual), MotionNoise(1e-3, 0.02, 1e-3)
+    growth = grown(growth, replace(visual, time_ns=4 * 10**9))
+    found = stated_noise(growth, visual, otherwise)
+    assert found is not None and (found.walk, found.share) == (None, 0.02)
+    assert found.turn == pytest.approx(1e-4)
 
 
 def test_nodes_from_before_the_images_stated_their_noise_have_it_later() -> None:
@@ -372,8 +380,8 @@ def test_nodes_from_before_the_images_stated_their_noise_have_it_later() -> None
         visual = Step(time_ns, Status.TRACKING, "rig", place, covariance)
         state, _ = estimator.step(state, Frame.stereo(time_ns, grey, grey), {"visual": visual})
     assert len(state.nodes) >= 5 and state.nodes[0].time_ns <= 400_000_000
-    turns = [node.noise.turn for node in state.nodes if node.visual is not None]
-    assert turns == pytest.approx([2e-4] * len(turns), rel=1e-6)
+    turns = np.array([node.noise.turn for node in state.nodes if node.visual is not None])
+    assert_allclose(turns, 2e-4, rtol=1e-6)
 
 
 def test_an_error_of_a_rotation_is_one_about_the_middle_of_the_scene() -> None:
@@ -382,6 +390,16 @@ def test_an_error_of_a_rotation_is_one_about_the_middle_of_the_scene() -> None:
     middle = np.hstack([np.eye(3), -skew(np.array([0.0, 0.0, 20.0]))])
     assert np.sqrt(np.diag(spread))[:3] == pytest.approx([0.02, 0.02, 0.0], abs=2e-4)
     assert np.trace(middle @ spread @ middle.T) < 1e-7, "it stays"
+
+
+def test_errors_of_translations_add_up_along_the_way() -> None:
+    """Two halves have the variance of the whole where the images state one, besides that of the length."""
+    noise = MotionNoise(0.0, 0.0, 0.0, walk=0.01)
+    whole, half = (noise.covariance(Pose(translation=np.array([0, 0, z])), 2.0, 1.0) for z in (4.0, 2.0))
+    assert_allclose(whole[:3, :3], 2 * half[:3, :3], atol=1e-7)
+    assert_allclose(np.sqrt(np.diag(whole)[:3]), 2.0 * 0.01 * 2.0, rtol=1e-4)
+    along = replace(noise, share=0.1).covariance(Pose(translation=np.array([0, 0, 4.0])), 2.0, 1.0)
+    assert_allclose((along - whole)[:3, :3], np.diag([0.0, 0.0, 0.8**2]), atol=1e-12)
 
 
 def with_all_sensors() -> Sequence:
