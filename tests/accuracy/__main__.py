@@ -55,11 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency, uncertainty and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
-    parser.add_argument("--table", type=Path, help="write the table of audit or budget to this page of the docs")
-    parser.add_argument(
-        "--table", type=Path, help="write the table of audit or sensors to this page of the documentation"
-    )
-    parser.add_argument("--table", type=Path, help="write the table of audit or judge to this page of docs")
+    parser.add_argument("--table", type=Path, help="write the table of audit, budget, judge or sensors to this page")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:

@@ -57,9 +57,7 @@ class Options:
     file: Path = FILE
     """Where figures are written to."""
     table: Path | None = None
-    """The page of the documentation whose table audit or budget writes."""
-    """The page of the documentation whose table audit or sensors writes."""
-    """The page of the documentation whose table audit or judge writes."""
+    """The page of the documentation whose table audit, budget, judge or sensors writes."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
