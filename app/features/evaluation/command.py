@@ -68,7 +68,8 @@ def evaluate(options: Evaluate) -> int:
     if options.plots is not None:
         from .plots import PlotStyle, write_plots  # brings matplotlib
 
-        style = PlotStyle(options.plot_format, f"alignment {options.alignment}", reference.timed, options.runs)
+        alignment = f"alignment {options.alignment}"
+        style = PlotStyle(options.plot_format, alignment, reference.timed, options.runs, options.colour_by)
         write_plots(options.plots, items, style)
     return 0
 
@@ -76,6 +77,8 @@ def evaluate(options: Evaluate) -> int:
 def _check(options: Evaluate) -> None:
     if options.plots is not None and find_spec("matplotlib") is None:
         raise InputError("--plots needs Matplotlib, which is not installed: run pip install 'ispom[plots]'")
+    if options.colour_by is not None and options.plots is None:
+        raise InputError("--colour-by colours a plot: give --plots with a folder, too")
     if not options.estimates:
         raise InputError("no estimate was given: name at least one trajectory file after the reference")
     if not 0 <= options.max_difference_s <= MAX_DIFFERENCE_S:

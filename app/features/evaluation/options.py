@@ -63,6 +63,9 @@ class Evaluate:
     """Write a table for LaTeX (with booktabs) to this file: a row per estimate, with its coverage beside its errors."""
     plots: Path | None = None
     """Write plots of trajectories, errors and scale to this folder."""
+    colour_by: str | None = None
+    """Plot the paths coloured by position-error, rotation-error, scale or speed, or, where an estimate is a method's
+    file in a run, by a number of its steps.csv or one of its checks, such as inliers or residual_px."""
     runs: bool = False
     """The estimates are runs of one method: the plot of errors shows them as a band, from the least to the largest,
     with the median."""

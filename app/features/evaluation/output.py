@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
@@ -50,6 +51,7 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
     for column in table.columns[1:]:
         column.justify, column.overflow = "right", "fold"
     columns = [item.measures for item in items]
+    shares = [share_percent(column) for column in columns]
     for key, title, form, rows in _rows(items):
         values = [column[key] if i in rows else None for i, column in enumerate(columns)]
         if form == LENGTH:
@@ -58,9 +60,18 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
             table.add_row(f"{title} [{unit.name}]", *("-" if v is None else unit.of(v) for v in values))
         else:
             table.add_row(title, *("-" if value is None else format(value, form) for value in values))
+        if key.endswith("_rmse_m"):  # an error is of those poses only
+            table.add_row(
+                "  of poses [%]", *("-" if v is None else f"{s:.0f}" for v, s in zip(values, shares, strict=True))
+            )
     console.print(table)
     for note in notes:
         console.print(_plain(note))
+
+
+def share_percent(measures: Mapping[str, float | None]) -> float:
+    """Returns the share of the asked poses of which the errors are [%]."""
+    return 100 * (measures["poses_given"] or 0) / max(measures["poses_asked"] or 0, 1)
 
 
 SAME_INTERVAL = 1.5
@@ -170,8 +181,7 @@ def latex_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
     titles = [f"{title} [{units[key].name}]" if key in units else title for key, title in LATEX_COLUMNS]
     rows = []
     for item, values in zip(items, columns, strict=True):
-        share = 100 * (values["poses_given"] or 0) / max(values["poses_asked"] or 0, 1)
-        cells = [_plain(item.name).translate(ESCAPED), f"{share:.0f}"]
+        cells = [_plain(item.name).translate(ESCAPED), f"{share_percent(values):.0f}"]
         for key, _ in LATEX_COLUMNS:
             value = values[key]
             cells.append("--" if value is None else units[key].of(value) if key in units else f"{value:.3f}")

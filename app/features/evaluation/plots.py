@@ -18,6 +18,7 @@ from ispom.methods import names
 
 from ...engine.outputs import write_file
 from ...presentation.colours import TRUTH, Rgb, css, of
+from .coloured import along
 from .evaluated import Evaluated
 
 OTHERS: tuple[Rgb, ...] = ((230, 159, 0), (86, 180, 233), (140, 86, 75), (0, 0, 0), (170, 160, 40))
@@ -68,17 +69,22 @@ class PlotStyle:
     timed: bool
     runs: bool = False
     """Whether the estimates are runs of one method, whose errors are a band."""
+    colour_by: str | None = None
+    """The quantity of `along` by which another plot colours the paths."""
 
 
 def write_plots(folder: Path, items: Sequence[Evaluated], style: PlotStyle) -> None:
-    """trajectory, errors and scale, as .png or .svg; InputError where the folder cannot be written to."""
+    """trajectory, errors and scale, and coloured where asked for, as .png or .svg; InputError where the folder cannot
+    be written to, or the quantity of the colours is unknown."""
     form, timed = style.form, style.timed
     styled = list(zip(items, line_styles([item.file.path for item in items]), strict=True))
-    for name, figure in {
+    figures = {} if style.colour_by is None else {"coloured": _coloured(items, style.colour_by)}
+    figures |= {
         "trajectory": _trajectory(styled),
         "errors": _band(items, timed) if style.runs else _errors(styled, timed),
         "scale": _scale(styled, timed),
-    }.items():
+    }
+    for name, figure in figures.items():
         figure.suptitle(style.alignment if name != "scale" else "local scale, before alignment")
         content = BytesIO()
         metadata = {"Software": AUTHOR} if form == "png" else {"Creator": AUTHOR, "Date": None}
@@ -95,6 +101,29 @@ def _trajectory(items: Styled) -> Figure:
             axes.plot(own[:, i], own[:, j], **style.keywords, linewidth=1, label=item.name)
         axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal", adjustable="datalim")
     figure.axes[0].legend()
+    return figure
+
+
+def _coloured(items: Sequence[Evaluated], name: str) -> Figure:
+    """A plot for each estimate, in the two axes along which the reference moves most; all have one scale of colours."""
+    found = [along(item, name) for item in items]
+    spread = np.max([np.ptp(item.found.reference.translations, axis=0) for item in items], axis=0)
+    i, j = sorted(np.argsort(spread)[1:])
+    known = np.concatenate([values[np.isfinite(values)] for _, values in found])
+    ends = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    figure = Figure(figsize=(6 * len(items), 5), layout="constrained")
+    plots = figure.subplots(1, len(items), squeeze=False)[0]
+    for axes, item, (_, values) in zip(plots, items, found, strict=True):
+        true, own = item.found.reference.translations, item.found.estimate.translations
+        axes.plot(true[:, i], true[:, j], color=css(TRUTH), linewidth=0.8, label="reference")
+        unknown = ~np.isfinite(values)
+        axes.scatter(own[unknown, i], own[unknown, j], s=6, color="lightgrey")
+        shown = axes.scatter(
+            own[~unknown, i], own[~unknown, j], s=9, c=values[~unknown], vmin=ends[0], vmax=ends[1], cmap="viridis"
+        )
+        axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", title=item.name)
+        axes.set(aspect="equal", adjustable="datalim")
+    figure.colorbar(shown, ax=list(plots), label=found[0][0])
     return figure
 
 
