@@ -27,14 +27,12 @@ SIGNATURE = "Made by ispom judge"
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 """What the browser itself then refuses: any script, any other file, any address."""
 WIDTH, HEIGHT = 960, 280
-LEFT, RIGHT, TOP, BOTTOM = 52, 948, 12, 250
+LEFT, RIGHT, TOP, BOTTOM = 52, 936, 12, 250
 """Of the axes within the plot [px]."""
 LEAST, MOST = 0.1, 1000.0
 """Misfits [standard deviations] that the plot can show; others are at its border."""
 MARKS = 6
 """Times that are written below the plot."""
-LONGEST_LINE = 2
-"""Frames from one pair to the next beyond which no line joins them."""
 
 
 def write_page(file: Path, found: Judged, command: str) -> None:
@@ -62,7 +60,7 @@ def page(found: Judged, command: str) -> str:
 
 
 def plot(found: Judged) -> dict[str, Any]:
-    """Returns what is drawn: spans, levels, times and lines, in pixels."""
+    """Returns what is drawn: spans, levels, times and pairs, in pixels."""
     shown = [each.sigmas for each in found.of.misfits]
     top = float(np.clip(max([10.0, *shown]), 10.0, MOST))
     duration = found.second(len(found.times_ns) - 1) or 1.0
@@ -85,22 +83,17 @@ def plot(found: Judged) -> dict[str, Any]:
         {"x": round(LEFT + (RIGHT - LEFT) * n / (MARKS - 1), 1), "text": f"{duration * n / (MARKS - 1):.1f}"}
         for n in range(MARKS)
     ]
-    points = [((each.first + each.second) / 2, up(each.sigmas)) for each in found.of.misfits]
-    lines = [" ".join(f"{across(x)},{y}" for x, y in part) for part in _parts(points)]
+    pairs = [
+        {
+            "first": across(each.first), "second": across(each.second), "y": up(each.sigmas),
+            "text": f"frames {each.first} and {each.second}: {each.sigmas:.2g} standard deviations",
+        }
+        for each in found.of.misfits
+    ]  # fmt: skip
     return {
-        "spans": spans, "levels": levels, "seconds": seconds, "lines": lines,
+        "spans": spans, "levels": levels, "seconds": seconds, "pairs": pairs,
         "left": LEFT, "right": RIGHT, "top": TOP, "bottom": BOTTOM,
     }  # fmt: skip
-
-
-def _parts(points: list[tuple[float, float]]) -> Iterator[list[tuple[float, float]]]:
-    """Points that follow each other closely, a part each."""
-    points = sorted(points)
-    cuts = [n for n in range(1, len(points)) if points[n][0] - points[n - 1][0] > LONGEST_LINE]
-    for first, last in zip([0, *cuts], [*cuts, len(points)], strict=True):
-        if last > first:
-            part = points[first:last]
-            yield part if len(part) > 1 else [part[0], (part[0][0] + 0.5, part[0][1])]
 
 
 def worst_frame(judgement: Judgement) -> int:
