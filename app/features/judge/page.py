@@ -47,6 +47,7 @@ def page(found: Judged, command: str) -> str:
         .get_template("judge.html")
         .render(
             policy=POLICY,
+            generator=SIGNATURE,
             css=own_text("page.css"),
             title=f"{Path(found.poses).name} in {found.recording}",
             verdict=verdict(found),

@@ -200,14 +200,15 @@ def _examined(
 
 
 def _located(folder: Path, run: RunFile) -> dict[str, float | None]:
-    """By method, the share of its frames that is located [%]."""
+    """By method, the share of its frames that is located [%]; None where it had no frame. A method that never took a
+    step, as where a clip ends before it could begin, has located none."""
     if not exists(folder / METRICS):
         return {}
     found = json.loads(read_text(folder / METRICS)).get("methods", {})
     shares: dict[str, float | None] = {}
     for name in run.methods:
         frames = sum(run.exposures.get(kind, 0) for kind in registered(name).sensors)
-        located = found.get(name, {}).get("located")
+        located = found.get(name, {}).get("located", 0)
         shares[name] = round(100 * located / frames, 1) if frames and isinstance(located, int | float) else None
     return shares
 

@@ -18,13 +18,11 @@ from ispom.settings import checked
 from ispom.stop import check_stop
 from ispom.types import Rig, Sequence, Trajectory
 
-from ...engine.outputs import claim_folder, csv_of, json_text, write_file
+from ...engine.outputs import claim_folder, csv_of, json_text, require_own, write_file
 from ...engine.signals import terminable
 from ..headless.console import progress
-from .options import Undecided
+from .options import CREATOR, Undecided
 from .text import lines, plain, table
-
-SIGNATURE = "<svg"
 
 
 def undecided(options: Undecided) -> int:
@@ -32,6 +30,8 @@ def undecided(options: Undecided) -> int:
     checked(options)
     if options.plot is not None and find_spec("matplotlib") is None:
         raise InputError("--plot needs Matplotlib, which is not installed: run pip install 'ispom[plots]'")
+    if options.plot is not None:
+        require_own(options.plot, CREATOR)
     if options.distance is None:
         name, answers = _recorded(options)
     else:
@@ -46,7 +46,7 @@ def undecided(options: Undecided) -> int:
     if options.plot is not None:
         from .figure import svg  # brings matplotlib
 
-        write_file(options.plot, svg(name, answers), SIGNATURE)
+        write_file(options.plot, svg(name, answers), CREATOR)
     sys.stdout.write(json_text(content, 2) if options.json else "\n".join(lines(name, answers)) + "\n")
     return 0
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from ispom.evaluation.undecided.stretches import Answer
 from ispom.evaluation.undecided.weakest import DECIDED_PX
 
+from .options import CREATOR
 from .text import WORDS
 
 
@@ -32,5 +33,5 @@ def svg(name: str, answers: list[Answer]) -> bytes:
     below.set(xlabel="time [s]", yticks=range(len(named)), yticklabels=[WORDS[each][0] for each in named])
     below.invert_yaxis()
     out = BytesIO()
-    figure.savefig(out, format="svg", metadata={"Date": None})
+    figure.savefig(out, format="svg", metadata={"Creator": CREATOR, "Date": None})
     return out.getvalue()

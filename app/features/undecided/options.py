@@ -13,6 +13,8 @@ from ispom.settings import Range
 from ...engine.options import SourceOptions
 
 SECONDS, STEP_S = 3.0, 3.0
+CREATOR = "ISPOM undecided"
+"""By this in its head a picture is known as ours."""
 
 
 @dataclass(frozen=True, kw_only=True)

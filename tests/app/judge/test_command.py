@@ -113,6 +113,7 @@ def test_the_page_shows_what_is_denied_and_opens_at_the_worst_frame(
     at = int(words[words.index("--at") + 1])
     jump_ns = int(truth.times_ns[len(truth) // 4])
     assert abs(int(sequence.times_ns[at]) - jump_ns) < 0.5e9
+    assert main(["judge", poses, *RECORDING, "--frame", "rig", "--page", str(page)]) == 1  # replaces its own
     text = page.read_text()
     assert 'class="denied"' in text and 'class="misfit"' in text
     assert str(escape(command)) in text and "<1>" not in text

@@ -71,6 +71,7 @@ def test_a_recording_is_answered_in_words_and_files(tmp_path: Path, capsys: pyte
     "arguments",
     [
         ["sim:tiny", "--distance", "3"],
+        ["sim:tiny", "--max-exposures", "50", "--plot", "{folder}/poses.txt"],
         ["{folder}/poses.txt", "--distance", "0", "--camera", "{folder}/camera.yaml"],
         ["{folder}/camera.yaml", "--distance", "2", "--camera", "{folder}/camera.yaml"],
         ["{folder}/nothing"],
