@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from ispom.types import Trajectory
 from tests.app import helpers
 from tests.app.agents.asking import Agent, asked
 from tests.app.helpers import started
+from tests.app.written import breaks_schema
 from tests.sequences.kitti_folder import make_drive
 
 SOURCE = "sim:tiny"
@@ -52,7 +54,9 @@ def test_a_wrong_clock_is_audited_and_its_option_is_an_argument(agents: AgentSes
     files = {"reference": "truth.tum", "estimates": ["late.tum"]}
 
     async def script(agent: Agent) -> None:
-        (wrong,) = (await agent.ask("evaluate", **files))["estimates"]
+        found = await agent.ask("evaluate", **files)
+        assert not breaks_schema("evaluate", json.dumps(found))
+        (wrong,) = found["estimates"]
         assert [each["key"] for each in wrong["audit"]] == ["offset"] and wrong["ate_rmse_m"] > 0.05
         assert wrong["audit"][0]["option"] == "--offset -0.3"
         (right,) = (await agent.ask("evaluate", **files, offset=-0.3))["estimates"]
@@ -115,7 +119,7 @@ def test_the_judge_sees_inverse_poses_in_the_recording_that_is_open(tmp_path: Pa
         assert "open_run" in await agent.refusal("judge", poses="right.tum")
         await agent.ask("open_run", source=SOURCE)
         found = await agent.ask("judge", poses="inverse.tum", frame="rig")
-        assert found["verdict"] == "contradicted"
+        assert found["verdict"] == "contradicted" and not breaks_schema("judge", json.dumps(found))
         assert [each["kind"] for each in found["all_poses"] if each["found"]] == ["inverse"]
         assert (await agent.ask("judge", poses="right.tum", frame="rig"))["verdict"] == "agrees"
         assert "seconds" in await agent.refusal("judge", poses="right.tum", seconds=1e-6)
