@@ -29,9 +29,16 @@ class Command:
     needs: tuple[Literal["words", "builder"], ...] = ()
     """What it gets besides the options, in this order: the words after its name, what makes the estimators."""
 
+    writes: str | type | None = None
+    """The type of the JSON that it writes, a `msgspec.Struct`; `ispom schema` prints its schema."""
+
     def options_class(self) -> Any:
         """Returns the class of its options."""
         return self.options if isinstance(self.options, type) else named(self.options, APP)
+
+    def written(self) -> type | None:
+        """Returns the type of what it writes as JSON; None where it writes none, or its own way."""
+        return named(self.writes, APP) if isinstance(self.writes, str) else self.writes
 
     def read(self, words: Sequence[str]) -> Any:
         """Returns its options from the words after its name. Raises SystemExit for help, and after a mistake."""
@@ -59,8 +66,20 @@ COMMANDS = Registry(
         Command(
             "experiment", ".features.experiments.options:Experiment", ".features.experiments.command:experiment", B
         ),
-        Command("triage", ".features.triage.options:Triage", ".features.triage.command:triage", B),
-        Command("shrink", ".features.shrink.options:Shrink", ".features.shrink.command:shrink", B),
+        Command(
+            "triage",
+            ".features.triage.options:Triage",
+            ".features.triage.command:triage",
+            B,
+            writes=".features.triage.written:TriageFile",
+        ),
+        Command(
+            "shrink",
+            ".features.shrink.options:Shrink",
+            ".features.shrink.command:shrink",
+            B,
+            writes=".features.shrink.expected:Expected",
+        ),
         Command("fork", ".features.headless.options:Fork", ".features.headless.fork:fork", ("words", "builder")),
         Command("diff", ".features.diff.options:Diff", ".features.diff.command:diff"),
         Command("gate", ".features.gate.options:Gate", ".features.gate.command:gate", B),
@@ -68,21 +87,55 @@ COMMANDS = Registry(
         Command("sources", ".features.sources.description:Sources", ".features.sources.description:sources"),
         Command("calibrate", ".features.calibration.options:Calibrate", ".features.calibration.command:calibrate"),
         Command("blame", ".features.blame.options:Blame", ".features.blame.command:blame", B),
-        Command("budget", ".features.budget.options:Budget", ".features.budget.command:budget", B),
-        Command("loops", ".features.loops.options:Loops", ".features.loops.command:loops", B),
+        Command(
+            "budget",
+            ".features.budget.options:Budget",
+            ".features.budget.command:budget",
+            B,
+            writes=".features.budget.written:BudgetFile",
+        ),
+        Command(
+            "loops",
+            ".features.loops.options:Loops",
+            ".features.loops.command:loops",
+            B,
+            writes=".features.loops.candidate:Court",
+        ),
         Command("target", ".features.calibration.options:PrintTarget", ".features.calibration.target:print_target"),
-        Command("evaluate", ".features.evaluation.options:Evaluate", ".features.evaluation.command:evaluate"),
-        Command("judge", ".features.judge.options:Judge", ".features.judge.command:judge"),
-        Command("undecided", ".features.undecided.options:Undecided", ".features.undecided.command:undecided"),
+        Command(
+            "evaluate",
+            ".features.evaluation.options:Evaluate",
+            ".features.evaluation.command:evaluate",
+            writes=".features.evaluation.written:EvaluateFile",
+        ),
+        Command(
+            "judge",
+            ".features.judge.options:Judge",
+            ".features.judge.command:judge",
+            writes=".features.judge.written:JudgeFile",
+        ),
+        Command(
+            "undecided",
+            ".features.undecided.options:Undecided",
+            ".features.undecided.command:undecided",
+            writes=".features.undecided.written:UndecidedFile",
+        ),
         Command("export", ".features.export.options:Export", ".features.export.export:export"),
         Command("report", ".features.report.options:Report", ".features.report.command:report"),
         Command("publish", ".features.publish.options:Publish", ".features.publish.command:publish"),
         Command("map", ".features.mapping.options:Map", ".features.mapping.command:make_map"),
         Command("perturb", ".features.sensitivity.options:Perturb", ".features.sensitivity.perturb:perturb", B),
-        Command("doctor", ".features.doctor.options:Doctor", ".features.doctor.command:doctor", B),
+        Command(
+            "doctor",
+            ".features.doctor.options:Doctor",
+            ".features.doctor.command:doctor",
+            B,
+            writes=".features.doctor.written:DoctorFile",
+        ),
         Command("repair", ".features.recording.options:Repair", ".features.recording.repair_command:repair"),
         Command("new-method", ".features.grading.options:NewMethod", ".features.grading.scaffold:new_method"),
         Command("grade", ".features.grading.options:Grade", ".features.grading.command:grade"),
+        Command("schema", ".cli.schema:Schema", ".cli.schema:schema"),
     ),
 )
 """In the order of the help."""

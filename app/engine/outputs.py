@@ -9,6 +9,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from ispom.errors import InputError
 from ispom.io.whole import write_whole
 
@@ -33,6 +35,21 @@ def json_text(value: Any, indent: int) -> str:
     """The content of a JSON file. JSON has no number that is not finite: null stands for it."""
     finite = json.loads(json.dumps(value, default=float), parse_constant=lambda _: None)
     return json.dumps(finite, indent=indent, allow_nan=False) + "\n"
+
+
+def json_of(value: msgspec.Struct) -> str:
+    """The content of the JSON file that a command writes; `schema_of` its type describes it."""
+    return json_text(msgspec.to_builtins(value, enc_hook=_number), 2)
+
+
+def _number(value: Any) -> Any:
+    """NumPy's numbers and booleans as Python's."""
+    return value.item()
+
+
+def schema_of(kind: type[msgspec.Struct]) -> str:
+    """The JSON schema of such a file, as JSON."""
+    return json.dumps(msgspec.json.schema(kind), indent=2) + "\n"
 
 
 def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ispom.errors import InputError
+from ispom.io.files import exists, expanded, is_below
 from ispom.sequences.address import without_secrets
 
 from ...session import moves
@@ -53,13 +55,18 @@ class AgentSession:
         sources: tuple[str, ...] = (),
         runs: Path | None = None,
         *,
+        poses: tuple[Path, ...] = (),
         allow_changes: bool = False,
         shared: bool = False,
     ) -> None:
-        """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations. Unless
-        `allow_changes`, tools that change anything are refused; where the session is `shared` with a person at a page,
-        those that show something else are refused, too."""
+        """`sources` may be opened, as may runs and recordings in the folder `runs`, and simulations. Files in these
+        folders, and those in `poses`, may be read as poses. Unless `allow_changes`, tools that change anything are
+        refused; where the session is `shared` with a person at a page, those that show something else are refused, too.
+        """
         self.session, self.sources, self.runs = session, sources, runs or session.recordings_dir
+        named = (expanded(source) for source in sources if not source.startswith(SIMULATION))
+        self.places = (self.runs, *(path for path in named if os.path.exists(path)), *map(expanded, poses))
+        """Files that may be read, and folders in which all may be."""
         self.allow_changes, self.shared = allow_changes, shared
 
     def require_changes(self, what: str) -> None:
@@ -162,7 +169,7 @@ class AgentSession:
             return named
         if source.startswith(SIMULATION):
             return source
-        if source in {each.name for each in list_recordings(self.runs)}:
+        if source in self.keys:
             return str(self.runs / source)
         raise InputError(f"{source[:80]!r} may not be opened here: give a key of list_runs, or {SIMULATION}NAME")
 
@@ -173,6 +180,23 @@ class AgentSession:
         if place.startswith(SIMULATION) or not path.is_dir():
             raise InputError(f"{key[:80]!r} is no folder of a run: give the key of one from list_runs")
         return path
+
+    def file(self, name: str) -> Path:
+        """The path of a file or folder that may be read: within the folder of runs, or by its whole path. InputError
+        for any other one. It is to be read within `confined(places)`: a link in it may lead elsewhere."""
+        for path in (self.runs / name, expanded(name)):
+            bag = Path(str(path).partition(":/")[0])  # BAG:TOPIC
+            if any(is_below(each, self.places) and exists(each) for each in (path, bag)):
+                return path
+        raise InputError(
+            f"{name[:80]!r} may not be read here, or is missing: give a file in the folder of runs or in a folder that "
+            "was named at the start"
+        )
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """Those of the runs and recordings in the folder of runs."""
+        return frozenset(each.name for each in list_recordings(self.runs))
 
     def compute(self, frame: int | None, seconds: float) -> None:
         """Computes the frames up to this one (None: the last), as far as that goes in so many seconds; what is left

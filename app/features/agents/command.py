@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.files import confined, expanded, is_folder
+from ispom.io.files import confined, exists, expanded, is_folder
 from ispom.io.whole import append_to_file
 from ispom.methods import in_order
 from ispom.sequences.policy import SourcePolicy
@@ -60,6 +60,9 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
     runs = options.runs.expanduser()
     if options.runs != Mcp.runs and not is_folder(expanded(options.runs)):
         raise InputError(f"--runs is {options.runs}, which is no folder: give one that exists")
+    for path in options.poses:
+        if not exists(expanded(path)):
+            raise InputError(f"--poses names {path}, which is missing: give files and folders that exist")
     session = Session(
         SessionSetup(
             _opener(options),
@@ -79,7 +82,7 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
     )
     session.start()
     try:
-        yield AgentSession(session, options.sources, runs, allow_changes=options.allow_changes)
+        yield AgentSession(session, options.sources, runs, poses=options.poses, allow_changes=options.allow_changes)
     finally:
         session.close(CLOSE_S)
 

@@ -21,6 +21,9 @@ class Mcp(Options):
     opened; the agent may open the others, every run in the folder of --runs, and simulations."""
     runs: Path = Path("recordings")
     """Folder with runs that the agent may list, open and compare."""
+    poses: tuple[Path, ...] = ()
+    """Files with poses, and folders of such, that the agent may judge and evaluate, besides those in the folder of
+    --runs and in the folders of the sources."""
     allow_changes: bool = False
     """Let the agent fork runs. Without it, such tools are refused."""
     http: int | None = None

@@ -5,13 +5,17 @@ A feature that offers tools has a module `tools` with `TOOLS`. Nothing else is e
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import msgspec
+
 from ispom.errors import InputError
 
+from ...engine.outputs import json_of
 from ...session.registry import modules
 
 MOST_ROWS = 200
@@ -72,3 +76,14 @@ def brief(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, float):
         return value
     return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+
+
+def answer_of(value: msgspec.Struct) -> dict[str, Any]:
+    """What a command writes as JSON, as an answer: each number is `brief`."""
+    return _briefly(json.loads(json_of(value)))
+
+
+def _briefly(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _briefly(each) for key, each in value.items()}
+    return [_briefly(each) for each in value] if isinstance(value, list) else brief(value)

@@ -14,7 +14,7 @@ from ispom.io.whole import write_whole
 from ispom.methods import with_dependencies
 from ispom.types import Sequence
 
-from ...engine.outputs import claim_folder
+from ...engine.outputs import claim_folder, json_of
 from ...engine.playback import Builder
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.signals import terminable
@@ -23,7 +23,8 @@ from ..headless.console import compile_first, progress
 from .bench import Bench
 from .options import Budget
 from .split import budgets, frames_of
-from .text import json_of, rows, schema, title
+from .text import rows, title
+from .written import written
 
 WIDTH = 120
 
@@ -43,10 +44,9 @@ def budget(options: Budget, builder: Builder = build) -> int:
         found = budgets(bench, options.repeats, chosen)
     if options.out is not None:
         claim_folder(options.out, "budget")
-        write_whole(options.out / "budget.json", json_of(found))
-        write_whole(options.out / "budget.schema.json", schema())
+        write_whole(options.out / "budget.json", json_of(written(found)))
     if options.json:
-        sys.stdout.write(json_of(found))
+        sys.stdout.write(json_of(written(found)))
     else:
         _print(found)
     return 0

@@ -34,4 +34,4 @@ class Budget(Programs):
     json: bool = False
     """Print the budget as JSON."""
     out: Path | None = None
-    """Folder for budget.json and its schema."""
+    """Folder for budget.json."""

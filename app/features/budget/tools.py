@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-import msgspec
-
 from ispom.errors import InputError
 from ispom.methods import with_dependencies
 from ispom.stop import check_stop
 
 from ..agents.agent_session import AgentSession
-from ..agents.tool import Tool, brief
+from ..agents.tool import Tool, answer_of
 from .bench import Bench
 from .command import require_budget
 from .options import MOST_REPEATS, REPEATS
 from .split import budgets
-from .text import plain
+from .written import written
 
 
 def budget(
@@ -41,13 +39,7 @@ def budget(
     methods = with_dependencies(playback.methods)
     bench = Bench(playback.sequence, methods, playback.config, playback.builder, check_stop)
     found = budgets(bench, repeats, (method,) if method else playback.methods)
-    return _brief(msgspec.to_builtins(plain(found)))
-
-
-def _brief(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _brief(each) for key, each in value.items()}
-    return [_brief(each) for each in value] if isinstance(value, list) else brief(value)
+    return answer_of(written(found))
 
 
 TOOLS = (Tool(budget),)

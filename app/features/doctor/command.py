@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from ispom.io.whole import write_whole
 from ispom.stop import check_stop
 from ispom.types import Sequence
 
-from ...engine.outputs import claim_folder
+from ...engine.outputs import claim_folder, json_of
 from ...engine.playback import Builder
 from ...engine.run_events.stretch import events_in, stretch_of
 from ...engine.run_folder.run_file import RunFile, read_run_file
@@ -26,7 +25,8 @@ from ..headless.console import compile_first
 from .job import Progress, examine
 from .options import Doctor
 from .origin import Origin
-from .text import lines, plain
+from .text import lines
+from .written import written
 
 
 def doctor(options: Doctor, builder: Builder = build) -> int:
@@ -48,7 +48,7 @@ def doctor(options: Doctor, builder: Builder = build) -> int:
     sys.stdout.write("\n".join(lines(found, stretch, sequence.notes)) + "\n")
     if options.out is not None:
         claim_folder(options.out, "doctor")
-        write_whole(options.out / "doctor.json", json.dumps(plain(found, stretch), indent=2) + "\n")
+        write_whole(options.out / "doctor.json", json_of(written(found, stretch)))
     return 0
 
 

@@ -1,9 +1,8 @@
-"""A diagnosis in words and as JSON."""
+"""A diagnosis in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from ispom.errors import counted
 from ispom.evaluation.doctor.diagnosis import Diagnosis
@@ -68,60 +67,3 @@ def line(each: Ranked) -> str:
 
 def _frames(each: Ranked) -> str:
     return f"Look at {counted(len(each.finding.frames), 'frame')}: {', '.join(map(str, each.finding.frames))}."
-
-
-def plain(found: Diagnosis, stretch: Stretch) -> dict[str, Any]:
-    """Returns what doctor.json holds."""
-    return {
-        "first": stretch.first,
-        "last": stretch.last,
-        "at": stretch.at,
-        "event": None if stretch.event is None else stretch.event.sentence,
-        "answer": found.answer,
-        "causes": [each.suspect.key for each in found.causes],
-        "ranked": [
-            {
-                "key": each.suspect.key,
-                "cause": each.suspect.name,
-                "how": each.suspect.how,
-                "found": each.finding.found,
-                "undecided": each.finding.undecided,
-                "strength": each.finding.strength,
-                "evidence": each.finding.evidence,
-                "values": dict(each.finding.values),
-                "frames": list(each.finding.frames),
-                "remedy": each.suspect.remedy,
-            }
-            for each in found.ranked
-        ],
-        "rivals": list(found.rivals),
-        "silent": list(found.silent),
-        "left": list(found.left),
-        "set_back": None if found.set_back is None else _plain_reruns(found.set_back),
-        "reruns": None if found.reruns is None else _plain_reruns(found.reruns),
-    }
-
-
-def _plain_reruns(reruns: Reruns) -> dict[str, Any]:
-    unchanged = {t.trial.method: t.unchanged[0] for t in reruns.tried}
-    return {
-        "first": reruns.first,
-        "last": reruns.last,
-        "answer": reruns.answer,
-        "unchanged": [{"method": m} | _plain_outcome(outcome) for m, outcome in unchanged.items()],
-        "tried": [
-            {"option": t.trial.option, "helps": t.helps, "reruns": len(t.outcomes)} | _plain_outcome(t.outcomes[0])
-            for t in reruns.tried
-        ],
-        "left": list(reruns.left),
-    }
-
-
-def _plain_outcome(outcome: Outcome) -> dict[str, Any]:
-    return {
-        "frames": outcome.frames,
-        "located": len(outcome.located),
-        "segments": outcome.segments,
-        "failed": dict(outcome.failed),
-        "error_m": outcome.error_m,
-    }

@@ -8,11 +8,11 @@ from ispom.errors import InputError
 
 from ...engine.run_events.stretch import stretch_of
 from ..agents.agent_session import AgentSession
-from ..agents.tool import Tool, brief
+from ..agents.tool import Tool, answer_of
 from .job import examine
 from .options import FRAMES, SECONDS
 from .origin import Origin
-from .text import plain
+from .written import written
 
 MOST_SECONDS = 600.0
 """An agent waits no longer for one answer."""
@@ -44,13 +44,7 @@ def doctor(
     sequence = run.playback.sequence
     stretch = stretch_of(sequence, at, FRAMES, run.events.events)
     origin = agents.carry_out(lambda controller: Origin.of_run(run, stretch)) if settings else None
-    found = plain(examine(sequence, stretch, seconds, origin=origin), stretch)
-    ranked = [row | {"strength": brief(row["strength"]), "values": _brief(row["values"])} for row in found["ranked"]]
-    return found | {"ranked": ranked}
-
-
-def _brief(values: dict[str, float]) -> dict[str, Any]:
-    return {name: brief(value) for name, value in values.items()}
+    return answer_of(written(examine(sequence, stretch, seconds, origin=origin), stretch))
 
 
 TOOLS = (Tool(doctor),)

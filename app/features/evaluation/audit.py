@@ -1,10 +1,9 @@
-"""The audit of an evaluation: what is asked of it, and its findings as sentences and as JSON."""
+"""The audit of an evaluation: what is asked of it, and its findings as sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -81,28 +80,6 @@ class Audit:
         known = self.given if finding.own.offset_s or finding.own.clock_rate != 1 else Correction()
         return option_words(known.then(finding.own), self.alignment)
 
-    def json(self) -> list[dict[str, Any]]:
-        return [
-            {
-                "key": f.key,
-                "of": f.whose,
-                "sentence": self.sentence(f),
-                "option": self.option(f),
-                "values": dict(f.values),
-                "sigmas": dict(f.sigmas),
-                "before": dict(f.before),
-                "after": dict(f.after),
-                "stretch_s": f.stretch_s,
-                "error_ratio": f.fall,
-                "cannot_tell_from": list(f.rivals),
-                "stretches_s": [list(span) for span in f.spans_s],
-                "poses": [list(rows) for rows in f.rows],
-                "parts_m": list(f.parts_m),
-                "body": None if f.own.body is None else _pose_json(f.own.body),
-            }
-            for f in self.findings
-        ]
-
 
 def option_words(correction: Correction, alignment: Alignment) -> str:
     """Returns a correction as options of `ispom evaluate`."""
@@ -128,10 +105,6 @@ def option_words(correction: Correction, alignment: Alignment) -> str:
 
 def _rounded(value: float, places: int) -> str:
     return f"{value:.{places}f}".rstrip("0").rstrip(".")
-
-
-def _pose_json(body: Any) -> dict[str, list[float]]:
-    return {"translation": body.translation.tolist(), "quaternion_xyzw": body.xyzw.tolist()}
 
 
 def _claim(finding: Finding, timed: bool) -> str:

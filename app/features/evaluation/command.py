@@ -19,12 +19,22 @@ from ispom.io.poses.dialect import TrajectoryFile
 from ispom.io.poses.recognised import read_trajectory
 from ispom.types import Trajectory
 
-from ...engine.outputs import require_own, write_file
+from ...engine.outputs import json_of, require_own, write_file
 from .audit import Audit, odd_one
-from .evaluated import Evaluated, Pairs, constant_rotation, distinct_names, pairs_by_name, protocol_of, repeated_note
+from .evaluated import (
+    Evaluated,
+    Evaluation,
+    Pairs,
+    constant_rotation,
+    distinct_names,
+    pairs_by_name,
+    protocol_of,
+    repeated_note,
+)
 from .options import Evaluate
-from .output import CSV_HEAD, JSON_HEAD, LATEX_HEAD, csv_text, json_text, latex_text, print_table
+from .output import CSV_HEAD, JSON_HEAD, LATEX_HEAD, csv_text, latex_text, print_table
 from .values import delta_of, spans_of
+from .written import written
 
 MAX_DIFFERENCE_S = 3600.0
 """Poses whose times differ by more than this are never of the same moment."""
@@ -35,6 +45,27 @@ MOST_PAIRED = 6
 def evaluate(options: Evaluate) -> int:
     """Compares, prints and writes the numbers. Raises InputError where that is not possible."""
     _check(options)
+    found = evaluation(options)
+    protocol, items = found.protocol, found.items
+    print_table(protocol, items, found.notes)
+    if options.json is not None:
+        write_file(options.json, json_of(written(found)), JSON_HEAD)
+    if options.csv is not None:
+        write_file(options.csv, csv_text(protocol, items), CSV_HEAD)
+    if options.latex is not None:
+        write_file(options.latex, latex_text(protocol, items), LATEX_HEAD)
+    if options.plots is not None:
+        from .plots import PlotStyle, write_plots  # brings matplotlib
+
+        alignment = f"alignment {options.alignment}"
+        style = PlotStyle(options.plot_format, alignment, found.reference.timed, options.runs, options.colour_by)
+        write_plots(options.plots, items, style)
+    return 0
+
+
+def evaluation(options: Evaluate) -> Evaluation:
+    """Compares and audits. Raises InputError for a mistake in the options or the files, and for too few poses."""
+    _check_values(options)
     times_ns = read_times(options.times) if options.times else None
     given = _given(options)
     reference = _of_reference(read_trajectory(options.reference, times_ns), given, options)
@@ -50,35 +81,29 @@ def evaluate(options: Evaluate) -> int:
         items.append(Evaluated(name, found.file, found.comparison(audits[-1]), reference, note))
         if note:  # what is left once the body is the same
             audits[-1] = replace(audits[-1], findings=tuple(audit(found.question)) if options.audit else ())
-    protocol = protocol_of(reference, files, options)
     notes = [*reference.notes, *(note for file in files for note in file.notes)]
     notes += repeated_note(str(options.reference), reference)
     notes += [note for item in items for note in item.notes(options.alignment)]
     if options.audit:
         notes += [sentence for each in audits for sentence in each.sentences]
         notes += _odd_one(reference, files, [str(options.reference), *names], audits, options)
-    print_table(protocol, items, notes)
-    if options.json is not None:
-        text = json_text(reference, protocol, items, notes, audits if options.audit else None)
-        write_file(options.json, text, JSON_HEAD)
-    if options.csv is not None:
-        write_file(options.csv, csv_text(protocol, items), CSV_HEAD)
-    if options.latex is not None:
-        write_file(options.latex, latex_text(protocol, items), LATEX_HEAD)
-    if options.plots is not None:
-        from .plots import PlotStyle, write_plots  # brings matplotlib
-
-        alignment = f"alignment {options.alignment}"
-        style = PlotStyle(options.plot_format, alignment, reference.timed, options.runs, options.colour_by)
-        write_plots(options.plots, items, style)
-    return 0
+    protocol = protocol_of(reference, files, options)
+    return Evaluation(reference, protocol, items, notes, audits if options.audit else None)
 
 
 def _check(options: Evaluate) -> None:
+    """Before anything is read: the plots' library, and what is in the place of the outputs."""
     if options.plots is not None and find_spec("matplotlib") is None:
         raise InputError("--plots needs Matplotlib, which is not installed: run pip install 'ispom[plots]'")
     if options.colour_by is not None and options.plots is None:
         raise InputError("--colour-by colours a plot: give --plots with a folder, too")
+    _check_values(options)
+    for path, head in ((options.json, JSON_HEAD), (options.csv, CSV_HEAD), (options.latex, LATEX_HEAD)):
+        if path is not None:
+            require_own(path, head)
+
+
+def _check_values(options: Evaluate) -> None:
     if not options.estimates:
         raise InputError("no estimate was given: name at least one trajectory file after the reference")
     if not 0 <= options.max_difference_s <= MAX_DIFFERENCE_S:
@@ -91,9 +116,6 @@ def _check(options: Evaluate) -> None:
         raise InputError(f"--clock-rate is {options.clock_rate:g}: give a positive factor, such as 1.00002 or 0.001")
     delta_of(options.delta)
     spans_of(options.exclude)
-    for path, head in ((options.json, JSON_HEAD), (options.csv, CSV_HEAD), (options.latex, LATEX_HEAD)):
-        if path is not None:
-            require_own(path, head)
 
 
 def _given(options: Evaluate) -> Correction:

@@ -18,6 +18,7 @@ from ispom.types import Trajectory
 
 from ...engine.run_folder.run_file import read_run_file
 from ...presentation.texts import ALIGNMENTS
+from .audit import Audit
 from .options import Evaluate
 from .values import delta_of
 
@@ -201,6 +202,18 @@ class Evaluated:
         if kind in FROM_POSITIONS and self.found.motion in MOTIONS:
             found.append(f"{self.name}: {MOTIONS[self.found.motion]}")
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Estimates that were compared with one reference."""
+
+    reference: TrajectoryFile
+    protocol: dict[str, str]
+    items: list[Evaluated]
+    notes: list[str]
+    audits: list[Audit] | None
+    """Of the same estimates; None where none was asked for."""
 
 
 def repeated_note(name: str, file: TrajectoryFile) -> list[str]:

@@ -1,22 +1,17 @@
-"""An evaluation as a table on the terminal, as JSON and as CSV."""
+"""An evaluation as a table on the terminal, as CSV, and for LaTeX."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from ispom.errors import printable
-from ispom.evaluation.comparison import local_scale
-from ispom.io.poses.dialect import TrajectoryFile
 
 from ...engine.outputs import csv_of
 from ...presentation.texts import length_unit
-from .audit import Audit
-from .evaluated import Evaluated, frame_of
+from .evaluated import Evaluated
 
 JSON_HEAD, CSV_HEAD, LATEX_HEAD = '"protocol": {', "estimate,", "% ispom evaluate"
 """How the files begin: by this they are known as ours."""
@@ -117,44 +112,6 @@ def rpe_groups(items: list[Evaluated]) -> list[tuple[int, ...]]:
 def _plain(text: str) -> str:
     """Without control characters, however long."""
     return "".join(map(printable, text))
-
-
-def json_text(
-    reference: TrajectoryFile,
-    protocol: dict[str, str],
-    items: list[Evaluated],
-    notes: list[str],
-    audits: list[Audit] | None,
-) -> str:
-    """`audits` of the same estimates; None where none was asked for."""
-    found = [None] * len(items) if audits is None else [each.json() for each in audits]
-    report = {
-        "protocol": protocol,
-        "notes": notes,
-        "reference": _about(reference),
-        "estimates": [
-            {
-                "name": item.name,
-                **_about(item.file),
-                **item.measures,
-                "rpe_interval_s": item.rpe_interval_s,
-                "local_scale": local_scale(item.found),
-                "audit": findings,
-            }
-            for item, findings in zip(items, found, strict=True)
-        ],
-    }
-    return json.dumps(report, indent=2, allow_nan=False) + "\n"
-
-
-def _about(file: TrajectoryFile) -> dict[str, Any]:
-    return {
-        "path": str(file.path),
-        "format": file.format,
-        "poses": len(file.trajectory),
-        "frame": frame_of(file),
-        "timed": file.timed,
-    }
 
 
 def csv_text(protocol: dict[str, str], items: list[Evaluated]) -> str:

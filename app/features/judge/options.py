@@ -10,6 +10,8 @@ import tyro
 
 from ...engine.options import SourceOptions
 
+FrameOfPoses = Literal["auto", "camera", "rig"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Judge(SourceOptions):
@@ -21,7 +23,7 @@ class Judge(SourceOptions):
     """File of poses of any known program, as for `ispom evaluate`. It may cover a part of the recording."""
     recording: tyro.conf.Positional[str]
     """The recording: any source that `ispom run` takes, with a calibration."""
-    frame: Literal["auto", "camera", "rig"] = "auto"
+    frame: FrameOfPoses = "auto"
     """Whose poses the file has: those of the main camera (video, else left), or of the rig. auto: the rig's for EuRoC's
     files and those that `ispom run` wrote so, else the camera's."""
     times: Path | None = None

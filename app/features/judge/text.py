@@ -1,10 +1,9 @@
-"""A judgement in words and as JSON."""
+"""A judgement in words."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import degrees, exp, isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ NAMES = {
     "turning": "drift of the turn",
     "growing": "drift of the scale",
 }
-UNITS = {"clock": "s", "mount": "rad", "lever": "unit of the poses", "turning": "rad/s", "growing": "1/s"}
 HEAD = "stretch [s]      pairs  epipolar [px] (best)  turn [deg] (sigma)  direction [deg] (sigma)  scale (sigma)"
 
 
@@ -142,61 +140,3 @@ def _within(each: Denied) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.2f}" if isfinite(value) else "-"
-
-
-def plain(found: Judged) -> dict[str, Any]:
-    """Returns what judge.json holds; null where the images show nothing."""
-    judgement = found.of
-    return {
-        "verdict": judgement.verdict,
-        "sentence": verdict(found),
-        "poses": found.poses,
-        "recording": found.recording,
-        "frames": len(found.times_ns),
-        "frames_with_pose": judgement.frames,
-        "pairs": judgement.pairs,
-        "all_poses": [_plain_tested(each) for each in judgement.tested],
-        "smoothing": None
-        if judgement.smoothing is None
-        else {**asdict(judgement.smoothing), "found": judgement.smoothing.found},
-        "places": [
-            {
-                "kind": each.kind,
-                **_span(found, each.first, each.last),
-                "size": each.size,
-                "sigma": each.sigma,
-                "turn_deg": degrees(each.turn_rad),
-                "direction_deg": degrees(each.direction_rad),
-                "poses_rest": each.poses_rest,
-                "within": None if each.within is None else list(each.within),
-            }
-            for each in judgement.denied
-        ],
-        "stretches": [
-            {**_span(found, each.first, each.last)}
-            | {k: v if isfinite(v) else None for k, v in asdict(each).items() if k not in ("first", "last")}
-            for each in judgement.stretches
-        ],
-    }
-
-
-def _plain_tested(each: Tested) -> dict[str, Any]:
-    exact = each.kind in ("axes", "inverse")
-    return {
-        "kind": each.kind,
-        "found": bool(each.accepted),
-        "detectable": bool(each.detectable),
-        "size": None if exact else each.size,
-        "sigma": each.sigma if not exact and isfinite(each.sigma) else None,
-        "unit": UNITS.get(each.kind),
-        "gains": list(each.gains),
-    }
-
-
-def _span(found: Judged, first: int, last: int) -> dict[str, Any]:
-    return {
-        "first_frame": first,
-        "last_frame": last,
-        "first_s": found.second(first),
-        "last_s": found.second(last),
-    }

@@ -1,4 +1,4 @@
-"""A candidate as loops.json has it, and the schema of that file."""
+"""A candidate as loops.json has it, and what else that file holds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ASKED, PENDING = "loop_asked", ("loop_views", "join_views", "join_scale")
 """The check of what was asked for; and those that a later image may still pass."""
 
 
-class Rule(msgspec.Struct, frozen=True):
+class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One rule, in the order in which they were applied."""
 
     key: str
@@ -40,7 +40,7 @@ class Rule(msgspec.Struct, frozen=True):
     sentence: str
 
 
-class RelativePose(msgspec.Struct, frozen=True):
+class RelativePose(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """first_from_then: the later camera in the earlier one, in the unit of the earlier keyframe."""
 
     translation: tuple[float, float, float]
@@ -57,7 +57,7 @@ class RelativePose(msgspec.Struct, frozen=True):
     ln_scale_sigma: float | None
 
 
-class Truth(msgspec.Struct, frozen=True):
+class Truth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the relative pose compares with the ground truth."""
 
     position_error_m: float
@@ -68,7 +68,7 @@ class Truth(msgspec.Struct, frozen=True):
     """Between both cameras."""
 
 
-class Candidate(msgspec.Struct, frozen=True):
+class Candidate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One image that was, or might have been, recognised as the place of an earlier keyframe: `first` is of the
     keyframe, `then` of the image. A lost frame is tried again later, so that its keyframe may be a later one."""
 
@@ -101,7 +101,7 @@ class Candidate(msgspec.Struct, frozen=True):
         return next((rule.sentence for rule in self.rules if rule.key == self.decided_by), "The run ended before.")
 
 
-class Side(msgspec.Struct, frozen=True):
+class Side(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A run to its end."""
 
     ate_m: float | None
@@ -115,7 +115,7 @@ class Side(msgspec.Struct, frozen=True):
     """Loops, joins and relocalisations accepted from there on: FIRST-THEN in frames."""
 
 
-class WhatIf(msgspec.Struct, frozen=True):
+class WhatIf(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A run as it was, and a fork of it from the frame before, with the opposite decision."""
 
     pairs: tuple[str, ...]
@@ -135,8 +135,8 @@ class WhatIf(msgspec.Struct, frozen=True):
     """The setting of the fork."""
 
 
-class Court(msgspec.Struct, frozen=True):
-    """loops.json."""
+class Court(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What loops.json holds."""
 
     source: str
     methods: tuple[str, ...]
@@ -147,11 +147,6 @@ class Court(msgspec.Struct, frozen=True):
     """Number of candidates that each rule decided."""
     what_if: tuple[WhatIf, ...]
     candidates: tuple[Candidate, ...]
-
-
-def schema() -> dict[str, object]:
-    """The JSON schema of loops.json."""
-    return msgspec.json.schema(Court)
 
 
 def candidate_of(one: Trial, sequence: Sequence) -> Candidate:

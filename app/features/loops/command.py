@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
@@ -16,7 +15,7 @@ from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.estimators.modern.trials import collecting_trials
 from ispom.io.files import confined, exists
-from ispom.io.whole import write_parts, write_whole
+from ispom.io.whole import write_parts
 from ispom.methods import default_methods, in_order, require_sensors, with_dependencies
 from ispom.stop import check_stop
 from ispom.types import Trajectory
@@ -28,7 +27,7 @@ from ...engine.run_folder.run_folder import RUN
 from ...engine.signals import terminable
 from ...session.review.stored import stored_source
 from ..headless.console import compile_first, progress
-from .candidate import METHODS, Candidate, WhatIf, schema
+from .candidate import METHODS, Candidate, WhatIf
 from .docket import Docket
 from .options import Loops
 from .page import write_page
@@ -36,7 +35,7 @@ from .text import lines
 from .truth import errors_ate, judged_trial, with_truth
 from .what_if import Question, Recent, accepted_in, answer, question_of
 
-PAGE, ALL, SCHEMA = "index.html", "loops.json", "loops.schema.json"
+PAGE, ALL = "index.html", "loops.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,6 @@ def loops(options: Loops, builder: Builder = build) -> int:
         write_page(options.out / PAGE, name, playback.sequence, shown, what_if, docket)
         every = (with_truth(each, playback.sequence, units_m) for each in docket.candidates())
         _write_all(options.out / ALL, name, playback, docket, what_if, every)
-        write_whole(options.out / SCHEMA, json.dumps(schema(), indent=1) + "\n")
         text = lines([each for each, _ in shown], what_if, docket, playback.truth is not None)
     sys.stdout.write("\n".join(map(printable, [*text, str(options.out / PAGE)])) + "\n")
     return 0

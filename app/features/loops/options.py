@@ -28,4 +28,4 @@ class Loops(Options):
     most: Annotated[int, Range(1, 200)] = 24
     """Largest number of candidates with images in the page. All are in loops.json."""
     out: Path = Path("loops")
-    """Folder for index.html, loops.json, and its schema loops.schema.json."""
+    """Folder for index.html and loops.json."""

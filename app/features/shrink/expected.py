@@ -14,13 +14,13 @@ from ispom.io.rows import read_text
 from ispom.methods import Config, method
 from ispom.settings import from_plain
 
-from ...engine.outputs import json_text
+from ...engine.outputs import json_of
 from .trial import Failure
 
 EXPECTED = "expected.json"
 
 
-class Event(msgspec.Struct, frozen=True):
+class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The event that the clip shows."""
 
     kind: str
@@ -44,7 +44,7 @@ class Event(msgspec.Struct, frozen=True):
     """The event is the expected one where it begins at a frame from the one time to the other, both included."""
 
 
-class Part(msgspec.Struct, frozen=True):
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What is left of the recording."""
 
     frames: tuple[int, ...]
@@ -57,7 +57,7 @@ class Part(msgspec.Struct, frozen=True):
     """Kinds of frames: stereo, video."""
 
 
-class Expected(msgspec.Struct, frozen=True):
+class Expected(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The content of expected.json."""
 
     event: Event
@@ -96,7 +96,7 @@ class Expected(msgspec.Struct, frozen=True):
     @property
     def text(self) -> str:
         """The file's content."""
-        return json_text(msgspec.to_builtins(self), 1)
+        return json_of(self)
 
 
 def read_expected(folder: Path) -> Expected:
@@ -106,8 +106,3 @@ def read_expected(folder: Path) -> Expected:
         return msgspec.convert(json.loads(read_text(path, MAX_BYTES)), Expected)
     except (ValueError, RecursionError, msgspec.ValidationError) as fault:
         raise InputError(f"{path} is not as `ispom shrink` writes it ({fault}): restore the file") from None
-
-
-def schema() -> dict[str, Any]:
-    """Returns the JSON schema of expected.json."""
-    return msgspec.json.schema(Expected)

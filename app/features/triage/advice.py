@@ -102,7 +102,7 @@ def _where(events: Sequence[RunEvent], frames: int) -> str:
     return f"frame{'s' if len(lasts) > 1 or lasts[0][1] > lasts[0][0] else ''} {', '.join(words)}{more}"
 
 
-class Lesson(msgspec.Struct, frozen=True):
+class Lesson(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What to do differently when filming, and how many clips it would have helped."""
 
     suspect: str

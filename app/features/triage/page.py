@@ -12,20 +12,20 @@ import msgspec
 from ispom.errors import counted
 from ispom.io.whole import write_whole
 
-from ...engine.outputs import csv_of, json_text
+from ...engine.outputs import csv_of, json_of
 from ...presentation import colours
 from ...presentation.templating import environment
 from ..report.html import PACKAGE as REPORT
 from ..report.html import own_text
 from .advice import Lesson, how_to_film
 from .clips import Clip
-from .row import Action, Group, Row
+from .row import Action, ClipRow, Group, Row
+from .written import ALL, TriageFile
 
-PAGE, TABLE, ALL, NOTE = "index.html", "triage.csv", "triage.json", "how_to_film.md"
+PAGE, TABLE, NOTE = "index.html", "triage.csv", "how_to_film.md"
 PACKAGE = __name__.rpartition(".")[0]
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What the browser itself then refuses: any script, any other file, any address."""
-UNTABLED = ("image", "stamp")
 TROUBLE = {Group.LOST: "lost at", Group.NO_MAP: "still no map at"}
 """What is said before the frames at which it went wrong."""
 TITLES = {
@@ -40,8 +40,9 @@ TITLES = {
 def write_output(out: Path, folder: Path, clips: Sequence[Clip], rows: Sequence[Row]) -> None:
     """Writes triage.csv, triage.json, how_to_film.md and index.html; `rows` are those of `clips`, in their order."""
     lessons = how_to_film(rows)
-    plain = [_plain(row) for row in rows]
-    write_whole(out / ALL, json_text({**_counts(rows), "clips": plain, "how_to_film": _built_in(lessons)}, 1))
+    tabled = [ClipRow(*(getattr(row, name) for name in ClipRow.__struct_fields__)) for row in rows]
+    write_whole(out / ALL, json_of(TriageFile(_counts(rows), tabled, lessons)))
+    plain = [msgspec.to_builtins(row) for row in tabled]
     head = [key for key in plain[0] if key != "located_percent"]
     methods = sorted({name for row in rows for name in row.located_percent})
     table = [[row[key] for key in head] + [row["located_percent"].get(name) for name in methods] for row in plain]
@@ -73,7 +74,7 @@ def page(out: Path, folder: Path, clips: Sequence[Clip], rows: Sequence[Row], le
 
 def summary(rows: Sequence[Row]) -> str:
     """Returns how many clips each group has, in one line."""
-    counts = _counts(rows)["groups"]
+    counts = _counts(rows)
     parts = [f"{counts[group]} {group}" for group in reversed(Group) if counts[group]]
     return f"{counted(len(rows), 'clip')}: {', '.join(parts)}"
 
@@ -113,13 +114,5 @@ def _card(out: Path, clip: Clip, row: Row) -> dict[str, Any]:
     }
 
 
-def _counts(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
-    return {"groups": {str(group): sum(row.group == group for row in rows) for group in Group}}
-
-
-def _plain(row: Row) -> dict[str, Any]:
-    return {key: value for key, value in _built_in(row).items() if key not in UNTABLED}
-
-
-def _built_in(value: Any) -> Any:
-    return msgspec.to_builtins(value)
+def _counts(rows: Sequence[Row]) -> dict[str, int]:
+    return {str(group): sum(row.group == group for row in rows) for group in Group}

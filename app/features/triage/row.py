@@ -13,7 +13,7 @@ from ispom.io.files import exists
 from ispom.io.rows import read_text
 from ispom.io.whole import require_no_links, write_whole
 
-from ...engine.outputs import json_text
+from ...engine.outputs import json_of
 from .clips import Clip, stamp
 
 ROWS = "rows"
@@ -39,8 +39,8 @@ class Action(StrEnum):
     LOOK = "look at it"
 
 
-class Row(msgspec.Struct, forbid_unknown_fields=True):
-    """Of one clip."""
+class ClipRow(msgspec.Struct, forbid_unknown_fields=True):
+    """Of one clip, as the tables have it."""
 
     clip: str
     """Its name within the folder."""
@@ -69,6 +69,11 @@ class Row(msgspec.Struct, forbid_unknown_fields=True):
     """Folder of the run, within that of the triage, or the clip itself where it is a run; empty without one."""
     complete: bool = False
     """Whether the run came to its end."""
+
+
+class Row(ClipRow, forbid_unknown_fields=True):
+    """Of one clip, with what only its own file has."""
+
     image: str = ""
     """A small JPEG of that frame, in Base64."""
     stamp: str = ""
@@ -80,7 +85,7 @@ def write_row(out: Path, clip: Clip, row: Row) -> None:
     file = _file(out, clip)
     file.parent.mkdir(exist_ok=True)
     require_no_links(out, file)
-    write_whole(file, json_text(msgspec.to_builtins(row), 1))
+    write_whole(file, json_of(row))
 
 
 def read_row(out: Path, clip: Clip) -> Row | None:

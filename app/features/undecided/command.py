@@ -18,11 +18,12 @@ from ispom.settings import checked
 from ispom.stop import check_stop
 from ispom.types import Rig, Sequence, Trajectory
 
-from ...engine.outputs import claim_folder, csv_of, json_text, require_own, write_file
+from ...engine.outputs import claim_folder, csv_of, json_of, require_own, write_file
 from ...engine.signals import terminable
 from ..headless.console import progress
 from .options import CREATOR, Undecided
-from .text import lines, plain, table
+from .text import lines, table
+from .written import written
 
 
 def undecided(options: Undecided) -> int:
@@ -38,16 +39,16 @@ def undecided(options: Undecided) -> int:
         name, answers = _planned(options, options.distance)
     if not answers:
         raise InputError(f"{options.source} has no stretch of 5 frames: give a longer recording, or longer --seconds")
-    content = plain(name, answers)
+    content = json_of(written(name, answers))
     if options.out is not None:
         claim_folder(options.out, "undecided")
-        write_whole(options.out / "undecided.json", json_text(content, 2))
+        write_whole(options.out / "undecided.json", content)
         write_whole(options.out / "undecided.csv", csv_of(*table(answers)))
     if options.plot is not None:
         from .figure import svg  # brings matplotlib
 
         write_file(options.plot, svg(name, answers), CREATOR)
-    sys.stdout.write(json_text(content, 2) if options.json else "\n".join(lines(name, answers)) + "\n")
+    sys.stdout.write(content if options.json else "\n".join(lines(name, answers)) + "\n")
     return 0
 
 

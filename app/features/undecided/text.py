@@ -1,4 +1,4 @@
-"""What is undecided, in words, as JSON, and as a table."""
+"""What is undecided, in words and as a table."""
 
 from __future__ import annotations
 
@@ -88,45 +88,6 @@ def _motion(answer: Answer) -> str:
     axis, way = (abs(each).argmax() for each in (moved.axis, moved.direction))
     turned = f"The camera {AXES[axis]} by {moved.turned_deg:.1f} degrees"
     return f"{turned}, and went {DIRECTIONS[way]} by {moved.distance:.0%} of the distance of the points."
-
-
-def plain(name: str, answers: list[Answer]) -> dict[str, Any]:
-    """Returns what undecided.json holds."""
-    return {
-        "name": name,
-        "limit_px": DECIDED_PX,
-        "stretches": [_plain(each, answers[0].first_ns) for each in answers],
-    }
-
-
-def _plain(answer: Answer, start_ns: int) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "first_s": (answer.first_ns - start_ns) * 1e-9,
-        "last_s": (answer.last_ns - start_ns) * 1e-9,
-        "first_ns": answer.first_ns,
-        "last_ns": answer.last_ns,
-        "decided": answer.decided is not None and answer.decided.weakest_px <= DECIDED_PX,
-        "weakest_px": None,
-        "weakest": [],
-        "sigmas": {},
-        "motion": None,
-        "cures_px": answer.cures,
-        "best_cure": answer.best_cure,
-    }
-    if answer.decided is None or answer.moved is None:
-        return row
-    found, moved = answer.decided, answer.moved
-    return row | {
-        "weakest_px": found.weakest_px,
-        "weakest": [{"name": part.name, "value": part.value, "px": part.px} for part in found.weakest],
-        "sigmas": {each: found.sigma(each) for each in found.names},
-        "motion": {
-            "turned_deg": moved.turned_deg,
-            "axis": moved.axis.tolist(),
-            "distance": moved.distance,
-            "direction": moved.direction.tolist(),
-        },
-    }
 
 
 def table(answers: list[Answer]) -> tuple[list[str], list[list[Any]]]:

@@ -8,10 +8,10 @@ from ispom.errors import InputError
 from ispom.evaluation.undecided.stretches import of_recording
 
 from ..agents.agent_session import AgentSession
-from ..agents.tool import Tool
+from ..agents.tool import Tool, answer_of
 from .command import calibrated
 from .options import SECONDS
-from .text import plain
+from .written import written
 
 MOST_STRETCHES = 40
 """Of one answer: each takes some seconds."""
@@ -38,7 +38,7 @@ def undecided(
     if not found:
         raise InputError(f"there is no stretch {start}: give a smaller start, or shorter seconds")
     more = start + MOST_STRETCHES if len(found) == MOST_STRETCHES else None
-    return plain(sequence.name, found) | {"next_start": more}
+    return answer_of(written(sequence.name, found)) | {"next_start": more}
 
 
 TOOLS = (Tool(undecided),)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
+from ispom_app.engine.outputs import json_of
 from ispom_app.features.budget.bench import Bench, changed
 from ispom_app.features.budget.split import APART, STARTS, Repeated, later_starts, outlier_row
-from ispom_app.features.budget.text import BudgetFile, json_of, plain, rows, schema
+from ispom_app.features.budget.text import rows
+from ispom_app.features.budget.written import BudgetFile, written
 
 from ispom.ensemble import build
 from ispom.evaluation.budget.budget import Budget, Cause, Share
@@ -21,6 +22,7 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config
 from ispom.sequences import open_sequence
 from tests import doubles
+from tests.app.written import breaks_schema
 
 FOUND = Budget(
     "stereo", "se3", 0.1, 50,
@@ -35,15 +37,12 @@ assert _TRUE is not None
 ERROR = TrajectoryError(_TRUE, _TRUE, "se3")
 
 
-def test_the_file_follows_its_schema_and_adds_up() -> None:
-    found = msgspec.json.decode(json_of([FOUND]), type=BudgetFile)
-    assert found == plain([FOUND])
-    (method,) = found.methods
+def test_shares_and_rest_add_up() -> None:
+    assert not breaks_schema("budget", json_of(written([FOUND])))
+    (method,) = written([FOUND]).methods
     known = [cause.share.m2 for cause in method.causes if cause.share is not None]
     assert sum(known) + method.rest.m2 == pytest.approx(method.ate_m**2)
     assert [cause.name for cause in method.causes if cause.share is None and cause.cannot_tell] == ["outliers"]
-    described = json.loads(schema())
-    assert set(described["$defs"]["BudgetRow"]["required"]) == set(json.loads(json_of([FOUND]))["methods"][0])
 
 
 def test_the_largest_share_is_first_and_the_rest_last() -> None:
@@ -124,7 +123,7 @@ def test_a_clock_has_nearly_all_of_the_error_that_it_makes(tmp_path: Path) -> No
     shares = {cause.name: cause.share for cause in method.causes}
     clock = shares["clock"]
     assert clock is not None and clock.percent > 80 and clock.low_m2 > 0
-    assert (out / "budget.schema.json").read_text() == schema()
+    assert not breaks_schema("budget", (out / "budget.json").read_text())
 
 
 def test_where_no_track_was_left_out_nothing_is_known_of_outliers() -> None:

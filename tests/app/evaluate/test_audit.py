@@ -19,6 +19,7 @@ from ispom.evaluation.comparison import Delta
 from ispom.geometry import Pose
 from ispom.io.trajectories import tum_text
 from ispom.types import Trajectory
+from tests.app.written import breaks_schema
 from tests.evaluation.audit.made_paths import noisy, path
 
 START_NS = 1_660_000_100 * 10**9
@@ -38,6 +39,7 @@ def evaluated(folder: Path, estimate: Trajectory, *options: str, truth: Trajecto
     out = folder / "out.json"
     arguments = [str(folder / "truth.tum"), str(folder / "estimate.tum"), *options, "--json", str(out)]
     assert main(["evaluate", *arguments]) == 0
+    assert not breaks_schema("evaluate", out.read_text())
     (found,) = json.loads(out.read_text())["estimates"]
     return found
 

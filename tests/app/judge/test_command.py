@@ -17,6 +17,7 @@ from ispom.geometry import Pose
 from ispom.io.trajectories import tum_text
 from ispom.sequences import open_sequence
 from ispom.types import Trajectory
+from tests.app.written import breaks_schema
 
 RECORDING = ["sim:tiny", "--max-exposures", "60"]
 
@@ -35,7 +36,9 @@ def judged(
     """The exit code and the JSON for poses of the rig."""
     (folder / "poses.txt").write_text(tum_text(poses))
     code = main(["judge", str(folder / "poses.txt"), *recording, "--frame", "rig", "--json"])
-    return code, json.loads(capsys.readouterr().out)
+    text = capsys.readouterr().out
+    assert not breaks_schema("judge", text)
+    return code, json.loads(text)
 
 
 def test_the_truth_is_not_contradicted(truth: Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

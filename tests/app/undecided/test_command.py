@@ -19,6 +19,7 @@ from ispom.evaluation.undecided.weakest import BASELINE, SCALE
 from ispom.geometry import so3_exp
 from ispom.io.trajectories import tum_text
 from ispom.types import Trajectory
+from tests.app.written import breaks_schema
 
 CAMERA = "width: 640\nheight: 480\nfx: 500\nfy: 500\ncx: 320\ncy: 240\n"
 
@@ -35,7 +36,9 @@ def planned(folder: Path, turn_deg: float) -> list[str]:
 
 def answered(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     assert main(["undecided", *arguments, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+    text = capsys.readouterr().out
+    assert not breaks_schema("undecided", text)
+    return json.loads(text)
 
 
 def test_every_number_and_every_motion_has_words() -> None:
@@ -57,6 +60,7 @@ def test_a_recording_is_answered_in_words_and_files(tmp_path: Path, capsys: pyte
     drawing = ["--plot", str(plot)] if find_spec("matplotlib") else []
     assert main(["undecided", *asked, *drawing]) == 0
     assert capsys.readouterr().out.count("\n") > 1
+    assert not breaks_schema("undecided", (out / "undecided.json").read_text())
     found = json.loads((out / "undecided.json").read_text())
     rows = list(csv.DictReader((out / "undecided.csv").open()))
     assert len(rows) == len(found["stretches"]) > 0

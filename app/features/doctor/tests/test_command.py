@@ -13,6 +13,7 @@ from ispom_app.features.doctor import command
 from ispom_app.features.doctor.job import examine
 
 from ispom.evaluation.doctor.suspects import SUSPECTS
+from tests.app.written import breaks_schema
 
 FRAMES = 33
 
@@ -30,6 +31,7 @@ def test_the_answer_is_printed_and_the_file_has_every_suspect(
 ) -> None:
     out = tmp_path / "out"
     assert main(["doctor", str(run), "--at", "20", "--frames", "16", "--out", str(out)]) == 0
+    assert not breaks_schema("doctor", (out / "doctor.json").read_text())
     found = json.loads((out / "doctor.json").read_text())
     assert found["at"] == 20 and found["first"] < 20 < found["last"] and found["causes"][0] == "darkness"
     keys = [row["key"] for row in found["ranked"]] + found["silent"] + found["left"]

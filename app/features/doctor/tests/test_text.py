@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from ispom_app.engine.run_events.stretch import Stretch
 from ispom_app.features.doctor.state import Examined
-from ispom_app.features.doctor.text import lines, plain
+from ispom_app.features.doctor.text import lines
 from ispom_app.features.doctor.view import view_of
+from ispom_app.features.doctor.written import written
 
 from ispom.evaluation.doctor.diagnose import with_reruns
 from ispom.evaluation.doctor.diagnosis import Diagnosis
@@ -35,8 +36,9 @@ def test_reruns_are_a_table_and_rows_of_text() -> None:
     printed = "\n".join(lines(found, Stretch(0, 9, 5)))
     assert printed.index("--stereo.max-tracks 400: 30 of 40") < printed.index("--stereo.window 16: 10 of 40")
     assert "--stereo.min-share 0.8" in printed and table.left == ("--stereo.min-share 0.8",)
-    plainly = plain(found, Stretch(0, 9, 5))["reruns"]
-    assert [row["helps"] for row in plainly["tried"]] == [False, True] and plainly["unchanged"][0]["located"] == 10
+    reruns = written(found, Stretch(0, 9, 5)).reruns
+    assert reruns is not None and [row.helps for row in reruns.tried] == [False, True]
+    assert reruns.unchanged[0].located == 10
 
 
 def test_what_was_known_when_the_recording_was_opened_comes_first() -> None:

@@ -13,6 +13,7 @@ import pytest
 from ispom_app.cli.main import main
 
 from tests.app import helpers
+from tests.app.written import breaks_schema
 from tests.sequences.kitti_folder import make_drive
 
 NAMES = ("a & b", "Übung <i>", "c")
@@ -44,7 +45,9 @@ def never(*_: object):
 
 
 def rows(out: Path) -> dict[str, dict]:
-    return {row["clip"]: row for row in json.loads((out / "triage.json").read_text())["clips"]}
+    text = (out / "triage.json").read_text()
+    assert not breaks_schema("triage", text)
+    return {row["clip"]: row for row in json.loads(text)["clips"]}
 
 
 def files(out: Path) -> dict[str, bytes]:
