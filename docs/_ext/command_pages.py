@@ -6,6 +6,7 @@ import re
 import warnings
 
 from markdown_text import as_cell, table
+from stability import of_command
 
 
 def pages() -> dict[str, str]:
@@ -30,7 +31,7 @@ def pages() -> dict[str, str]:
         words = " ".join((parser.description or "").split())
         rows.append((f"[`ispom {name}`](command_line/{name}.md)", as_cell(words)))
         places, flags = [a for a in own if not a.option_strings], [a for a in own if a.option_strings]
-        text = [f"# `ispom {name}`", as_cell(words)]
+        text = [f"# `ispom {name}`", as_cell(words), of_command(name, "../../")]
         if places:
             text += ["## Arguments", table(("argument", "meaning"), [(f"`{a.dest}`", _help(a)) for a in places])]
         if flags:
