@@ -18,8 +18,8 @@ GROUPS = {
 }
 INTRO = """# Python API
 
-`import ispom` gives what plug-ins and notebooks need. Each part below is stable or experimental. Modules below `ispom`, such as `ispom.solvers`, may change with
-each release.
+`import ispom` gives what plug-ins and notebooks need. Each part below is stable or experimental.
+Modules below `ispom`, such as `ispom.solvers`, may change with each release.
 
 ```python
 import ispom

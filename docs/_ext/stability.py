@@ -1,4 +1,4 @@
-"""What is experimental: the one table. Pages of methods, commands and the Python API repeat its level of their subject."""
+"""What is experimental. Pages of methods, commands and the Python API repeat the level of their subject."""
 
 from __future__ import annotations
 
