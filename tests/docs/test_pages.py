@@ -227,8 +227,6 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_that_a_page_names_exist(page: Path) -> None:
-    if page.name == "laboratory_notes.md":  # of their time
-        return
     text = page.read_text(encoding="utf-8")
     for name in re.findall(r"`((?:ispom|app|tests|examples|docs)/[\w./-]*)`", text):
         assert "NAME" in name or name.startswith("docs/_build") or (ROOT / name).exists(), f"{page.name}: {name}"
