@@ -156,6 +156,18 @@ def test_the_columns_of_steps_are_under_their_heading(generated: dict[str, str])
     assert "`inliers`" in generated["_generated/steps_columns.md"]
 
 
+def test_words_are_defined_on_the_first_page_before_they_are_used() -> None:
+    text = (DOCS / "start" / "demo.md").read_text(encoding="utf-8")
+    for word in ("check", "branch", "segment", "unit"):
+        assert re.search(rf"\b{word}", text).start() == text.index(f"| {word} |") + 2, word  # type: ignore[union-attr]
+
+
+def test_long_commands_stay_in_their_frame() -> None:
+    rules = (DOCS / "_static" / "custom.css").read_text(encoding="utf-8")
+    for language in ("sh", "python", "yaml", "json"):
+        assert re.search(rf"\.highlight-{language} pre[^}}]*pre-wrap", rules), language
+
+
 def test_the_other_programs_are_compared() -> None:
     text = (DOCS / "comparison.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in text.split("\n") if line.startswith("| [")]
