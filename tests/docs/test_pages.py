@@ -168,6 +168,20 @@ def test_long_commands_stay_in_their_frame() -> None:
         assert re.search(rf"\.highlight-{language} pre[^}}]*pre-wrap", rules), language
 
 
+def test_the_page_of_figures_has_all_that_are_held_failures_too(generated: dict[str, str]) -> None:
+    from tests.accuracy.test_figures import STILL
+
+    held = json.loads((ROOT / "tests" / "accuracy" / "figures.json").read_text(encoding="utf-8"))
+    page = generated["evaluation/figures.md"]
+    failures = sum(figures["located"] == 0 for methods in held.values() for figures in methods.values())
+    assert page.count("**none** of") == failures > 0
+    for recording, methods in held.items():
+        part = page.partition(f"\n## {recording}\n")[2].partition("\n## ")[0]
+        assert re.findall(r"^\| `([\w.]+)` \|", part, re.MULTILINE) == list(methods), recording
+    assert all(name in page for name in ("ORB-SLAM3", "SVO", "COLMAP"))
+    assert set(module(DOCS / "_ext" / "figures_page.py").STILL) == STILL
+
+
 def test_the_other_programs_are_compared() -> None:
     text = (DOCS / "comparison.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in text.split("\n") if line.startswith("| [")]
