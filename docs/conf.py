@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 project, author, copyright = "ISPOM", "the authors of ISPOM", "the authors of ISPOM, MIT licence"
 release = version = installed("ispom")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "generated"]
-exclude_patterns = ["_build", "jupyter_execute", "_ext", "_generated", "methods/notes", "**.ipynb_checkpoints"]
+exclude_patterns = ["_build", "paper", "jupyter_execute", "_ext", "_generated", "methods/notes", "**.ipynb_checkpoints"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"  # the notebooks are executed by tests/docs/test_notebooks.py

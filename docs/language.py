@@ -1,6 +1,6 @@
 """States how long the sentences of README and documentation are: `python docs/language.py`.
 
-Tables, code and the laboratory notes do not count: their parts are no sentences.
+Tables and code do not count: their parts are no sentences.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ LONGEST_MEAN = 25.0
 """Words per sentence of a page, on average."""
 NOT_PROSE = (
     "docs/_",
-    "docs/developers/laboratory_notes.md",
     "docs/reference/checks.md",
     "docs/reference/python_api.md",
 )

@@ -1,7 +1,8 @@
 """ISPOM: position and orientation of a moving platform from its images (Li, Liu and Yuan 2013), as a library.
 
-What a plug-in or a notebook needs is importable from here, and stays so: a name is removed only after one release in
-which using it warns. Everything below (`ispom.solvers`, ...) may change with each release.
+What a plug-in or a notebook needs is importable from here. A stable name is removed only after one release in which
+using it warns; docs/stability.md lists the experimental ones. Everything below (`ispom.solvers`, ...) may change with
+each release.
 
     import ispom
     run = ispom.run("sim:tiny", "stereo")         # a path, a sequence, or images with a rig

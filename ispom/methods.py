@@ -30,6 +30,11 @@ BUILT_IN = {
     "integrated.paper": "ispom.estimators.paper.integrated:METHOD",
 }
 """Where each method is: its module is imported when the method is used."""
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "paper": tuple(name for name in BUILT_IN if name.endswith(".paper")),
+    "survey": tuple(SURVEY),
+}
+"""Words that stand for several methods where somebody chooses methods."""
 REGISTRY = Registry(
     "ispom.methods",
     Method,
@@ -45,6 +50,18 @@ def in_order(method_names: Iterable[str]) -> tuple[str, ...]:
     """Returns these names, each once, in the order of the registry. Raises InputError for one that it lacks."""
     chosen = {method(name).name for name in method_names}
     return tuple(name for name in names() if name in chosen)
+
+
+def members(words: Iterable[str]) -> tuple[str, ...]:
+    """Returns the methods that the words name, and all of the groups that they name, in the order of the registry."""
+    return in_order(name for word in words for name in GROUPS.get(word, (word,)))
+
+
+def choices(words: Iterable[str]) -> tuple[str, ...]:
+    """Returns the words, each once: methods in the order of the registry, then groups, which stay words until a rig is
+    known. Raises InputError for a word that is neither."""
+    chosen = set(words)
+    return (*in_order(chosen - GROUPS.keys()), *(group for group in GROUPS if group in chosen))
 
 
 def with_dependencies(method_names: Iterable[str]) -> tuple[str, ...]:
@@ -88,6 +105,27 @@ def default_methods(rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
     of_variant = (name for name in BUILT_IN if name.endswith(".paper") == (variant == "paper"))
     chosen = tuple(name for name in of_variant if method(name).possible(rig))
     return chosen or tuple(name for name in possible_methods(rig) if method(name).sensors == {"cameras"})
+
+
+def named_methods(words: Iterable[str], rig: Rig) -> tuple[str, ...]:
+    """Returns the methods that the words name, and of each group those that the rig has the sensors for. Raises
+    InputError where groups alone are named, and it has them for none."""
+    words = tuple(words)
+    found = in_order(
+        name for word in words for name in GROUPS.get(word, (word,)) if word not in GROUPS or method(name).possible(rig)
+    )
+    if words and not found:
+        groups = " and ".join(choices(words))
+        raise InputError(f"this sequence has the sensors for no method of {groups}: choose other --methods")
+    return found
+
+
+def chosen_methods(words: Iterable[str], rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
+    """Returns the methods to run: those of `named_methods`, or the default ones of the variant where there is no word.
+    Raises InputError where the rig lacks a sensor that a named one requires."""
+    chosen = named_methods(words, rig) or default_methods(rig, variant)
+    require_sensors(chosen, rig)
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from keyword import iskeyword
 from ispom.errors import InputError
 from ispom.estimators.program.estimator import ProgramConfig, program_method
 from ispom.io.values import RESERVED, is_name
-from ispom.methods import add, names
+from ispom.methods import GROUPS, add, names
 from ispom.types import Kind
 
 FLAG = "--external"
@@ -46,7 +46,7 @@ def _named(value: str) -> tuple[type[ProgramConfig], list[Kind]]:
         )
     if not is_name(name) or iskeyword(name):
         raise InputError(f"{FLAG} names a method {name[:60]!r}: use small letters, digits and _, a letter first")
-    if name in RESERVED:
+    if name in RESERVED or name in GROUPS:
         raise InputError(f"{FLAG} names a method {name!r}, which has another meaning: choose another name")
     if name in {other.replace(".", "_").replace("-", "_") for other in names()}:
         raise InputError(f"{FLAG} names a method {name!r}, which there is already: choose another name")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, make_dataclass
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
+from tyro.constructors import PrimitiveConstructorSpec
 
 from ispom.calibration.opening import open_guessed, with_estimated_camera
-from ispom.methods import Config, Variant, method, names
+from ispom.errors import InputError
+from ispom.methods import BUILT_IN, GROUPS, Config, Variant, members, method, names
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.recorded_sensors import AUTO
 from ispom.types import Sequence
@@ -21,10 +24,32 @@ def _field(name: str) -> str:
     return name.replace(".", "_").replace("-", "_")
 
 
-if TYPE_CHECKING:
-    Name = str
-else:
-    Name = Literal[names()]
+def _named(words: list[str]) -> str:
+    """Raises InputError for a word that is neither a method nor a group."""
+    (word,) = words
+    if word in GROUPS or word in names():
+        return word
+    near = get_close_matches(word, names(), 2, 0.5)
+    nearest = f" The nearest are {' and '.join(near)}." if near else ""
+    raise InputError(
+        f"{word[:60]!r} is no method.{nearest} Choose from {', '.join(SHOWN)}, the groups {' and '.join(GROUPS)}, and "
+        "the others in docs/methods/index.md; or name a program by --external"
+    )
+
+
+SHOWN = tuple(name for name in BUILT_IN if name not in GROUPS["paper"])
+"""Methods that the help names; the others are too many for a line of each command."""
+Name = Annotated[
+    str,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="|".join((*SHOWN, *GROUPS, "NAME")),
+        instance_from_str=_named,
+        is_instance=lambda value: isinstance(value, str),
+        str_from_instance=lambda value: [value],
+    ),
+]
+"""A method, or a group of methods."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +69,36 @@ class Settings:
 
 def with_flags(options: type, words: Iterable[str]) -> type:
     """Returns the class of options with flags for the settings of the methods that the words name: for all of them
-    where the words ask for help, or have a flag that is none, whose message names the nearest ones.
+    where the words have a flag that is none, whose message names the nearest ones. The help has those of --methods, or
+    else of the default ones.
 
     A command imports the methods that it uses only, and reads the documentation of no other.
     """
-    own = {f.name for f in fields(options)}
+    own, words = {f.name for f in fields(options)}, tuple(words)
     if "settings" not in own:
         return options
     flags = {word[2:].partition("=")[0].replace("-", "_") for word in words if word.startswith("--")}
-    flags -= own | {f"no_{name}" for name in own}
-    owners = [_owner(flag) for flag in flags]
-    settings = Settings.of(name for name in names() if name in owners or None in owners or "-h" in words)
+    flags -= own | {f"no_{name}" for name in own} | {"help"}
+    owners = {_owner(flag) for flag in flags}
+    if {"-h", "--help"} & set(words):
+        owners |= set(_after_methods(words) or SHOWN)
+    settings = Settings.of(name for name in names() if name in owners or None in owners)
     flag: Any = tyro.conf.arg(name="", prefix_name=False)
     chosen: Any = ("settings", Annotated[settings, flag], field(default_factory=settings))
     described = {"__doc__": options.__doc__}
     return make_dataclass(options.__name__, [chosen], bases=(options,), namespace=described, frozen=True, kw_only=True)
+
+
+def _after_methods(words: Iterable[str]) -> tuple[str, ...]:
+    """Returns the methods that the words choose by --methods, of those that there are."""
+    found, chooses = list[str](), False
+    for word in words:
+        option, _, value = word.partition("=")
+        if word.startswith("-"):
+            chooses = option == "--methods"
+        if chooses:
+            found.append(value or word)
+    return members(word for word in found if word in GROUPS or word in names())
 
 
 def _owner(flag: str) -> str | None:
@@ -138,7 +178,9 @@ class Options(SourceOptions, Programs):
     """What every command takes."""
 
     methods: tuple[Name, ...] = ()
-    """Methods to run, in any combination; none means all of --variant that the source has the cameras for."""
+    """Methods to run, in any combination; none means all of --variant that the source has the cameras for. The groups
+    paper and survey stand for all of theirs that it has the cameras for; docs/methods/index.md lists them. With --help,
+    the settings of the methods that are named here are listed."""
     variant: Variant | None = None
     """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern."""
     settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)

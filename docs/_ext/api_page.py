@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 
+from stability import of_modules
+
 GROUPS = {
     "In a notebook": ("ispom.notebook",),
     "Sequences and data": ("ispom.sequences", "ispom.types"),
@@ -16,7 +18,7 @@ GROUPS = {
 }
 INTRO = """# Python API
 
-`import ispom` gives what plug-ins and notebooks need. A name is removed only after one release in which using it warns.
+`import ispom` gives what plug-ins and notebooks need. Each part below is stable or experimental.
 Modules below `ispom`, such as `ispom.solvers`, may change with each release.
 
 ```python
@@ -50,5 +52,5 @@ def pages() -> dict[str, str]:
             options = {"class": "\n   :members:\n   :undoc-members:", "data": "\n   :no-value:"}.get(kind, "")
             directives.append(f".. auto{kind}:: ispom.{name}{options}")
             del left[name]
-        text += [f"## {title}", "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
+        text += [f"## {title}", of_modules(homes, "../"), "```{eval-rst}\n" + "\n\n".join(directives) + "\n```"]
     return {"reference/python_api.md": "\n\n".join(text)}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import fields
 
 from markdown_text import as_cell, table
+from stability import of_command
 
 
 def pages() -> dict[str, str]:
@@ -13,29 +15,21 @@ def pages() -> dict[str, str]:
     import tyro
     from ispom_app.cli.commands import COMMANDS
 
-    from ispom.methods import names
-
     found, rows = {}, []
     for name, command in COMMANDS.items().items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
             parser = tyro.extras.get_parser(command.options_class(), prog=f"ispom {name}")
-        own, has_settings = [], False
-        for action in parser._actions:
-            title = getattr(action.container, "title", "") or ""
-            if title.removesuffix(" options") in names():
-                has_settings = True
-            elif action.dest != "help":
-                own.append(action)
+        own = [action for action in parser._actions if action.dest != "help"]
         words = " ".join((parser.description or "").split())
         rows.append((f"[`ispom {name}`](command_line/{name}.md)", as_cell(words)))
         places, flags = [a for a in own if not a.option_strings], [a for a in own if a.option_strings]
-        text = [f"# `ispom {name}`", as_cell(words)]
+        text = [f"# `ispom {name}`", as_cell(words), of_command(name, "../../")]
         if places:
             text += ["## Arguments", table(("argument", "meaning"), [(f"`{a.dest}`", _help(a)) for a in places])]
         if flags:
             text += ["## Options", table(("option", "values", "meaning"), [_flag(a) for a in flags])]
-        if has_settings:
+        if "settings" in {f.name for f in fields(command.options_class())}:
             text.append(
                 "Every setting of a method is an option, too, such as `--stereo.max-tracks 300`. "
                 "The [pages of the methods](../../methods/index.md) list them."
@@ -53,6 +47,4 @@ def _flag(action) -> tuple[str, str, str]:
     names = ", ".join(f"`{name}`" for name in action.option_strings)
     values = "" if action.nargs == 0 else str(action.metavar or "")
     values = f"`{values}`" if values else ""
-    if len(values) > 120:
-        values = "names of methods, see below"
     return names, values.replace("|", "\\|"), _help(action)

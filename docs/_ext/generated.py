@@ -23,7 +23,15 @@ def pages() -> dict[str, str]:
     """Returns the text of each generated page, by its path below docs."""
     sys.path.insert(0, str(Path(__file__).parent))
     found: dict[str, str] = {}
-    for name in ("method_pages", "command_pages", "table_pages", "api_page", "gallery_plots"):
+    for name in (
+        "method_pages",
+        "command_pages",
+        "table_pages",
+        "api_page",
+        "stability",
+        "figures_page",
+        "gallery_plots",
+    ):
         found |= import_module(name).pages()
     return {path: MARK + text.rstrip() + "\n" for path, text in found.items()}
 

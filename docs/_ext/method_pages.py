@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import yaml
 from markdown_text import as_cell, as_prose, table
+from stability import of_method
 
 from ispom.estimator import Method
 from ispom.methods import BUILT_IN, SURVEY, method
@@ -91,7 +92,8 @@ def _method(method: Method) -> str:
         facts.append(("builds on", links))
     if method.survey:
         facts.append(("stands for", as_cell(method.survey)))
-    text = [f"# `{method.name}`", table(("", ""), facts), "## How it works", as_prose(_docstring(method))]
+    text = [f"# `{method.name}`", of_method(bool(method.survey), "../"), table(("", ""), facts)]
+    text += ["## How it works", as_prose(_docstring(method))]
     note = DOCS / "methods" / "notes" / f"{page_name(method.name)}.md"
     if note.is_file():
         text.append(note.read_text(encoding="utf-8").strip())

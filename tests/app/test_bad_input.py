@@ -319,7 +319,7 @@ def test_options_out_of_range(
     assert message in sentence(capsys, str(make_drive(tmp_path)), *options)
 
 
-@pytest.mark.parametrize("option", [("--methods", "sonar"), ("--seed", "x"), ("--frame", "world"), ("--no-such",)])
+@pytest.mark.parametrize("option", [("--seed", "x"), ("--frame", "world"), ("--no-such",)])
 def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["run", str(make_drive(tmp_path)), *option])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 
 import pytest
 from ispom_app.cli.commands import COMMANDS
+from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions, config_of, settings_of, with_flags
 from ispom_app.features.headless.options import Run
 
-from ispom.methods import Config, method, names
+from ispom.methods import GROUPS, Config, method, names
 
 
 def methods_with_flags(*words: str) -> set[str]:
@@ -23,9 +25,33 @@ def test_the_methods_of_the_flags_have_them() -> None:
     assert found == {"stereo.paper", "hybrid.monocular"}
 
 
-@pytest.mark.parametrize("word", ["--help", "-h", "--max-track", "--stero.max-tracks"])
-def test_all_have_them_in_the_help_and_after_a_mistake(word: str) -> None:
+@pytest.mark.parametrize("word", ["--max-track", "--stero.max-tracks"])
+def test_all_have_them_after_a_mistake(word: str) -> None:
     assert methods_with_flags("a/folder", "--stereo.max-tracks", "300", word) == set(names())
+
+
+@pytest.mark.parametrize("word", ["--help", "-h"])
+def test_the_help_has_those_of_the_methods_that_are_named_or_of_the_default_ones(word: str) -> None:
+    assert methods_with_flags(word) == {"monocular", "stereo", "integrated"}
+    assert methods_with_flags("--methods", "flow", "paper", "--seed", "1", word) == {"flow", *GROUPS["paper"]}
+    assert methods_with_flags("a/folder", "--tags.max-tracks", "3", "--methods=flow", word) == {"flow", "tags"}
+
+
+@pytest.mark.parametrize("command", ["app", "run", "fork", "export", "triage", "experiment"])
+def test_the_help_names_three_methods_and_the_groups(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        COMMANDS.get(command).read(["--help"])
+    words = set(re.findall(r"[\w.]+", capsys.readouterr().out))
+    assert {"monocular", "stereo", "integrated", "paper", "survey"} <= words
+    assert not {"trifocal", "hybrid.monocular", "multicamera", "stereo.paper"} & words
+
+
+def test_groups_are_taken_and_an_unknown_method_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    read = COMMANDS.get("run").read
+    assert read(["a", "--methods", "survey", "stereo.paper"]).methods == ("survey", "stereo.paper")
+    assert main(["run", "a", "--methods", "stero"]) == 2
+    said = "".join(capsys.readouterr())
+    assert "'stero'" in said and "stereo.paper" in said and "survey" in said and "trifocal" not in said
 
 
 def test_options_without_settings_stay_as_they_are() -> None:

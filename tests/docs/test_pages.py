@@ -112,9 +112,108 @@ def test_the_default_methods_say_what_to_do_about_each_check() -> None:
 
 
 def test_every_command_has_a_page(generated: dict[str, str]) -> None:
-    for path in (ROOT / "app" / "cli" / "commands").glob("[a-z]*.py"):
-        name = path.stem.replace("_", "-")
-        assert any(f"reference/command_line/{each}.md" in generated for each in (path.stem, name)), path.stem
+    from ispom_app.cli.commands import COMMANDS
+
+    for name in COMMANDS.names():
+        assert f"reference/command_line/{name}.md" in generated, name
+
+
+QUESTIONS = {
+    "which method for my cameras": "docs/methods/index.md",
+    "why is it lost": "docs/troubleshooting.md",
+    "columns of steps.csv": "docs/reference/run_folder.md#steps-csv",
+    "how does it compare with evo": "docs/comparison.md",
+    "how do I cite it": "docs/citing.md",
+}
+"""Questions of readers, and where each is answered."""
+
+
+def targets_of(page: Path, generated: dict[str, str]) -> set[str]:
+    """The pages below the top folder that a page links to, or that its tables of contents name."""
+    name = page.relative_to(DOCS).as_posix() if page.is_relative_to(DOCS) else ""
+    text = generated.get(name) or page.read_text(encoding="utf-8")
+    found = set(re.findall(r"\]\(([^)\s:]+\.md(?:#[\w-]+)?)\)", text))
+    for lines in re.findall(r"^```\{toctree\}\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        found |= {f"{line}.md" for line in lines.split("\n") if line and not line.startswith((":", "*"))}
+    folder = home_of(page)
+    return {(folder / target).resolve().relative_to(ROOT).as_posix() for target in found}
+
+
+@pytest.mark.parametrize("start", ["README.md", "docs/index.md"])
+@pytest.mark.parametrize("target", QUESTIONS.values(), ids=QUESTIONS.keys())
+def test_two_clicks_lead_to_the_answer(start: str, target: str, generated: dict[str, str]) -> None:
+    first = targets_of(ROOT / start, generated)
+    second = {there for page in first for there in targets_of(ROOT / page.partition("#")[0], generated)}
+    reached = first | second
+    if start == "README.md":
+        target = target.partition("#")[0]
+    assert target in reached
+
+
+def test_the_columns_of_steps_are_under_their_heading(generated: dict[str, str]) -> None:
+    text = (DOCS / "reference" / "run_folder.md").read_text(encoding="utf-8")
+    assert "```{include} ../_generated/steps_columns.md" in text.partition("\n## steps.csv\n")[2].partition("\n## ")[0]
+    assert "`inliers`" in generated["_generated/steps_columns.md"]
+
+
+def test_words_are_defined_on_the_first_page_before_they_are_used() -> None:
+    text = (DOCS / "start" / "demo.md").read_text(encoding="utf-8")
+    for word in ("check", "branch", "segment", "unit"):
+        assert re.search(rf"\b{word}", text).start() == text.index(f"| {word} |") + 2, word  # type: ignore[union-attr]
+
+
+def test_long_commands_stay_in_their_frame() -> None:
+    rules = (DOCS / "_static" / "custom.css").read_text(encoding="utf-8")
+    for language in ("sh", "python", "yaml", "json"):
+        assert re.search(rf"\.highlight-{language} pre[^}}]*pre-wrap", rules), language
+
+
+def test_the_page_of_figures_has_all_that_are_held_failures_too(generated: dict[str, str]) -> None:
+    from tests.accuracy.test_figures import STILL
+
+    held = json.loads((ROOT / "tests" / "accuracy" / "figures.json").read_text(encoding="utf-8"))
+    page = generated["evaluation/figures.md"]
+    failures = sum(figures["located"] == 0 for methods in held.values() for figures in methods.values())
+    assert page.count("**none** of") == failures > 0
+    for recording, methods in held.items():
+        part = page.partition(f"\n## {recording}\n")[2].partition("\n## ")[0]
+        assert re.findall(r"^\| `([\w.]+)` \|", part, re.MULTILINE) == list(methods), recording
+    assert all(name in page for name in ("ORB-SLAM3", "SVO", "COLMAP"))
+    assert set(module(DOCS / "_ext" / "figures_page.py").STILL) == STILL
+
+
+def test_the_other_programs_are_compared() -> None:
+    text = (DOCS / "comparison.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ") for line in text.split("\n") if line.startswith("| [")]
+    assert [re.findall(r"\[(.+?)\]", cells[0])[0] for cells in rows] == [
+        "evo",
+        "Rerun",
+        "pySLAM",
+        "COLMAP's viewer",
+        "OpenVINS",
+        "Foxglove",
+    ]
+    assert all(len(cells) == 4 and all(len(cell) > 15 for cell in cells) for cells in rows)
+
+
+def test_what_is_experimental_is_said_once_and_exists(generated: dict[str, str]) -> None:
+    from ispom_app.cli.commands import COMMANDS
+
+    import ispom
+
+    stability = module(DOCS / "_ext" / "stability.py")
+    assert set(stability.COMMANDS) <= set(COMMANDS.names())
+    homes = set(ispom._HOME_OF.values())
+    for name in stability.MODULES:
+        assert any(home == name or home.startswith(f"{name}.") for home in homes), name
+    for name in COMMANDS.names():
+        page = generated[f"reference/command_line/{name}.md"]
+        assert ("**Experimental**" in page) == (name in stability.COMMANDS)
+    for name in (*BUILT_IN, *SURVEY):
+        page = generated[f"methods/{re.sub(r'[^a-z0-9]', '_', name)}.md"]
+        assert ("**Experimental**" in page) == (name in SURVEY)
+    api = generated["reference/python_api.md"]
+    assert api.count("stability.md") == len(re.findall(r"^## ", api, re.MULTILINE))
 
 
 def test_sentences_are_short() -> None:
@@ -154,8 +253,6 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("page", pages(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_that_a_page_names_exist(page: Path) -> None:
-    if page.name == "laboratory_notes.md":  # of their time
-        return
     text = page.read_text(encoding="utf-8")
     for name in re.findall(r"`((?:ispom|app|tests|examples|docs)/[\w./-]*)`", text):
         assert "NAME" in name or name.startswith("docs/_build") or (ROOT / name).exists(), f"{page.name}: {name}"

@@ -17,18 +17,22 @@ from ispom.estimators import survey
 from ispom.estimators.paper.stereo import StereoConfig
 from ispom.methods import (
     BUILT_IN,
+    GROUPS,
     REGISTRY,
     SURVEY,
     Config,
+    choices,
+    chosen_methods,
     default_methods,
     in_order,
+    members,
     method,
     names,
     possible_methods,
     with_dependencies,
 )
 from ispom.simulation.cameras import ring_rig
-from ispom.types import Measurement, Sequence
+from ispom.types import Measurement, Rig, Sequence
 from tests.alone import METHODS, OF_CAMERAS, PAPER
 
 NAMES = (*BUILT_IN, *SURVEY)
@@ -80,6 +84,23 @@ def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
     assert possible_methods(flight.rig) == tuple(name for name in NAMES if name not in OF_CAMERAS)
     assert default_methods(flight.rig) == METHODS and default_methods(flight.rig, "paper") == PAPER
     assert default_methods(ring_rig(5)) == OF_CAMERAS
+
+
+def test_a_group_stands_for_its_methods_that_the_rig_has_the_sensors_for(flight: Sequence) -> None:
+    assert GROUPS["paper"] == PAPER and GROUPS["survey"] == tuple(SURVEY)
+    assert members(("survey", "stereo", "paper")) == tuple(n for n in NAMES if n not in ("monocular", "integrated"))
+    assert choices(("survey", "stereo", "survey", "monocular")) == ("monocular", "stereo", "survey")
+    pair = Rig.stereo(flight.rig.sensors["left"].camera, 0.3)  # type: ignore[union-attr]
+    assert chosen_methods(("paper",), pair) == ("stereo.paper",)
+    assert chosen_methods(("paper", "stereo"), flight.rig) == ("stereo", *PAPER)
+    assert chosen_methods((), flight.rig) == METHODS and chosen_methods((), flight.rig, "paper") == PAPER
+    assert not set(OF_CAMERAS) & set(chosen_methods(("survey",), flight.rig))
+    with pytest.raises(InputError, match="monocular needs a video camera"):
+        chosen_methods(("monocular", "paper"), pair)
+    with pytest.raises(InputError, match="paper"):
+        chosen_methods(("paper",), ring_rig(5))
+    with pytest.raises(InputError, match="'slam' is no method"):
+        choices(("slam",))
 
 
 @pytest.mark.parametrize("installed", [[("orb", "ORB")]], indirect=True)

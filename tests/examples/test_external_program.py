@@ -104,6 +104,7 @@ def test_it_has_flags_and_no_flag_for_its_command() -> None:
         ("class=ls", "names a method 'class'"),
         ("truth=ls", "'truth', which has another meaning"),
         ("world=ls", "'world', which has another meaning"),
+        ("survey=ls", "'survey', which has another meaning"),
         ("monocular_paper=ls", "which there is already"),
         ("compass=", "starts nothing"),
         ("compass='ls", "close its quotes"),

@@ -11,7 +11,7 @@ from pathlib import Path
 from ispom.errors import InputError
 from ispom.io.files import confined, exists, expanded, is_folder
 from ispom.io.whole import append_to_file
-from ispom.methods import in_order
+from ispom.methods import choices
 from ispom.sequences.policy import SourcePolicy
 from ispom.sequences.recorded_sensors import AUTO, NONE
 from ispom.types import Sequence
@@ -68,7 +68,7 @@ def agent_session(options: Mcp, builder: Builder) -> Iterator[AgentSession]:
             _opener(options),
             "",
             runs,
-            methods=in_order(options.methods) or None,
+            methods=choices(options.methods) or None,
             variant=options.variant or "modern",
             config=options.config,
             compiling=warmup.start,

@@ -28,7 +28,7 @@ from ispom.evaluation.metrics import path_errors
 from ispom.io.files import exists
 from ispom.io.rows import read_text
 from ispom.io.whole import write_whole
-from ispom.methods import Config, default_methods, in_order, method, require_sensors
+from ispom.methods import Config, default_methods, method, named_methods, require_sensors
 from ispom.simulation.scenario.kinds import KINDS, FaultKind, kind_of_words, with_fault
 from ispom.stop import check_stop
 from ispom.types import FRAME_KINDS, Status
@@ -227,7 +227,7 @@ def _figures(kind: FaultKind, whole: Recording, found: Diagnosis) -> dict[str, d
 
 def methods_of(sequence: Recording, asked: Sequence[str], builder: Builder) -> dict[str, dict[str, Any]]:
     """Returns of each method: frames, those that are located, and its error where there is truth; or its failure."""
-    names = in_order(asked) or default_methods(sequence.rig)
+    names = named_methods(asked, sequence.rig) or default_methods(sequence.rig)
     found: dict[str, dict[str, Any]] = {}
     for name in names:
         try:

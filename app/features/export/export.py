@@ -25,8 +25,8 @@ from ispom.io.trajectories import (
     world_lines_csv,
 )
 from ispom.io.whole import require_no_links, write_whole
+from ispom.methods import GROUPS, members, names
 from ispom.methods import method as registered
-from ispom.methods import names
 from ispom.types import FrameName, Trajectory
 
 from ...engine.outputs import claim_folder
@@ -88,10 +88,13 @@ def _print(line: str) -> None:
 
 def _methods(options: Export) -> list[str]:
     present = [m for m in names() if exists(options.run / f"{m}.tum")]
-    missing = [m for m in options.methods if m not in present]
+    missing = [m for m in options.methods if m not in present and m not in GROUPS]
     if missing or not present:
         raise InputError(f"{options.run} has no trajectory of {missing[0] if missing else 'any method'}: run it first")
-    return [m for m in present if not options.methods or m in options.methods]
+    chosen = [m for m in present if not options.methods or m in members(options.methods)]
+    if not chosen:
+        raise InputError(f"{options.run} has no trajectory of {' or '.join(options.methods)}: run it first")
+    return chosen
 
 
 def _files(options: Export, method: str, frame: FrameName) -> tuple[Files, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.features.pair_look import MIXED_UP
-from ispom.methods import default_methods, in_order, require_sensors, with_dependencies
+from ispom.methods import chosen_methods, members, with_dependencies
 from ispom.sequences.address import without_secrets
 from ispom.types import FRAME_KINDS, Sequence
 
@@ -59,7 +59,7 @@ def completed(
     complete."""
     condition = until(options.until)
     if options.methods:
-        require_run(condition, with_dependencies(in_order(options.methods)))
+        require_run(condition, with_dependencies(members(options.methods)))
     return played_into(options, options.open(options.source), builder, origin, progress)
 
 
@@ -92,8 +92,7 @@ def played_into(
 
 def _chosen_methods(options: Run, sequence: Sequence) -> tuple[str, ...]:
     """Returns the methods to run. Raises InputError where the rig lacks the camera of `--frame`."""
-    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
-    require_sensors(methods, sequence.rig)
+    methods = chosen_methods(options.methods, sequence.rig, options.variant or "modern")
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods

@@ -16,7 +16,7 @@ from ispom.errors import InputError, printable
 from ispom.estimators.modern.trials import collecting_trials
 from ispom.io.files import confined, exists
 from ispom.io.whole import write_parts
-from ispom.methods import default_methods, in_order, require_sensors, with_dependencies
+from ispom.methods import chosen_methods, with_dependencies
 from ispom.stop import check_stop
 from ispom.types import Trajectory
 
@@ -87,8 +87,7 @@ def opened(options: Loops, builder: Builder, stack: ExitStack) -> Playback:
     sequence = options.open(options.run)
     if sequence.grow is not None:
         raise InputError(f"{options.run} is live, and cannot be run again: record it first")
-    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
-    require_sensors(methods, sequence.rig)
+    methods = chosen_methods(options.methods, sequence.rig, options.variant or "modern")
     return Playback(sequence, with_dependencies(methods), options.config, builder)
 
 

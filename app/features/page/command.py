@@ -9,7 +9,7 @@ from platformdirs import user_config_path, user_state_path
 
 from ispom.errors import InputError, is_text
 from ispom.io.files import expanded
-from ispom.methods import in_order
+from ispom.methods import choices, members
 from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
@@ -54,7 +54,7 @@ def open_page(command: Serve, builder: Builder) -> int:
         raise InputError("--beside needs a source to be compared with: give one")
     if trajectories:
         _check_external(trajectories, source, opener, builder)
-    needed = in_order(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT)
+    needed = members(command.methods) or (() if command.variant == "paper" else warmup.DEFAULT)
     warmup.start(needed, command.config, gentle=source == DEMO)
 
     places = None if command.root is None else (expanded(command.root),)
@@ -65,7 +65,7 @@ def open_page(command: Serve, builder: Builder) -> int:
                 opener,
                 source,
                 Path("recordings"),
-                methods=in_order(command.methods) or None,
+                methods=choices(command.methods) or None,
                 variant=command.variant or "modern",
                 config=command.config,
                 compiling=warmup.start,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.files import Places, exists, expanded
-from ispom.methods import Config, default_methods, in_order, require_sensors
+from ispom.methods import Config, chosen_methods, in_order
 from ispom.types import Sequence
 
 from ...engine.playback import Builder
@@ -63,8 +63,7 @@ def subject_of(options: Shrink) -> Subject:
         return _of_run(options, folder, read_run_file(folder))
     sequence = options.open(options.run)
     require_replayable(sequence)
-    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
-    require_sensors(methods, sequence.rig)
+    methods = chosen_methods(options.methods, sequence.rig, options.variant or "modern")
 
     def wanted(number: int, event: RunEvent) -> bool:
         if options.event is not None:

@@ -14,7 +14,7 @@ from ispom.errors import InputError, counted, printable
 from ispom.io.files import exists, expanded, is_folder
 from ispom.io.rows import read_text
 from ispom.io.whole import require_no_links, write_whole
-from ispom.methods import Config, in_order
+from ispom.methods import Config, choices, members
 from ispom.sequences import check_max_exposures
 
 from ...engine import warmup
@@ -51,7 +51,7 @@ def triage(options: Triage, builder: Builder = build) -> int:
     shard = None if options.shard is None else shard_of(options.shard)
     workers = workers_of(options, None if shard is None else 0)
     clips = clips_in(folder, out)
-    methods, seconds = in_order(options.methods), options.seconds
+    methods, seconds = choices(options.methods), options.seconds
     order = Order(str(folder), methods, options.max_exposures, options.doctor, seconds)
     retried(lambda: _claim(out, order))
     if shard is not None:
@@ -88,7 +88,7 @@ def _completed(options: Triage, order: Order, clips: Sequence[Clip], workers: in
     failures: dict[Clip, str] = {}
     with terminable() as signals:
         if any(not (clip.problem or clip.is_run) for clip in left):
-            compile_first(order.methods or warmup.DEFAULT, Config())
+            compile_first(members(order.methods) or warmup.DEFAULT, Config())
         with closing(_scheduled(options, order, left, workers, builder)) as done:
             for each in shown(done, len(clips), len(before)):
                 if each.failure is not None:

@@ -10,7 +10,15 @@ from pathlib import Path
 from ispom.calibration.opening import with_estimated_camera
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
-from ispom.methods import Config, Variant, default_methods, in_order, possible_methods, with_dependencies
+from ispom.methods import (
+    Config,
+    Variant,
+    chosen_methods,
+    in_order,
+    members,
+    possible_methods,
+    with_dependencies,
+)
 from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
@@ -85,21 +93,23 @@ class SourceOpener:
         """Opens a source; `progress` gets the name of what takes long. InputError where it cannot be opened, or the
         methods do not fit.
 
-        `methods` None means the usual ones. `strict`: exactly these; otherwise those of them that the source has the
-        cameras for, or else the usual ones.
+        `methods` None means the usual ones; they may be groups. `strict`: exactly these; otherwise those of them that
+        the source has the cameras for, or else the usual ones.
         """
         sequence = self.opener(source) if options is None else self.opener(source, options)
         self._asked.add(source)
         if sequence.guess is not None:
             progress(f"{without_secrets(source)} has no calibration: finding focal length and distortion in its images")
             sequence = with_estimated_camera(sequence)
-        possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self.variant)
+        possible = possible_methods(sequence.rig)
         if not possible:
             raise InputError(
                 f"{without_secrets(source)} has neither a video camera nor a stereo pair: open another source"
             )
-        candidates = methods or usual
-        chosen = candidates if strict else tuple(m for m in candidates if m in possible) or usual
+        words = methods or ()
+        if not strict:
+            words = tuple(name for name in members(words) if name in possible)
+        chosen = chosen_methods(words, sequence.rig, self.variant)
         sequence, externals = with_external_trajectories(self.trajectory_options, sequence)
         return Playback(sequence, chosen, config, self.builder, external_trajectories=externals)
 

@@ -17,7 +17,7 @@ from ispom_app.session.sources.opening import SourceOpener
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.estimators.survey.panorama import PanoramaConfig
-from ispom.methods import Config
+from ispom.methods import GROUPS, Config, possible_methods
 from ispom.sequences import open_sequence
 from ispom.types import Guess
 from tests.app.helpers import opener, started, wait_for
@@ -175,6 +175,13 @@ def test_finding_a_camera_that_has_no_calibration_is_reported():
         "double:3", None, None, Config(), strict=False, progress=messages.append
     )
     assert messages == ["double:3 has no calibration: finding focal length and distortion in its images"]
+
+
+@pytest.mark.parametrize("strict", [True, False])
+def test_a_group_of_methods_is_those_that_the_source_has_the_cameras_for(strict: bool) -> None:
+    source = SourceOpener(opener, build, "modern")
+    playback = source.playback("double:3", None, ("paper",), Config(), strict=strict, progress=lambda _: None)
+    assert playback.methods == tuple(n for n in GROUPS["paper"] if n in possible_methods(playback.sequence.rig))
 
 
 def test_a_setting_names_no_folder_outside_of_the_root(tmp_path: Path) -> None:
