@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 import tyro
 import yaml
-from packaging.requirements import Requirement
 from ispom_app.features.page.options import App
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -68,7 +68,7 @@ def test_a_release_writes_its_checksum_into_the_recipe() -> None:
     steps = content(".github/workflows/release.yml")["jobs"]["build"]["steps"]
     (script,) = (step["run"] for step in steps if RECIPE in step.get("run", ""))
     pattern, text = re.search(r"s/(\^.*?)\.\*/", script), (ROOT / RECIPE).read_text()
-    assert pattern is not None and len(re.findall(pattern[1] + "\"0{64}\"$", text, re.MULTILINE)) == 1
+    assert pattern is not None and len(re.findall(pattern[1] + '"0{64}"$', text, re.MULTILINE)) == 1
 
 
 def test_the_paper_is_a_reference() -> None:
